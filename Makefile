@@ -1,0 +1,57 @@
+# Everything a person or a machine runs here. `make` alone lists the targets.
+
+PYTHON ?= python3
+JOBS ?= 2
+
+BIN := .venv/bin
+READY := .venv/.ready
+
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test test-full lint bench scenes pictures clean
+
+help: ## list the targets
+	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
+
+setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
+
+# rayoptics comes without its dependencies, a GUI stack (see pyproject.toml). setuptools comes
+# first, and the build is not isolated, for that would fetch a setuptools that nothing pins.
+$(READY): pyproject.toml constraints.txt host/setup.sh
+	@PYTHON=$(PYTHON) host/setup.sh system
+	@echo "setup: installing Python packages into .venv (half a minute)"
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
+	  --no-deps setuptools rayoptics
+	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
+	  --no-build-isolation -e '.[test,lint]'
+	@host/setup.sh check
+	@touch $@
+	@echo "setup: ready"
+
+demo: $(READY) ## render and observe the fish into out/demo/
+	$(BIN)/lippmann demo
+
+test: lint ## lint, then the tests that take minutes at most (JOBS=2)
+	$(BIN)/pytest -n $(JOBS) -m "not full"
+
+test-full: lint ## lint, then every test
+	$(BIN)/pytest -n $(JOBS)
+
+lint: $(READY) ## style, format and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(READY) ## how fast rays are traced and scenes rendered
+	$(BIN)/lippmann bench trace
+	$(BIN)/lippmann bench render
+
+scenes: $(READY) ## make the shipped scenes' assets again
+	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done
+
+pictures: $(READY) ## make the documentation's pictures again
+	@for script in docs/pictures/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done
+
+clean: ## remove what was made, save .venv
+	rm -rf out build dist host/*.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -path ./.venv -prune -o -name __pycache__ -type d -exec rm -rf {} +

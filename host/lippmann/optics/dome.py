@@ -1,0 +1,256 @@
+"""Step 5: intersection with the domes and refraction there.
+
+Everything here is lens-local with the vertex at the origin, the dome bulging to +z, glass below:
+curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
+
+**Perpendicular-foot form.** The ray's point is first moved to the foot of the perpendicular from the vertex, Q with
+Q . d = 0. Then with F = c |Q|^2 + 2 Q_z the sphere is met where c t^2 + 2 d_z t + F = 0, and the cosine between ray and
+normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the distance that the ray came
+from, and none with R: a flat face is c = 0.
+
+**The height field.** The array's face is one surface made of caps, one a cell. A ray meets the cap of the cell it is in or walks
+on to the next cell. Caps meet at equal heights on the flats between them, so the first cap met before the ray
+leaves its cell is the first met at all, and no ray slips between two cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lippmann.optics.aim import Ray
+from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.lattice import Lattice
+
+#: Cells that a ray may walk over before it counts as having missed.
+MAX_CELLS = 16
+
+
+@dataclass(frozen=True)
+class Dome:
+    """A cap of curvature 1/radius over each cell of a lattice; `sag_mm` deep at the cells' corners."""
+
+    lattice: Lattice
+    radius_mm: float
+    sag_mm: float
+
+    @property
+    def curvature(self) -> float:
+        """1 / R, 1/mm."""
+        return 1.0 / self.radius_mm
+
+
+class Crossing(NamedTuple):
+    """A ray's meeting with the height field.
+
+    ray
+        Lens-local to the lenslet met, its point on the dome.
+    di, dj
+        Lenslet met, relative to the one that the incoming ray was local to; whole numbers in the real format.
+    cx, cy
+        Centre of the lenslet met, from that same lenslet, mm.
+    cosine
+        |d . N| at the dome.
+    missed
+        No dome met.
+    """
+
+    ray: Ray
+    di: Arr
+    dj: Arr
+    cx: Arr
+    cy: Arr
+    cosine: Arr
+    missed: Arr
+
+
+def _cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, Arr]:
+    """Intersect rays with the sphere of the lenslet that they are local to.
+
+    A ray in the glass going up (`upward`) meets the sphere where it leaves it, one in the air where it enters.
+    Returns (hit, t from the ray's point, ray with its point on the sphere, cosine).
+    """
+    c = dome.curvature
+    s = ray.x * ray.dx + ray.y * ray.dy + ray.z * ray.dz
+    qx, qy, qz = ray.x - s * ray.dx, ray.y - s * ray.dy, ray.z - s * ray.dz
+    f = c * (qx * qx + qy * qy + qz * qz) + 2.0 * qz
+    square = ray.dz * ray.dz - c * f
+    hit = square >= 0.0
+    cosine = b.sqrt(b.maximum(square, 0.0))
+    if upward:
+        # The larger root (cosine - d_z) / c, written so that nothing cancels where d_z > 0.
+        t = -f / b.maximum(ray.dz + cosine, 1e-30)
+    else:
+        # The smaller root (-d_z - cosine) / c, likewise for d_z < 0.
+        t = f / b.maximum(cosine - ray.dz, 1e-30)
+    on_dome = ray._replace(x=qx + t * ray.dx, y=qy + t * ray.dy, z=qz + t * ray.dz)
+    return hit, t - s, on_dome, cosine
+
+
+def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
+    """Find where rays first meet the height field.
+
+    Parameters
+    ----------
+    b
+        Backend.
+    dome
+        The domes.
+    ray
+        Lens-local to a lenslet; its point lies in that lenslet's cell, at the rims' plane or lower when it comes
+        through the glass (`upward`), at the vertices' plane or higher when it comes through the air.
+    upward
+        Whether the ray comes from below, through the glass.
+    """
+    hit, _, at, cosine = _cap(b, dome, ray, upward)
+    zero = 0.0 * ray.x
+    settled = hit & dome.lattice.holds(at.x, at.y)
+
+    def unsettled(*state: Arr) -> Arr:
+        return ~state[0] & (state[1] < MAX_CELLS)
+
+    def walk(
+        settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr
+    ) -> tuple[Arr, ...]:
+        # `rest`: the walking ray (x, y, z, dx, dy, dz), then the point on the dome and the cosine there.
+        here = Ray(*rest[:6])
+        hit, t, at, cosine = _cap(b, dome, here, upward)
+        t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(
+            b, here.x, here.y, here.dx, here.dy
+        )
+        settled = hit & (t <= t_flat)
+        go = lambda moved, stay: b.where(settled, stay, moved)  # noqa: E731
+        return (
+            settled,
+            steps + 1,
+            go(di + step_i, di),
+            go(dj + step_j, dj),
+            go(cx + to_x, cx),
+            go(cy + to_y, cy),
+            go(here.x - to_x, here.x),
+            go(here.y - to_y, here.y),
+            *here[2:],
+            b.where(settled, at.x, rest[6]),
+            b.where(settled, at.y, rest[7]),
+            b.where(settled, at.z, rest[8]),
+            b.where(settled, cosine, rest[9]),
+        )
+
+    state = (settled, b.integer(zero), zero, zero, zero, zero, *ray, at.x, at.y, at.z, cosine)
+    state = b.loop(unsettled, walk, state)
+    found, _, di, dj, cx, cy, *rest = state
+    # A ray that met nothing keeps its own last place.
+    point = [b.where(found, rest[6 + k], rest[k]) for k in range(3)]
+    at = Ray(point[0], point[1], point[2], ray.dx, ray.dy, ray.dz)
+    return Crossing(at, di, dj, cx, cy, rest[9], ~found)
+
+
+def refract_dome(
+    b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool
+) -> tuple[Ray, Arr]:
+    """Refract rays at the sphere through their points.
+
+    Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and cos^2 t = 1 - r^2 (1 - cos^2 i).
+
+    Returns
+    -------
+    ray
+        The refracted rays; those totally reflected keep their direction.
+    reflected
+        Where total internal reflection left no refracted ray.
+    """
+    c = dome.curvature
+    square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
+    reflected = square <= 0.0
+    cosine_out = b.sqrt(b.maximum(square, 0.0))
+    bend = cosine_out - ratio * cosine
+    if not upward:
+        bend = -bend
+    dx = ratio * ray.dx + bend * (c * ray.x)
+    dy = ratio * ray.dy + bend * (c * ray.y)
+    dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
+    keep = lambda new, old: b.where(reflected, old, new)  # noqa: E731
+    return ray._replace(dx=keep(dx, ray.dx), dy=keep(dy, ray.dy), dz=keep(dz, ray.dz)), reflected
+
+
+def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
+    """Tell which rays, leaving a dome upward through the air, meet a neighbour's dome.
+
+    `ray` is local to the lenslet left, its point on that dome. Only rays of `suspect` are looked at.
+    """
+    # At the vertices' plane still above its own cell: clear, because a dome cannot be met twice from outside.
+    flat = b.maximum(ray.dz, 1e-30)
+    t_top = -ray.z / flat
+    clear = (ray.dz > 0.0) & dome.lattice.holds(ray.x + t_top * ray.dx, ray.y + t_top * ray.dy)
+    sinking = ray.dz <= 0.0
+    searching = suspect & ~clear & ~sinking
+
+    def active(searching: Arr, steps: Arr, *_: Arr) -> Arr:
+        return searching & (steps < MAX_CELLS)
+
+    def walk(searching: Arr, steps: Arr, hit: Arr, t: Arr, *rest: Arr) -> tuple[Arr, ...]:
+        here = Ray(*rest)
+        t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
+        t_top = -here.z / here.dz
+        # This cell's cap, entered from the side: both roots are behind the vertex's foot, nothing cancels.
+        # The dome just left cannot be met again, so step 0 skips it.
+        cap_hit, _, _, cosine = _cap(b, dome, here, upward=True)
+        foot = here.x * here.dx + here.y * here.dy + here.z * here.dz
+        t_cap = -(here.dz + cosine) * dome.radius_mm - foot
+        met = (steps > 0) & cap_hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
+        searching = ~met & (t_flat < t_top)
+        return (
+            searching,
+            steps + 1,
+            hit | met,
+            t_flat,
+            b.where(searching, here.x - to_x, here.x),
+            b.where(searching, here.y - to_y, here.y),
+            *here[2:],
+        )
+
+    zero = 0.0 * ray.x
+    state = (searching, b.integer(zero), sinking, zero, *ray)
+    state = b.loop(active, walk, state)
+    # Still searching after the last step: it skims the array and never gets away.
+    return suspect & (state[2] | state[0])
+
+
+def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
+    """Tell which rays, entering a dome downward through the glass, leave it again through a seam's valley.
+
+    `ray` is local to the lenslet entered, its point on that dome. Only rays of `suspect` are looked at.
+    """
+    # At the rims' plane still inside its own cell: a chord of one sphere, all in the glass.
+    depth = -dome.sag_mm
+    steep = b.minimum(ray.dz, -1e-30)
+    t_rim = (depth - ray.z) / steep
+    inside = (ray.dz < 0.0) & dome.lattice.holds(ray.x + t_rim * ray.dx, ray.y + t_rim * ray.dy)
+    rising = ray.dz >= 0.0
+    searching = suspect & ~inside & ~rising
+    c = dome.curvature
+
+    def active(searching: Arr, steps: Arr, *_: Arr) -> Arr:
+        return searching & (steps < MAX_CELLS)
+
+    def walk(searching: Arr, steps: Arr, left: Arr, *rest: Arr) -> tuple[Arr, ...]:
+        here = Ray(*rest)
+        t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
+        t_rim = (depth - here.z) / here.dz
+        x, y, z = here.x + t_flat * here.dx, here.y + t_flat * here.dy, here.z + t_flat * here.dz
+        deeper = t_flat < t_rim
+        outside = deeper & (c * (x * x + y * y + z * z) + 2.0 * z > 0.0)
+        searching = deeper & ~outside
+        return (
+            searching,
+            steps + 1,
+            left | outside,
+            b.where(searching, here.x - to_x, here.x),
+            b.where(searching, here.y - to_y, here.y),
+            *here[2:],
+        )
+
+    zero = 0.0 * ray.x
+    state = (searching, b.integer(zero), rising, *ray)
+    state = b.loop(active, walk, state)
+    return suspect & (state[2] | state[0])

@@ -1,0 +1,132 @@
+"""Model `exact`: Snell's law at both faces, at their true places.
+
+Four ways through one array: panel to world and back, each with the plano side to the panel or to the viewer. Seen in a mirror
+where needed, domes always bulge to +z, so that only two kinds of passage exist: upward, out of the glass through a
+dome, and downward, into the glass through a dome.
+"""
+
+from __future__ import annotations
+
+from lippmann.optics.aim import Ray, mirrored, transported, unit
+from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.dome import Crossing, blocked_above, blocked_below, meet, refract_dome
+from lippmann.optics.flat import refract_flat
+from lippmann.optics.status import Status
+from lippmann.optics.system import Exit, Landing, System
+
+
+def leave_panel(
+    b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None
+) -> Exit:
+    """Trace rays from the panel to the world.
+
+    Parameters
+    ----------
+    b
+        Backend.
+    system
+        The optics.
+    x, y
+        Panel points local to the lenslet that they belong to, array's axes, mm.
+    aperture
+        Points aimed at, local and in mm likewise; None for the chief ray.
+    """
+    towards_x, towards_y = (-x, -y) if aperture is None else (aperture[0] - x, aperture[1] - y)
+    dx, dy, dz = unit(b, towards_x, towards_y, system.aperture_distance_mm)
+    # Point on the array's near plane: the flat face, or the domes' vertices.
+    share = system.gap_mm / system.aperture_distance_mm
+    near_x, near_y = x + share * towards_x, y + share * towards_y
+    zero = 0.0 * x
+    strays = aperture is not None
+    if system.plano_to_panel:
+        ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
+        ray, _ = refract_flat(b, ray, 1.0 / system.index)
+        return _upward(b, system, ray, strays)
+    exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
+    return exit_._replace(ray=mirrored(exit_.ray))
+
+
+def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
+    """Trace rays from the world to the panel.
+
+    `ray` stands on the face that the viewer sees (its vertices' plane or its flat), local to the lenslet whose
+    cell it stands in, array's axes, heading for the panel.
+    """
+    if system.plano_to_panel:
+        exit_ = _downward(b, system, ray, strays=False)
+        panel_z = -(system.thickness_mm + system.gap_mm)
+    else:
+        ray = mirrored(ray)
+        inside, _ = refract_flat(
+            b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index
+        )
+        exit_ = _upward(b, system, inside, strays=True)
+        panel_z = system.gap_mm
+    alive = (exit_.status == Status.OK) | (exit_.status == Status.CROSSTALK)
+    last = exit_.ray
+    t = b.where(alive, (panel_z - last.z) / b.where(alive, last.dz, 1.0), 0.0)
+    x, y = last.x + t * last.dx, last.y + t * last.dy
+    own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
+    status = b.where(alive, own, exit_.status)
+    return Landing(x, y, exit_.di, exit_.dj, exit_.cx, exit_.cy, status)
+
+
+def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
+    """From the flat face (ray already in the glass) through a dome into the air above.
+
+    `strays`: the ray may have left the cell that it is local to before it comes to the rims' plane.
+    """
+    zero = 0.0 * ray.x
+    start = (zero, zero, zero, zero)
+    if strays:
+        ray = transported(ray, -system.dome.sag_mm)
+        ray, start = _relocated(b, system, ray)
+    crossing = meet(b, system.dome, ray, upward=True)
+    out, reflected = refract_dome(
+        b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True
+    )
+    blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
+    return _exit(b, out, start, crossing, reflected, blocked)
+
+
+def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
+    """From the vertices' plane (ray in the air) through a dome and the flat face into the air below."""
+    zero = 0.0 * ray.x
+    start = (zero, zero, zero, zero)
+    if strays:
+        ray, start = _relocated(b, system, ray)
+    crossing = meet(b, system.dome, ray, upward=False)
+    inside, _ = refract_dome(
+        b, system.dome, crossing.ray, crossing.cosine, 1.0 / system.index, upward=False
+    )
+    blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
+    passes = ~crossing.missed & ~blocked
+    at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
+    at_flat = at_flat._replace(dz=inside.dz)
+    out, reflected = refract_flat(b, at_flat, system.index)
+    out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
+    return _exit(b, out, start, crossing, passes & reflected, blocked)
+
+
+def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr, Arr, Arr]]:
+    """Make rays local to the lenslet whose cell their points lie in; returns the step there too."""
+    i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
+    return ray._replace(x=x, y=y), (i, j, ray.x - x, ray.y - y)
+
+
+def _exit(
+    b: Backend,
+    ray: Ray,
+    start: tuple[Arr, ...],
+    crossing: Crossing,
+    reflected: Arr,
+    blocked: Arr,
+) -> Exit:
+    di, dj = start[0] + crossing.di, start[1] + crossing.dj
+    other = (di != 0.0) | (dj != 0.0)
+    status = b.where(other, int(Status.CROSSTALK), int(Status.OK))
+    status = b.where(blocked, int(Status.BLOCKED), status)
+    status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
+    status = b.where(crossing.missed, int(Status.MISSED), status)
+    return Exit(ray, di, dj, start[2] + crossing.cx, start[3] + crossing.cy, b.integer(status))
+

@@ -1,0 +1,80 @@
+"""A display turned into the plain numbers that the tracer works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lippmann.display import Display
+from lippmann.optics.aim import Ray
+from lippmann.optics.backend import Arr
+from lippmann.optics.dome import Dome
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+
+
+@dataclass(frozen=True)
+class System:
+    """The optical system of a display: frames, lattice, domes, and distances in mm."""
+
+    frame: PanelFrame
+    lattice: Lattice
+    dome: Dome
+    index: float
+    thickness_mm: float
+    gap_mm: float
+    aperture_distance_mm: float
+    focal_length_mm: float
+    plano_to_panel: bool
+    width_px: int
+    height_px: int
+
+    @classmethod
+    def of(cls, display: Display) -> System:
+        """Return the system of a display."""
+        array = display.array
+        lattice = Lattice(array.grid, array.pitch_mm)
+        return cls(
+            frame=PanelFrame.of(display),
+            lattice=lattice,
+            dome=Dome(lattice, array.radius_mm, array.sag_mm),
+            index=array.index,
+            thickness_mm=array.thickness_mm,
+            gap_mm=display.gap_mm,
+            aperture_distance_mm=display.aperture_distance_mm,
+            focal_length_mm=array.focal_length_mm,
+            plano_to_panel=array.plano_side == "panel",
+            width_px=display.panel.width_px,
+            height_px=display.panel.height_px,
+        )
+
+    @property
+    def last_face_mm(self) -> float:
+        """Height z of the plane that a ray to the viewer crosses last: dome vertices or flat face."""
+        return 0.0 if self.plano_to_panel else self.thickness_mm
+
+
+class Exit(NamedTuple):
+    """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
+
+    `cx`, `cy` is that lenslet's centre from the own one's, mm.
+    """
+
+    ray: Ray
+    di: Arr
+    dj: Arr
+    cx: Arr
+    cy: Arr
+    status: Arr
+
+
+class Landing(NamedTuple):
+    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm."""
+
+    x: Arr
+    y: Arr
+    di: Arr
+    dj: Arr
+    cx: Arr
+    cy: Arr
+    status: Arr

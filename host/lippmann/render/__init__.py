@@ -1,0 +1,1 @@
+"""From a scene and a display to an integral image, on Mitsuba 3."""

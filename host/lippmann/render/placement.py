@@ -1,0 +1,100 @@
+"""Where a scene stands relative to the display: scale, rotation, offset, and the depths of interest."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Table
+from lippmann.errors import InputError, input_error
+from lippmann.optics.panel import exact_rotation
+
+Matrix = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A similarity from scene units to the display's frame (mm), and a depth range.
+
+    Attributes
+    ----------
+    scale
+        Millimetres for each scene unit.
+    rotation_deg
+        Turns about x, then y, then z.
+    offset_mm
+        Where the scene's origin comes to stand.
+    near_mm, far_mm
+        Depths z between which the scene matters; primary rays start at `near_mm`. None: the scene's bounding box.
+    """
+
+    scale: float = 1.0
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    near_mm: float | None = None
+    far_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a similarity."""
+        numbers = (self.scale, *self.rotation_deg, *self.offset_mm, self.near_mm or 0.0, self.far_mm or 0.0)
+        if not all(math.isfinite(x) for x in numbers):
+            raise InputError("placement: a value is not finite; give finite numbers")
+        if self.scale <= 0.0:
+            raise InputError(f"placement: scale {self.scale:g} is not positive; give mm per scene unit")
+        if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
+            raise InputError(
+                f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the viewer"
+            )
+
+    @property
+    def display_from_scene(self) -> Matrix:
+        """(4, 4) matrix from scene points to the display's frame."""
+        turn = np.eye(3)
+        for axis, angle in enumerate(self.rotation_deg):
+            c, s = exact_rotation(angle)
+            k, m = (axis + 1) % 3, (axis + 2) % 3
+            step = np.eye(3)
+            step[k, k], step[k, m], step[m, k], step[m, m] = c, -s, s, c
+            turn = step @ turn
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.scale * turn
+        matrix[:3, 3] = self.offset_mm
+        return matrix
+
+    @property
+    def scene_from_display(self) -> Matrix:
+        """(4, 4) inverse of `display_from_scene`."""
+        forward = self.display_from_scene
+        inverse = np.eye(4)
+        inverse[:3, :3] = forward[:3, :3].T / self.scale**2
+        inverse[:3, 3] = -inverse[:3, :3] @ forward[:3, 3]
+        return inverse
+
+
+def load_placement(path: Path) -> Placement:
+    """Read the table `[placement]` of a TOML file; other tables are not looked at.
+
+    Raises
+    ------
+    InputError
+        Naming file, key and remedy.
+    """
+    try:
+        raw = tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise input_error(str(path), f"cannot be read ({error})", "give a placement file (.toml)") from None
+    table = Table(raw, str(path), "").table("placement")
+    placement = Placement(
+        scale=table.number("scale", default=1.0, above=0.0),
+        rotation_deg=table.triple("rotation_deg", (0.0, 0.0, 0.0)),
+        offset_mm=table.triple("offset_mm", (0.0, 0.0, 0.0)),
+        near_mm=table.number("near_mm") if table.has("near_mm") else None,
+        far_mm=table.number("far_mm") if table.has("far_mm") else None,
+    )
+    table.refuse_leftovers()
+    return placement

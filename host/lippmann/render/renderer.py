@@ -1,0 +1,448 @@
+"""Renders an integral image, or a plain perspective view, chunk by chunk.
+
+**One pass for both sides of the display.** A panel pixel's ray, bent by its lenslet, is the line along which a viewer sees that
+pixel. The scene is sampled along it *towards* the display, from in front of the nearest object: the first surface met is the one
+that hides the others, whether it floats before the display (real) or stands behind it (virtual). So the picture is
+orthoscopic and occludes correctly with no second pass.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.errors import InputError
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.status import Status
+from lippmann.optics.system import System
+from lippmann.optics.trace import Model, rays_from_pixels
+from lippmann.render.lights import register_lights
+from lippmann.render.sampling import points_in_square, square_to_cell
+from lippmann.render.scene import Scene
+from lippmann.render.variant import device_of
+
+Aperture = Literal["chief", "full"]
+APERTURES: tuple[Aperture, ...] = get_args(Aperture)
+Image = npt.NDArray[np.float32]
+
+#: Samples traced at once. Part of a picture's definition, because random integrators draw their numbers by chunk.
+CHUNK_SAMPLES = 1 << 20
+#: Side of the square tiles that pixels are taken in, in Morton order, so that rays traced side by side stay close.
+TILE_PX = 8
+#: Memory that the libraries and one chunk take, MB (measured; the output comes on top).
+BASE_MEMORY_MB = 700.0
+MAX_SAMPLES = 65536
+
+#: Centres of the colour stripes, in pixels from the pixel's centre, for red, green and blue.
+STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0, 0.0, -1.0 / 3.0)}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to render.
+
+    Attributes
+    ----------
+    samples
+        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are spread over
+        its area (anti-aliasing).
+    aperture
+        "chief": rays through the lenslet's centre; "full": spread over its cell.
+    integrator
+        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene" for the one in the file.
+    max_depth
+        Surfaces that a ray may meet.
+    seed
+        The same seed gives the same picture, bit for bit, on the same machine and versions.
+    memory_mb
+        Limit; None: four fifths of what the machine has free.
+    """
+
+    samples: int = 1
+    aperture: Aperture = "chief"
+    integrator: str = "lights"
+    max_depth: int = 4
+    seed: int = 0
+    memory_mb: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse settings out of range."""
+        if not 1 <= self.samples <= MAX_SAMPLES:
+            raise InputError(f"samples {self.samples} is out of range; give 1 to {MAX_SAMPLES}")
+        if self.aperture not in APERTURES:
+            raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
+        if not 1 <= self.max_depth <= 1000:
+            raise InputError(f"max depth {self.max_depth} is out of range; give 1 to 1000")
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed {self.seed} is out of range; give 0 to {2**32 - 1}")
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A picture and what it took.
+
+    Attributes
+    ----------
+    radiance
+        (height, width, 3) float32, linear RGB.
+    seconds
+        The render itself.
+    prepare_seconds
+        Compilation before it.
+    samples_traced
+        Rays sent into the scene.
+    """
+
+    radiance: Image
+    seconds: float
+    prepare_seconds: float
+    samples_traced: int
+
+    @property
+    def samples_per_second(self) -> float:
+        """Rays a second, compilation left out."""
+        return self.samples_traced / max(self.seconds, 1e-9)
+
+
+Progress = Callable[[int, int], None]
+
+
+class RaySource(Protocol):
+    """Where primary rays come from: the display's pixels, or an eye looking through a window.
+
+    `rays` takes pixel and sample numbers (UInt32) and a colour channel's stripe offset (pixels, with the stripe's width) and returns
+    line points, line directions away from the display, and where the line exists; display frame.
+    """
+
+    width_px: int
+    height_px: int
+    stripes: tuple[float, float, float] | None
+
+    def rays(
+        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
+    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]: ...
+
+
+@dataclass(frozen=True)
+class IntegralSource:
+    """The rays of a display's pixels."""
+
+    display: Display
+    model: Model
+    settings: Settings
+    device: str
+
+    @property
+    def width_px(self) -> int:
+        """Panel width."""
+        return self.display.panel.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Panel height."""
+        return self.display.panel.height_px
+
+    @property
+    def stripes(self) -> tuple[float, float, float] | None:
+        """Colour stripes of the panel."""
+        return STRIPES[self.display.panel.subpixels]
+
+    def rays(
+        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
+    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]:
+        """Trace pixel samples through the lenslets (see `RaySource`)."""
+        b = DrJitBackend(self.device)
+        system = System.of(self.display)
+        row = pixel // self.width_px
+        column = pixel - row * self.width_px
+        offset, width = stripe
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.settings.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.settings.seed, stream=0)
+        u = b.double(column) + b.double(0.5 + offset + width * (jitter_x - 0.5))
+        v = b.double(row) + b.double(jitter_y)
+        aperture = None
+        if self.settings.aperture == "full":
+            s, t = points_in_square(mi, pixel, sample, self.settings.seed, stream=1)
+            array = self.display.array
+            aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+        out = rays_from_pixels(b, system, u, v, aperture, self.model)
+        point = (
+            mi.Float(out.centre_x + b.double(out.ray.x)),
+            mi.Float(out.centre_y + b.double(out.ray.y)),
+            mi.Float(out.ray.z),
+        )
+        alive = (out.status == int(Status.OK)) | (out.status == int(Status.CROSSTALK))
+        return point, (out.ray.dx, out.ray.dy, out.ray.dz), alive
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle in the plane z = 0, centred on the axis: what a view of the display covers."""
+
+    width_mm: float
+    height_mm: float
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True)
+class PerspectiveSource:
+    """The rays from an eye (mm) through a window: the scene as seen with no display in between."""
+
+    eye_mm: tuple[float, float, float]
+    window: Window
+    settings: Settings
+    stripes: tuple[float, float, float] | None = None
+
+    @property
+    def width_px(self) -> int:
+        """View width."""
+        return self.window.width_px
+
+    @property
+    def height_px(self) -> int:
+        """View height."""
+        return self.window.height_px
+
+    def rays(
+        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
+    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]:
+        """Join window points and eye (see `RaySource`)."""
+        import drjit as dr
+
+        window = self.window
+        row = pixel // window.width_px
+        column = pixel - row * window.width_px
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.settings.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.settings.seed, stream=0)
+        x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
+        y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
+        way = dr.normalize(
+            mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2]))
+        )
+        return (x, y, mi.Float(0.0)), (way.x, way.y, way.z), mi.Bool(True)
+
+
+def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
+    """Return the integrator that the settings name.
+
+    Raises
+    ------
+    InputError
+        When there is none of that name, or it does not sample single rays.
+    """
+    if settings.integrator == "scene":
+        integrator = scene.mitsuba.integrator()
+    else:
+        register_lights(mi)
+        try:
+            integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
+        except Exception as error:
+            # Mitsuba's `direct` counts no surfaces.
+            try:
+                integrator = mi.load_dict({"type": settings.integrator})
+            except Exception:
+                reason = " ".join(str(error).split())[:200]
+                raise InputError(
+                    f"integrator '{settings.integrator}' cannot be had ({reason}); choose lights, direct, path or scene"
+                ) from None
+    if not isinstance(integrator, mi.SamplingIntegrator):
+        raise InputError(
+            f"integrator '{settings.integrator}' does not sample single rays; choose lights, direct or path"
+        )
+    return integrator
+
+
+def render(
+    mi: Any,
+    scene: Scene,
+    source: RaySource,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Rendered:
+    """Render a picture from a source of rays.
+
+    Parameters
+    ----------
+    mi
+        Mitsuba, started.
+    scene
+        The scene.
+    source
+        `IntegralSource` or `PerspectiveSource`.
+    settings
+        How.
+    progress
+        Called with (tiles done, tiles in all).
+
+    Raises
+    ------
+    InputError
+        When the picture does not fit the memory limit.
+    """
+    import drjit as dr
+
+    width, height = source.width_px, source.height_px
+    check_memory(width, height, settings)
+    integrator = make_integrator(mi, scene, settings)
+    samples = settings.samples
+    tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
+    tile_pixels = TILE_PX * TILE_PX
+    chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
+    picture = dr.zeros(mi.Float, 3 * width * height)
+
+    def traced(first_tile: Any, count: int, seed: int, stripe: tuple[Any, float]) -> Any:
+        """Return (pixel numbers, inside the picture, mean radiance) of `count` tiles' pixels."""
+        index = dr.arange(mi.UInt32, count * tile_pixels * samples)
+        place = index // samples
+        pixel, inside = _pixel_of(mi, first_tile, place, width, height)
+        point, way, alive = source.rays(mi, pixel, index - place * samples, stripe)
+        alive &= inside
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, count * tile_pixels * samples)
+        ray = _scene_ray(mi, scene, point, way)
+        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
+        colour = list(dr.select(alive, mi.Color3f(radiance), 0.0))
+        if samples > 1:
+            colour = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+            dr.eval(colour)
+            place = dr.arange(mi.UInt32, count * tile_pixels)
+            pixel, inside = _pixel_of(mi, first_tile, place, width, height)
+        return pixel, inside, colour
+
+    stripes = source.stripes
+    passes: list[tuple[float, float, tuple[int, ...]]] = (
+        [(0.0, 1.0, (0, 1, 2))]
+        if stripes is None
+        else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
+    )
+
+    def run(first_tile: int, count: int, number: int) -> None:
+        seed = (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF
+        for offset, stripe_width, channels in passes:
+            pixel, inside, colour = traced(
+                dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
+            )
+            for k in channels:
+                dr.scatter(picture, colour[k], pixel * 3 + k, inside)
+            dr.eval(picture)
+
+    started = time.perf_counter()
+    # Compiles with a launch of the same programs over one tile.
+    run(0, 1, 0)
+    dr.sync_thread()
+    prepared = time.perf_counter()
+    for number, first in enumerate(range(0, tiles, chunk_tiles)):
+        count = min(chunk_tiles, tiles - first)
+        run(first, count, number)
+        dr.sync_thread()
+        if progress is not None:
+            progress(first + count, tiles)
+    out = np.asarray(picture)
+    finished = time.perf_counter()
+    return Rendered(
+        radiance=out.reshape(height, width, 3),
+        seconds=finished - prepared,
+        prepare_seconds=prepared - started,
+        samples_traced=width * height * samples * len(passes),
+    )
+
+
+def _pixel_of(mi: Any, first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
+    """Return the pixel number of a place in the order of tiles, and whether it lies inside the picture."""
+    tiles_across = -(-width // TILE_PX)
+    tile = first_tile + place // (TILE_PX * TILE_PX)
+    bits = place & (TILE_PX * TILE_PX - 1)
+    x = (bits & 1) | ((bits >> 1) & 2) | ((bits >> 2) & 4)
+    y = ((bits >> 1) & 1) | ((bits >> 2) & 2) | ((bits >> 3) & 4)
+    tile_row = tile // tiles_across
+    column = (tile - tile_row * tiles_across) * TILE_PX + x
+    row = tile_row * TILE_PX + y
+    inside = (column < width) & (row < height)
+    return mi.UInt32(row * width + column), inside
+
+
+def _scene_ray(mi: Any, scene: Scene, point: tuple[Any, ...], way: tuple[Any, ...]) -> Any:
+    """Return the scene's ray along a display line, from in front of everything towards the display."""
+    import drjit as dr
+
+    near = scene.placement.near_mm
+    t = (near - point[2]) / way[2]
+    start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(near))
+    back = mi.Vector3f(-way[0], -way[1], -way[2])
+    matrix = scene.placement.scene_from_display
+    if not np.array_equal(matrix, np.eye(4)):
+        m = [[float(x) for x in line] for line in matrix]
+        start = mi.Point3f(
+            *(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m[:3])
+        )
+        back = dr.normalize(
+            mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m[:3]))
+        )
+    ray = mi.RayDifferential3f(start, back)
+    ray.wavelengths = []
+    return ray
+
+
+def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
+    """Refuse a picture whose buffers would not fit.
+
+    Raises
+    ------
+    InputError
+        Naming the size that is needed and the limit.
+    """
+    limit = settings.memory_mb if settings.memory_mb is not None else 0.8 * free_memory_mb()
+    # Radiance in float32, and as much again where a file format wants a copy.
+    needed = BASE_MEMORY_MB + 2.0 * width_px * height_px * 3 * 4 / 1e6
+    if not needed <= limit:
+        raise InputError(
+            f"a picture of {width_px} x {height_px} pixels needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; "
+            f"raise --memory-mb or take a smaller panel"
+        )
+
+
+def free_memory_mb() -> float:
+    """Return the memory that is free on this machine, MB."""
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def peak_memory_mb() -> float:
+    """Return the most memory that this process has held so far, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def render_integral(
+    mi: Any,
+    scene: Scene,
+    display: Display,
+    model: Model,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Rendered:
+    """Render the integral image of a scene for a display (see `render`)."""
+    source = IntegralSource(display, model, settings, device_of(mi))
+    return render(mi, scene, source, settings, progress)
+
+
+def render_view(
+    mi: Any,
+    scene: Scene,
+    eye_mm: tuple[float, float, float],
+    window: Window,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Rendered:
+    """Render the scene as an eye sees it through a window, with no display in between (see `render`)."""
+    return render(mi, scene, PerspectiveSource(eye_mm, window, settings), settings, progress)

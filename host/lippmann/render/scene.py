@@ -1,0 +1,104 @@
+"""Loads a Mitsuba scene and stands it before the display."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lippmann.errors import InputError, input_error
+from lippmann.render.placement import Placement, load_placement
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A loaded scene.
+
+    Attributes
+    ----------
+    path
+        Its XML file.
+    mitsuba
+        The `mitsuba.Scene`.
+    placement
+        With both depths filled in.
+    """
+
+    path: Path
+    mitsuba: Any
+    placement: Placement
+
+    @property
+    def depth_range_mm(self) -> tuple[float, float]:
+        """(far, near) z, mm."""
+        assert self.placement.near_mm is not None and self.placement.far_mm is not None
+        return self.placement.far_mm, self.placement.near_mm
+
+
+def placement_beside(path: Path) -> Placement:
+    """Return the placement in NAME.toml beside NAME.xml; scene units are millimetres when there is none."""
+    beside = path.with_suffix(".toml")
+    return load_placement(beside) if beside.exists() else Placement()
+
+
+def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) -> Scene:
+    """Load a scene file.
+
+    Parameters
+    ----------
+    mi
+        Mitsuba, started (`variant.start_mitsuba`).
+    path
+        Mitsuba XML.
+    placement
+        Left out: `placement_beside`.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
+    if path.suffix.lower() != ".xml":
+        raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
+    if placement is None:
+        placement = placement_beside(path)
+    try:
+        scene = mi.load_file(str(path))
+    except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+        raise input_error(str(path), _first_reason(error), "mend the scene file") from None
+    if not isinstance(scene, mi.Scene):
+        raise input_error(str(path), "holds no scene", "make <scene> its outermost element")
+    return Scene(path, scene, _with_depths(scene, placement, path))
+
+
+def _first_reason(error: Exception) -> str:
+    """Return what Mitsuba says went wrong, in one line and without its source positions."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = " ".join(lines) if lines else type(error).__name__
+    return text[:400]
+
+
+def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
+    if placement.near_mm is not None and placement.far_mm is not None:
+        return placement
+    box = scene.bbox()
+    low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
+    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
+        raise InputError(
+            f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement"
+        )
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
+    z = corners @ placement.display_from_scene[2]
+    # A hair beyond the box, so that rays do not start on a surface.
+    margin = 1e-3 * max(1.0, float(z.max() - z.min()))
+    return replace(
+        placement,
+        near_mm=placement.near_mm if placement.near_mm is not None else float(z.max()) + margin,
+        far_mm=placement.far_mm if placement.far_mm is not None else float(z.min()),
+    )

@@ -1,0 +1,816 @@
+"""The optics of docs/reference/optics.md once more, in 50 digits, from first principles.
+
+This is the independent leg for the golden engine: nothing of `lippmann` is imported, and the
+formulation differs on purpose.
+
+* Everything happens in world coordinates (the panel frame with z); a lenslet is a whole ball of
+  glass around its centre of curvature, and its cell decides which part of the ball's surface
+  counts. No lens-local frame, no tangent plane, no cell walk.
+* A line meets a ball at `t0 -+ sqrt(R^2 - h^2)`, t0 the foot of the perpendicular from the ball's
+  centre and h its length.
+* Snell's law is kept as what it says: the tangential part of the direction scales by n1 / n2.
+* The first point of the height field along a ray is found by brute force: all balls near the path
+  are intersected, a point counts when it lies in the cell of its own lenslet, and the nearest along
+  the ray wins. Cells are found by brute force too.
+
+Scalar code, one ray a call, about 500 rays a second. Units: millimetres and radians; `Mpf` is a
+number of the private 50-digit context `mp`. Inputs may be int, float (taken at their exact binary
+value) or mpf. Vectors are tuples of three.
+
+`back_to_panel_many` at the end is a second, separate implementation of the way back: numpy
+longdouble, vectorised, one display a ray. It needs the 64-bit mantissa of x86 (eps 1.1e-19), which
+leaves eight digits below the 1e-11 mm that it has to judge.
+
+Where optics.md leaves room this file reads it so:
+
+* "Lens-local" is a translation by the lenslet's centre: axes stay those of the panel frame, also
+  when the array is turned.
+* "Within 16 cells" is 16 pitches of horizontal way from the plane where the search starts: where
+  the ray enters the glass or leaves the panel; from the world, where it crosses the near side of
+  the array. `margin` is 0 from 8 to 32 pitches.
+* A ray from the world is the whole line through its origin, so that an origin on a dome, or a
+  rounding error below it, is good.
+* A blocked ray carries the point on the neighbour's dome, or the point where it left when it does
+  not head for the viewer.
+* The lenslet of a ray that fails at or after a dome is the dome's; the one of a ray that missed is
+  the pixel's own.
+* Light that enters a steep dome, crosses the lenslet's shoulder and would leave through the dome
+  again is traced as if the glass went on; `margin` is 0 there.
+* With gap 0 the flat face is still a face towards air: from the world it can reflect totally.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import mpmath
+import numpy as np
+import numpy.typing as npt
+
+#: A private context: no test can lower the precision by touching mpmath.mp.
+mp = mpmath.mp.clone()
+mp.dps = 50
+
+Mpf = Any  # mpmath ships no types
+Vec = tuple[Mpf, Mpf, Mpf]
+Lenslet = tuple[int, int]
+LongArray = npt.NDArray[np.longdouble]
+
+OK, MISSED, REFLECTED, BLOCKED, CROSSTALK = range(5)
+
+#: Horizontal reach of the search for a dome, in pitches, and the band around it in which "16 cells"
+#: is open to interpretation.
+REACH = 16
+UNSURE_FROM, UNSURE_TO = 8, 32
+
+
+@dataclass(frozen=True)
+class Optics:
+    """The numbers of one display that decide where rays go; plain numbers, each taken at its exact
+    value.
+
+    width_px, height_px: pixels of the panel. pixel_pitch_mm: mm. grid: 'square' or 'hex' (hex: rows
+    along x). pitch_mm: lenslet to lenslet, hex across flats. radius_mm: R of the dome, positive.
+    index: of the glass, in air. thickness_mm: T, from the flat face to the vertices' plane. gap_mm:
+    panel to near face (flat face or vertices). plano_side: 'panel' or 'viewer'. rotation_rad: of
+    the array, counter-clockwise. offset_mm: (x, y) of the array's origin.
+    """
+
+    width_px: int
+    height_px: int
+    pixel_pitch_mm: float
+    grid: Literal["square", "hex"]
+    pitch_mm: float
+    radius_mm: float
+    index: float
+    thickness_mm: float
+    gap_mm: float
+    plano_side: Literal["panel", "viewer"]
+    rotation_rad: float = 0.0
+    offset_mm: tuple[float, float] = (0.0, 0.0)
+
+
+class Ray(NamedTuple):
+    """What `trace` returns.
+
+    status: 0..4. lenslet: (i, j) that the ray passed (see the module's notes for rays that fail).
+    origin: mpf triple, mm, panel frame: on the last face, or the last point reached when status is
+    1, 2, 3. direction: mpf triple, unit: of the ray that left, or the one it had at that last
+    point. cos_theta_t: cosine between the ray that left and the last face's normal; 0 when nothing
+    left (1, 2). margin: distance to the nearest edge between two statuses or two lenslets, the
+    smallest of: cell edges and near misses in pitches, 1 - sin^2 of the refracted angle, z
+    component of the direction. Dimensionless, >= 0.
+    """
+
+    status: int
+    lenslet: Lenslet
+    origin: Vec
+    direction: Vec
+    cos_theta_t: Mpf
+    margin: Mpf
+
+
+class PanelPoint(NamedTuple):
+    """What `back_to_panel` returns.
+
+    x, y: mm, panel frame. off_mm: distance of the given origin from the last face, mm.
+    """
+
+    x: Mpf
+    y: Mpf
+    off_mm: Mpf
+
+
+class Landing(NamedTuple):
+    """What `world_to_panel` returns.
+
+    status: 0..4. lenslet: (i, j) that the ray passed, None when it met none. pixel: (u, v),
+    continuous pixel coordinates of the panel point, None when the panel was not reached. point:
+    last point reached, mm. direction: the ray's there, unit. margin: as in `Ray`, with the panel's
+    border in pitches of the lenslets.
+    """
+
+    status: int
+    lenslet: Lenslet | None
+    pixel: tuple[Mpf, Mpf] | None
+    point: Vec
+    direction: Vec
+    margin: Mpf
+
+
+# --- vectors --------------------------------------------------------------------------------------
+
+
+def _dot(p: Vec, q: Vec) -> Mpf:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+def _minus(p: Vec, q: Vec) -> Vec:
+    return (p[0] - q[0], p[1] - q[1], p[2] - q[2])
+
+
+def _along(p: Vec, d: Vec, t: Mpf) -> Vec:
+    return (p[0] + t * d[0], p[1] + t * d[1], p[2] + t * d[2])
+
+
+def _times(k: Mpf, p: Vec) -> Vec:
+    return (k * p[0], k * p[1], k * p[2])
+
+
+def _exact(p: Any) -> Vec:
+    """Return three mpf of the exact value of three numbers of any kind."""
+    x, y, z = (c if isinstance(c, mp.mpf) else mp.mpf(c) for c in p)
+    return (x, y, z)
+
+
+def _unit(p: Vec) -> Vec:
+    return _times(1 / mp.sqrt(_dot(p, p)), p)
+
+
+def _to_plane(p: Vec, d: Vec, z: Mpf) -> Vec:
+    """Return the point where the line from p along d crosses the plane at height z."""
+    x, y, _ = _along(p, d, (z - p[2]) / d[2])
+    return (x, y, z)
+
+
+def _refract(d: Vec, normal: Vec, ratio: Mpf) -> tuple[Vec | None, Mpf]:
+    """Snell's law: the tangential part of a unit direction scales by ratio = n1 / n2.
+
+    normal: unit, either side. Returns the refracted unit direction (None: total internal
+    reflection) and its squared cosine to the normal, negative for total internal reflection.
+    """
+    across = _dot(d, normal)
+    tangential = _times(ratio, _along(d, normal, -across))
+    cos2 = 1 - _dot(tangential, tangential)
+    if cos2 < 0:
+        return None, cos2
+    return _along(tangential, normal, mp.sqrt(cos2) * mp.sign(across)), cos2
+
+
+_UP: Vec = (mp.mpf(0), mp.mpf(0), mp.mpf(1))
+
+
+# --- the display in 50 digits ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Model:
+    """An `Optics` in mpf, with what follows from it.
+
+    bulge: +1 when the domes bulge to the viewer, -1 to the panel.
+    """
+
+    pixel: Mpf
+    p: Mpf
+    R: Mpf
+    n: Mpf
+    T: Mpf
+    gap: Mpf
+    sag: Mpf
+    cos: Mpf
+    sin: Mpf
+    offset: tuple[Mpf, Mpf]
+    bulge: int
+    z_panel: Mpf
+    z_flat: Mpf
+
+
+@lru_cache(maxsize=64)
+def _model(optics: Optics) -> _Model:
+    p, R, T, gap = (
+        mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm)
+    )
+    rho = p / mp.sqrt({"square": 2, "hex": 3}[optics.grid])
+    bulge = {"panel": 1, "viewer": -1}[optics.plano_side]
+    turn = mp.mpf(optics.rotation_rad)
+    return _Model(
+        pixel=mp.mpf(optics.pixel_pitch_mm),
+        p=p,
+        R=R,
+        n=mp.mpf(optics.index),
+        T=T,
+        gap=gap,
+        sag=R - mp.sqrt(R**2 - rho**2),
+        cos=mp.cos(turn),
+        sin=mp.sin(turn),
+        offset=(mp.mpf(optics.offset_mm[0]), mp.mpf(optics.offset_mm[1])),
+        bulge=bulge,
+        z_panel=-(T + gap) if bulge > 0 else -gap,
+        z_flat=-bulge * T,
+    )
+
+
+def sag(optics: Optics) -> Mpf:
+    """Return s, the depth of the dome at the corners of its cell, mm."""
+    return _model(optics).sag
+
+
+def panel_point(optics: Optics, u: Any, v: Any) -> Vec:
+    """Return the point of the panel plane at continuous pixel coordinates: mpf triple, mm."""
+    m = _model(optics)
+    x = (mp.mpf(u) - mp.mpf(optics.width_px) / 2) * m.pixel
+    y = (mp.mpf(optics.height_px) / 2 - mp.mpf(v)) * m.pixel
+    return (x, y, m.z_panel)
+
+
+def pixel_of(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
+    """Return the continuous pixel coordinates (u, v) of a panel-frame point in mm."""
+    m = _model(optics)
+    return (
+        mp.mpf(x) / m.pixel + mp.mpf(optics.width_px) / 2,
+        mp.mpf(optics.height_px) / 2 - mp.mpf(y) / m.pixel,
+    )
+
+
+# --- lattice --------------------------------------------------------------------------------------
+
+
+def projections(grid: str, u: Any, w: Any, lenslet: Lenslet) -> tuple[Any, ...]:
+    """Return the projections q_k / p of a point, measured from a lenslet's centre: 2 for square, 3
+    for hex.
+
+    u = X / p; w = Y / p (square) or sqrt(3) Y / p (hex), array frame. In these units the hex
+    lattice is rational, so that `fractions.Fraction` decides edges and vertices exactly.
+    """
+    i, j = lenslet
+    if grid == "square":
+        return (u - i, w - j)
+    du, dw = (2 * u - 2 * i - j) / 2, (2 * w - 3 * j) / 2
+    # cos 60 = 1/2 and sin 60 = sqrt(3)/2, whose sqrt(3) sits in w already.
+    return (du, (du + dw) / 2, (dw - du) / 2)
+
+
+def cell_of(grid: str, u: Any, w: Any) -> Lenslet:
+    """Return the lenslet whose half-open cell holds a point, by trying all lenslets around it.
+
+    u, w: as in `projections`.
+    """
+    j0 = round(float(w) if grid == "square" else float(w) * 2 / 3)
+    i0 = round(float(u) if grid == "square" else float(u) - j0 / 2)
+    around = [(i0 + di, j0 + dj) for di in range(-2, 3) for dj in range(-2, 3)]
+    for lenslet in around:
+        if all(-1 <= 2 * q < 1 for q in projections(grid, u, w, lenslet)):
+            return lenslet
+    # Reached only with mpf, a rounding error of 1e-50 beside an edge: the margin says so, any of
+    # the neighbours will do.
+    return max(around, key=lambda lenslet: _clearance(grid, u, w, lenslet))
+
+
+def _clearance(grid: str, u: Any, w: Any, lenslet: Lenslet) -> Any:
+    """Distance to the nearest edge line of a cell in pitches, negative outside."""
+    return min((1 - abs(2 * q)) / 2 for q in projections(grid, u, w, lenslet))
+
+
+def _lattice(optics: Optics, x: Mpf, y: Mpf) -> tuple[Mpf, Mpf]:
+    """Return (u, w), as in `projections`, of a panel-frame point in mm."""
+    m = _model(optics)
+    dx, dy = x - m.offset[0], y - m.offset[1]
+    u, w = (m.cos * dx + m.sin * dy) / m.p, (m.cos * dy - m.sin * dx) / m.p
+    return (u, w) if optics.grid == "square" else (u, w * mp.sqrt(3))
+
+
+def lenslet_of(optics: Optics, x: Any, y: Any) -> Lenslet:
+    """Return (i, j) of the lenslet whose cell holds a panel-frame point in mm."""
+    return cell_of(optics.grid, *_lattice(optics, mp.mpf(x), mp.mpf(y)))
+
+
+def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
+    """Return the panel-frame centre (x, y) of a lenslet, mm."""
+    m = _model(optics)
+    i, j = lenslet
+    X, Y = (
+        (m.p * i, m.p * j)
+        if optics.grid == "square"
+        else (m.p * (i + mp.mpf(j) / 2), m.p * j * mp.sqrt(3) / 2)
+    )
+    return (m.offset[0] + m.cos * X - m.sin * Y, m.offset[1] + m.sin * X + m.cos * Y)
+
+
+def _ball(optics: Optics, lenslet: Lenslet) -> Vec:
+    """Return the centre of curvature of a lenslet's dome, panel frame, mm."""
+    m = _model(optics)
+    return (*centre_of(optics, lenslet), -m.bulge * m.R)
+
+
+def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
+    """Return all lenslets whose cells come near the horizontal way from p to q.
+
+    Generous, so that floats are enough here.
+    """
+    m = _model(optics)
+    root3 = math.sqrt(3)
+    ends = []
+    for x, y, _ in (p, q):
+        u, w = (float(c) for c in _lattice(optics, x, y))
+        ends.append(complex(u, w if optics.grid == "square" else w / root3))
+    a, b = ends
+    way = b - a
+    near = 0.5 + float(
+        mp.sqrt(m.R**2 - (m.R - m.sag) ** 2) / m.p
+    )  # half diagonal and a half pitch to spare
+    row = 1.0 if optics.grid == "square" else root3 / 2
+    found = []
+    for j in range(
+        math.floor((min(a.imag, b.imag) - near) / row),
+        math.ceil((max(a.imag, b.imag) + near) / row) + 1,
+    ):
+        shift = 0.0 if optics.grid == "square" else j / 2
+        for i in range(
+            math.floor(min(a.real, b.real) - near - shift),
+            math.ceil(max(a.real, b.real) + near - shift) + 1,
+        ):
+            to = complex(i + shift, j * row) - a
+            foot = (
+                0.0 if way == 0 else min(1.0, max(0.0, (to * way.conjugate()).real / abs(way) ** 2))
+            )
+            if abs(to - foot * way) <= near:
+                found.append((i, j))
+    return found
+
+
+# --- the height field -----------------------------------------------------------------------------
+
+
+class _Meeting(NamedTuple):
+    t: Mpf
+    lenslet: Lenslet
+    point: Vec
+    normal: Vec  # unit, out of the glass
+
+
+def _meet(
+    optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = None
+) -> tuple[_Meeting | None, Mpf]:
+    """Find the first point of the height field on the line from p along d, by brute force.
+
+    leaving: from glass to air, the far side of a ball; else from air to glass, the near side.
+    after: only points with a larger parameter t count; without it the whole line does, for no dome
+    lies outside the layer between vertices and corners. Returns the meeting, or None, and the
+    distance to the nearest other outcome in pitches.
+    """
+    m = _model(optics)
+    t_first, t_last = sorted(((0 - p[2]) / d[2], (-m.bulge * m.sag - p[2]) / d[2]))
+    if after is not None:
+        if t_last <= after:
+            return None, mp.inf
+        t_first = max(t_first, after)
+    horizontal = mp.hypot(d[0], d[1])
+    if (t_last - t_first) * horizontal > 2 * UNSURE_TO * m.p:
+        t_last = t_first + 2 * UNSURE_TO * m.p / horizontal
+    met: list[tuple[Mpf, Mpf, _Meeting]] = []  # t, clearance in the cell, what
+    missed: list[tuple[Mpf, Mpf]] = []  # t, distance in pitches
+    for lenslet in _lenslets_near(optics, _along(p, d, t_first), _along(p, d, t_last)):
+        ball = _ball(optics, lenslet)
+        t_foot = _dot(_minus(ball, p), d)
+        from_ball = _minus(_along(p, d, t_foot), ball)
+        h2 = _dot(from_ball, from_ball)
+        if not leaving and t_first <= t_foot <= t_last:
+            # How near the ray is to a tangent of this ball.
+            missed.append((t_foot, abs(mp.sqrt(h2) - m.R) / m.p))
+        if h2 > m.R**2:
+            continue
+        half_chord = mp.sqrt(m.R**2 - h2)
+        t = t_foot + half_chord if leaving else t_foot - half_chord
+        if after is not None and t <= after:
+            continue
+        point = _along(p, d, t)
+        if m.bulge * (point[2] - ball[2]) <= 0:  # the half of the ball that is no dome
+            continue
+        u, w = _lattice(optics, point[0], point[1])
+        clearance = _clearance(optics.grid, u, w, lenslet)
+        if clearance > 0 or (clearance == 0 and cell_of(optics.grid, u, w) == lenslet):
+            normal = _times(1 / m.R, _minus(point, ball))
+            met.append((t, min(clearance, half_chord / m.p), _Meeting(t, lenslet, point, normal)))
+        else:
+            missed.append((t, -clearance))
+    if not met:
+        return None, min((far for _, far in missed), default=mp.inf)
+    t, margin, meeting = min(met, key=lambda entry: entry[0])
+    return meeting, min([margin, *(far for t_other, far in missed if t_other <= t)])
+
+
+def _meet_in_reach(
+    optics: Optics, start: Vec, d: Vec, *, leaving: bool
+) -> tuple[_Meeting | None, Mpf]:
+    """`_meet`, given up 16 pitches of horizontal way after start."""
+    m = _model(optics)
+    meeting, margin = _meet(optics, start, d, leaving=leaving)
+    if meeting is None:
+        return None, margin
+    way = mp.hypot(meeting.point[0] - start[0], meeting.point[1] - start[1]) / m.p
+    if UNSURE_FROM < way < UNSURE_TO:
+        margin = mp.mpf(0)
+    return (None, margin) if way > REACH else (meeting, margin)
+
+
+def _blocked(optics: Optics, p: Vec, d: Vec) -> tuple[Vec | None, Mpf]:
+    """Return where a ray that left a dome at p is stopped (None: it gets away), and the margin."""
+    m = _model(optics)
+    heads = m.bulge * d[2]  # positive: away from the glass
+    if heads <= 0:
+        return p, -heads
+    meeting, margin = _meet(optics, p, d, leaving=False, after=mp.mpf(0))
+    if -p[2] / d[2] * mp.hypot(d[0], d[1]) > UNSURE_FROM * m.p:
+        margin = mp.mpf(0)
+    return (None if meeting is None else meeting.point), min(margin, heads)
+
+
+def _leaves_the_shoulder(optics: Optics, p: Vec, d: Vec) -> bool:
+    """Tell whether a ray that entered a dome at p meets the height field again from inside."""
+    meeting, _ = _meet(optics, p, d, leaving=True, after=mp.mpf(0))
+    return meeting is not None
+
+
+# --- panel to world -------------------------------------------------------------------------------
+
+
+def aperture_distance(optics: Optics) -> Mpf:
+    """Return D, the distance of the aperture plane from the panel, mm."""
+    m = _model(optics)
+    return m.gap + m.T / m.n if optics.plano_side == "panel" else max(m.gap, m.sag)
+
+
+def chief_or_aperture_direction(
+    optics: Optics, x: Any, y: Any, lenslet: Lenslet, a: Any = 0, b: Any = 0
+) -> Vec:
+    """Return the unit direction in which a ray leaves the panel point (x, y), mm, panel frame.
+
+    a, b: aperture point, mm, measured from the lenslet's centre along the panel's axes; (0, 0) is
+    the chief ray.
+    """
+    cx, cy = centre_of(optics, lenslet)
+    target = (cx + mp.mpf(a) - mp.mpf(x), cy + mp.mpf(b) - mp.mpf(y), aperture_distance(optics))
+    return _unit(target)
+
+
+def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
+    """Trace one ray of model `exact` from the pixel coordinates (u, v) to the aperture point (a, b).
+
+    u, v: pixels. a, b: mm, from the centre of the pixel's lenslet. See `Ray`.
+    """
+    m = _model(optics)
+    start = panel_point(optics, u, v)
+    home = lenslet_of(optics, start[0], start[1])
+    margin = _clearance(optics.grid, *_lattice(optics, start[0], start[1]), home)
+    d = chief_or_aperture_direction(optics, start[0], start[1], home, a, b)
+    none = mp.mpf(0)
+
+    if optics.plano_side == "panel":
+        face = _to_plane(start, d, m.z_flat)
+        d, _ = _refract(d, _UP, 1 / m.n)
+        meeting, near = _meet_in_reach(optics, face, d, leaving=True)
+        margin = min(margin, near)
+        if meeting is None:
+            return Ray(MISSED, home, face, d, none, margin)
+        out, cos2 = _refract(d, meeting.normal, m.n)
+        margin = min(margin, abs(cos2))
+        if out is None:
+            return Ray(REFLECTED, meeting.lenslet, meeting.point, d, none, margin)
+        stop, near = _blocked(optics, meeting.point, out)
+        margin = min(margin, near)
+        if stop is not None:
+            return Ray(BLOCKED, meeting.lenslet, stop, out, mp.sqrt(cos2), margin)
+        origin = meeting.point
+    else:
+        meeting, near = _meet_in_reach(optics, start, d, leaving=False)
+        margin = min(margin, near)
+        if meeting is None:
+            return Ray(MISSED, home, start, d, none, margin)
+        d, _ = _refract(d, meeting.normal, 1 / m.n)
+        if _leaves_the_shoulder(optics, meeting.point, d):
+            margin = none
+        origin = _to_plane(meeting.point, d, m.z_flat)
+        out, cos2 = _refract(d, _UP, m.n)
+        margin = min(margin, abs(cos2))
+        if out is None:
+            return Ray(REFLECTED, meeting.lenslet, origin, d, none, margin)
+    status = OK if meeting.lenslet == home else CROSSTALK
+    return Ray(status, meeting.lenslet, origin, out, mp.sqrt(cos2), margin)
+
+
+# --- and back -------------------------------------------------------------------------------------
+
+
+def back_to_panel(optics: Optics, origin: Any, direction: Any, lenslet: Lenslet) -> PanelPoint:
+    """Trace an exit ray backwards through one given lenslet's last and first face to the panel.
+
+    origin: 3 numbers, mm, panel frame, on or near the last face; the ray's line is intersected with
+    the face anew, at the point nearest to it. direction: 3 numbers, of the ray that left;
+    normalised here. Nothing is asked about cells or blocking. Raises ValueError when the line
+    misses the dome or reflects totally: no panel point leads to such a ray.
+    """
+    m = _model(optics)
+    p, back = _exact(origin), _times(-1, _unit(_exact(direction)))
+    ball = _ball(optics, lenslet)
+
+    def dome(q: Vec, d: Vec) -> tuple[Mpf, Mpf]:
+        """Both parameters at which the line from q along d meets this lenslet's ball."""
+        foot = _dot(_minus(ball, q), d)
+        to_foot = _minus(_along(q, d, foot), ball)
+        chord2 = m.R**2 - _dot(to_foot, to_foot)
+        if chord2 < 0:
+            raise ValueError(f"the line through {origin} misses the dome of lenslet {lenslet}")
+        return foot - mp.sqrt(chord2), foot + mp.sqrt(chord2)
+
+    def bent(d: Vec, normal: Vec, ratio: Mpf) -> Vec:
+        out, _ = _refract(d, normal, ratio)
+        if out is None:
+            raise ValueError(f"total internal reflection on the way back from {origin}")
+        return out
+
+    if optics.plano_side == "panel":
+        from_ball = _minus(p, ball)
+        off = abs(mp.sqrt(_dot(from_ball, from_ball)) - m.R)
+        face = _along(p, back, min(dome(p, back), key=abs))
+        back = bent(back, _times(1 / m.R, _minus(face, ball)), 1 / m.n)
+        face = _to_plane(face, back, m.z_flat)
+        back = bent(back, _UP, m.n)
+    else:
+        off = abs(p[2] - m.z_flat)
+        face = _to_plane(p, back, m.z_flat)
+        back = bent(back, _UP, 1 / m.n)
+        face = _along(face, back, dome(face, back)[1])  # inside the ball: the far side is the dome
+        back = bent(back, _times(1 / m.R, _minus(face, ball)), m.n)
+    x, y, _ = _to_plane(face, back, m.z_panel)
+    return PanelPoint(x, y, off)
+
+
+def world_to_panel(  # noqa: PLR0911 (one return a fate)
+    optics: Optics, origin: Any, direction: Any
+) -> Landing:
+    """Trace a ray of model `exact` from the world to the panel.
+
+    origin: 3 numbers, mm, panel frame, any point of the ray's line. direction: 3 numbers, towards
+    the panel (z negative), normalised here. See `Landing`.
+    """
+    m = _model(optics)
+    p, d = _exact(origin), _unit(_exact(direction))
+    if d[2] >= 0:
+        return Landing(MISSED, None, None, p, d, d[2])
+    margin = -d[2]
+
+    if optics.plano_side == "panel":
+        meeting, near = _meet_in_reach(optics, _to_plane(p, d, mp.mpf(0)), d, leaving=False)
+        margin = min(margin, near)
+        if meeting is None:
+            return Landing(MISSED, None, None, p, d, margin)
+        d, _ = _refract(d, meeting.normal, 1 / m.n)
+        if _leaves_the_shoulder(optics, meeting.point, d):
+            margin = mp.mpf(0)
+        face = _to_plane(meeting.point, d, m.z_flat)
+        out, cos2 = _refract(d, _UP, m.n)
+        margin = min(margin, abs(cos2))
+        if out is None:
+            return Landing(REFLECTED, meeting.lenslet, None, face, d, margin)
+    else:
+        entry = _to_plane(p, d, m.z_flat)
+        d, _ = _refract(d, _UP, 1 / m.n)
+        meeting, near = _meet_in_reach(optics, entry, d, leaving=True)
+        margin = min(margin, near)
+        if meeting is None:
+            return Landing(MISSED, None, None, entry, d, margin)
+        face = meeting.point
+        out, cos2 = _refract(d, meeting.normal, m.n)
+        margin = min(margin, abs(cos2))
+        if out is None:
+            return Landing(REFLECTED, meeting.lenslet, None, face, d, margin)
+        stop, near = _blocked(optics, face, out)
+        margin = min(margin, near)
+        if stop is not None:
+            return Landing(BLOCKED, meeting.lenslet, None, stop, out, margin)
+
+    point = _to_plane(face, out, m.z_panel)
+    u, v = pixel_of(optics, point[0], point[1])
+    margin = min(
+        margin, *(abs(q) * m.pixel / m.p for q in (u, v, u - optics.width_px, v - optics.height_px))
+    )
+    if not (0 <= u < optics.width_px and 0 <= v < optics.height_px):
+        return Landing(BLOCKED, meeting.lenslet, (u, v), point, out, margin)
+    u_cell, w_cell = _lattice(optics, point[0], point[1])
+    owner = cell_of(optics.grid, u_cell, w_cell)
+    margin = min(margin, _clearance(optics.grid, u_cell, w_cell, owner))
+    return Landing(
+        OK if owner == meeting.lenslet else CROSSTALK, meeting.lenslet, (u, v), point, out, margin
+    )
+
+
+# --- closed cases ---------------------------------------------------------------------------------
+
+
+def lensmaker_focal_length(radius_mm: Any, index: Any) -> Mpf:
+    """Return f of a plano-convex lens in air, mm, for any thickness.
+
+    The lensmaker's equation `1/f = (n - 1) (1/R1 - 1/R2 + (n - 1) t / (n R1 R2))` with R2 infinite
+    (E. Hecht, Optics, ch. 6).
+    """
+    return mp.mpf(radius_mm) / (mp.mpf(index) - 1)
+
+
+def back_focal_length(
+    radius_mm: Any, index: Any, thickness_mm: Any, first: Literal["curved", "flat"]
+) -> Mpf:
+    """Return the paraxial distance from the last vertex to the focus of parallel light, mm.
+
+    Curved face first: the sphere alone draws the light together at n f behind its vertex, inside
+    glass; the flat face, T behind it, brings what is left of that, n f - T, to (n f - T) / n = f -
+    T / n. Flat face first: parallel light passes it unbent, and the sphere stands last, so f
+    whatever the thickness.
+    """
+    f = lensmaker_focal_length(radius_mm, index)
+    return f - mp.mpf(thickness_mm) / mp.mpf(index) if first == "curved" else f
+
+
+def third_order_longitudinal_aberration(
+    radius_mm: Any, index: Any, thickness_mm: Any, height_mm: Any, first: Literal["curved", "flat"]
+) -> Mpf:
+    """Return the third-order longitudinal spherical aberration (Seidel) for parallel light, mm.
+
+    That is the term in h^2 of L(h) - L(0): L(h) is the distance behind the last vertex at which a
+    ray that came in parallel to the axis at height h crosses it. Negative: the rim focuses short.
+    Derivation, with x = h / R:
+
+    Flat face first. The ray meets the sphere from inside at sin i = x, leaves at sin t = n x, turns
+    by delta = t - i = (n - 1) x + (n^3 - 1) x^3 / 6 and crosses the axis at L = h / tan(delta) - (R
+    - sqrt(R^2 - h^2)). With h / tan(delta) = f (1 - (n^2 - n + 1) x^2 / 2) and the sag R x^2 / 2 =
+    f (n - 1) x^2 / 2 the terms collect to
+
+        LSA = -f n^2 x^2 / 2 = -n^2 h^2 / (2 (n - 1)^2 f),    whatever the thickness.
+
+    Curved face first. At the sphere the same with n -> 1/n and the sag added: the ray aims at the
+    depth z1 = n f (1 - x^2 / (2 n^2)) under the slope delta = (n - 1) x / n. The flat face turns
+    delta into theta, sin(theta) = n sin(delta), so that tan(delta) / tan(theta) = (1 - (n^2 - 1)
+    delta^2 / 2) / n and L = (z1 - T) tan(delta) / tan(theta):
+
+        LSA = -x^2 / (2 n^2) (f + (n f - T) (n^2 - 1) (n - 1)^2 / n),
+        thin: -(n^3 - 2 n^2 + 2) h^2 / (2 n (n - 1)^2 f).
+
+    For T = 0 both are the formula of F. A. Jenkins and H. E. White, Fundamentals of Optics, 4th
+    edition, chapter 9 (spherical aberration of a thin lens, position factor -1, shape factor +-1):
+    4.5 and 7/6 times h^2 / f for n = 1.5.
+    """
+    n, T = mp.mpf(index), mp.mpf(thickness_mm)
+    f = lensmaker_focal_length(radius_mm, index)
+    x2 = (mp.mpf(height_mm) / mp.mpf(radius_mm)) ** 2
+    if first == "flat":
+        return -f * n**2 * x2 / 2
+    return -x2 / (2 * n**2) * (f + (n * f - T) * (n**2 - 1) * (n - 1) ** 2 / n)
+
+
+# --- the way back for many rays -------------------------------------------------------------------
+
+
+def has_long_longdouble() -> bool:
+    """Tell whether longdouble has the 64 bits of mantissa that `back_to_panel_many` needs here."""
+    return bool(np.finfo(np.longdouble).eps < 2e-19)
+
+
+def back_to_panel_many(
+    origin: npt.ArrayLike,
+    direction: npt.ArrayLike,
+    lenslet: npt.ArrayLike,
+    *,
+    hexagonal: npt.ArrayLike,
+    plano_viewer: npt.ArrayLike,
+    pitch_mm: npt.ArrayLike,
+    radius_mm: npt.ArrayLike,
+    index: npt.ArrayLike,
+    thickness_mm: npt.ArrayLike,
+    gap_mm: npt.ArrayLike,
+    rotation_rad: npt.ArrayLike = 0.0,
+    offset_mm: npt.ArrayLike = (0.0, 0.0),
+) -> tuple[LongArray, LongArray]:
+    """Trace n exit rays backwards to the panel, each through its own display, in longdouble.
+
+    Shares no code with the rest of this file.
+
+    origin: (n, 3), mm, panel frame, near the last face. direction: (n, 3), of the rays that left;
+    normalised here. lenslet: (n, 2) int, the (i, j) passed. All others are one display's numbers,
+    (n,) or a scalar for all, offset_mm (n, 2) or (2,): hexagonal, plano_viewer bool; mm and radians
+    as in `Optics`. Returns the panel points (n, 2) and the distance of each origin from its last
+    face (n,), longdouble, mm. NaN where no panel point leads to the ray (the dome missed, total
+    internal reflection).
+
+    The error against `back_to_panel` stays below 1e-15 mm for panels of some 100 mm and exit rays
+    not closer to grazing than cos_theta_t = 0.01.
+    """
+    if not has_long_longdouble():
+        raise RuntimeError("back_to_panel_many needs a longdouble of 64 bits of mantissa or more")
+
+    def long(values: npt.ArrayLike) -> LongArray:
+        return np.asarray(values).astype(np.longdouble)
+
+    o, d, ij = long(origin), long(direction), long(lenslet)
+    p, R, n, T, gap, turn = (
+        long(q) for q in (pitch_mm, radius_mm, index, thickness_mm, gap_mm, rotation_rad)
+    )
+    hexagonal, viewer = np.asarray(hexagonal, bool), np.asarray(plano_viewer, bool)
+    shift = long(offset_mm)
+
+    # Move the lenslet's vertex to the origin and, where the domes point to the panel, mirror z:
+    # then every dome points up.
+    i, j = ij[:, 0], ij[:, 1]
+    X = p * np.where(hexagonal, i + j / 2, i)
+    Y = p * j * np.where(hexagonal, np.sqrt(np.longdouble(3)) / 2, np.longdouble(1))
+    cx = shift[..., 0] + (np.cos(turn) * X - np.sin(turn) * Y)
+    cy = shift[..., 1] + (np.sin(turn) * X + np.cos(turn) * Y)
+    mirror = np.where(viewer, np.longdouble(-1), np.longdouble(1))
+    x, y, z = o[:, 0] - cx, o[:, 1] - cy, mirror * o[:, 2]
+    length = np.sqrt((d * d).sum(axis=1))
+    dx, dy, dz = -d[:, 0] / length, -d[:, 1] / length, -mirror * d[:, 2] / length
+
+    def to_dome(
+        x: LongArray, y: LongArray, z: LongArray, dx: LongArray, dy: LongArray, dz: LongArray
+    ) -> LongArray:
+        """Parameter of the line's nearest point on x^2 + y^2 + z^2 + 2 R z = 0."""
+        b = x * dx + y * dy + (z + R) * dz
+        c = x * x + y * y + z * (z + 2 * R)
+        return -c / (b + np.copysign(np.sqrt(b * b - c), b))
+
+    def bend(
+        dx: LongArray,
+        dy: LongArray,
+        dz: LongArray,
+        a: LongArray,
+        b: LongArray,
+        c: LongArray,
+        ratio: LongArray,
+    ) -> tuple[LongArray, LongArray, LongArray]:
+        """Refract (dx, dy, dz) at the unit normal (a, b, c): d' = ratio d + gamma normal."""
+        cos_i = dx * a + dy * b + dz * c
+        gamma = np.copysign(np.sqrt(1 - ratio * ratio * (1 - cos_i * cos_i)), cos_i) - ratio * cos_i
+        return ratio * dx + gamma * a, ratio * dy + gamma * b, ratio * dz + gamma * c
+
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Last face: the dome, or the flat one at depth T under the mirrored vertices' plane.
+        depth = np.hypot(np.hypot(x, y), z + R)
+        off = np.where(
+            viewer, np.abs(z + T), np.abs((x * x + y * y + z * (z + 2 * R)) / (depth + R))
+        )
+        t = np.where(viewer, (-T - z) / dz, to_dome(x, y, z, dx, dy, dz))
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        normal = (
+            np.where(viewer, zero, x / R),
+            np.where(viewer, zero, y / R),
+            np.where(viewer, one, z / R + 1),
+        )
+        dx, dy, dz = bend(dx, dy, dz, *normal, 1 / n)
+        # First face. Seen from the flat face the dome ahead is not always the nearer side of the
+        # ball, for a ball smaller than the glass is thick: start from where the ray crosses the
+        # vertices' plane, which is always nearer to the dome.
+        to_vertices = -z / dz
+        xv, yv = x + to_vertices * dx, y + to_vertices * dy
+        t = np.where(viewer, to_vertices + to_dome(xv, yv, zero, dx, dy, dz), (-T - z) / dz)
+        x, y, z = x + t * dx, y + t * dy, z + t * dz
+        normal = (
+            np.where(viewer, x / R, zero),
+            np.where(viewer, y / R, zero),
+            np.where(viewer, z / R + 1, one),
+        )
+        dx, dy, dz = bend(dx, dy, dz, *normal, n * one)
+        # The panel: below the flat face, or above the domes' vertices in the mirrored frame.
+        t = (np.where(viewer, gap, -(T + gap)) - z) / dz
+        return np.stack([x + t * dx + cx, y + t * dy + cy], axis=1), off
