@@ -1,7 +1,7 @@
 """Small tools shared by the scene generators: noise, textures, meshes and Mitsuba XML.
 
-Frame and unit of everything here: the display frame of Lippmann, in millimetres, x right, y up, +z towards the viewer,
-the display being the plane z = 0.
+Everything here is in the display frame of Lippmann, in millimetres: x right, y up, +z towards the
+viewer, the display in the plane z = 0.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DISPLAY_MM = 101.6
 """Side of the square window that this sensor frames."""
 
 
-# --- numbers ----------------------------------------------------------------------------------------------------------
+# --- numbers --------------------------------------------------------------------------------------
 
 
 def unit(v: ArrayLike) -> Array:
@@ -38,7 +38,7 @@ def smoothstep(low: float, high: float, x: ArrayLike) -> Array:
 
 
 def mix(a: ArrayLike, b: ArrayLike, weight: ArrayLike) -> Array:
-    """Blend colours: `a` where `weight` is 0, `b` where it is 1; `weight` has one axis less than the result."""
+    """Blend colours: `a` where `weight` is 0, `b` where it is 1; `weight` lacks the colour axis."""
     w = np.asarray(weight, dtype=np.float64)[..., None]
     return np.asarray(a, dtype=np.float64) * (1.0 - w) + np.asarray(b, dtype=np.float64) * w
 
@@ -59,10 +59,13 @@ def curve(knots: list[tuple[float, float]], x: ArrayLike) -> Array:
     )
 
 
-def noise(rng: np.random.Generator, shape: tuple[int, int], exponent: float = 1.8, low_cut: float = 2.0) -> Array:
+def noise(
+    rng: np.random.Generator, shape: tuple[int, int], exponent: float = 1.8, low_cut: float = 2.0
+) -> Array:
     """Tileable fractal noise, normalised to mean 0 and standard deviation 1.
 
-    The amplitude falls as frequency to the power `-exponent`; frequencies under `low_cut` cycles per image are left out.
+    The amplitude falls as frequency to the power `-exponent`; frequencies under `low_cut` cycles
+    per image are left out.
     """
     fy = np.fft.fftfreq(shape[0], 1.0 / shape[0])[:, None]
     fx = np.fft.fftfreq(shape[1], 1.0 / shape[1])[None, :]
@@ -72,23 +75,27 @@ def noise(rng: np.random.Generator, shape: tuple[int, int], exponent: float = 1.
     return (field - field.mean()) / field.std()
 
 
-# --- files ------------------------------------------------------------------------------------------------------------
+# --- files ----------------------------------------------------------------------------------------
 
 
 def save_texture(path: Path, srgb: Array) -> None:
     """Write an `(h, w, 3)` sRGB image, values in [0, 1], as an 8-bit PNG."""
-    Image.fromarray(np.round(np.clip(srgb, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, optimize=True)
+    Image.fromarray(np.round(np.clip(srgb, 0.0, 1.0) * 255.0).astype(np.uint8)).save(
+        path, optimize=True
+    )
 
 
 def texel_grid(height: int, width: int) -> tuple[Array, Array]:
-    """Texture coordinates `(u, v)` of the texel centres, both `(height, width)`, v = 0 on the first row."""
-    v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij")
+    """Coordinates `(u, v)` of texel centres, each `(height, width)`, v = 0 on the first row."""
+    v, u = np.meshgrid(
+        (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij"
+    )
     return u, v
 
 
 @dataclass
 class Mesh:
-    """A triangle mesh: `(n, 3)` positions in mm, `(n, 3)` unit normals, `(n, 2)` texture coordinates, `(m, 3)` faces."""
+    """A triangle mesh: `(n, 3)` positions in mm and unit normals, `(n, 2)` uv, `(m, 3)` faces."""
 
     position: Array
     normal: Array
@@ -107,7 +114,7 @@ class Mesh:
         )
 
     def save(self, path: Path, *, with_uv: bool = True) -> None:
-        """Write a binary PLY with smooth normals and, unless told otherwise, texture coordinates."""
+        """Write a binary PLY with smooth normals and, unless told otherwise, with uv."""
         names = ("x", "y", "z", "nx", "ny", "nz") + (("u", "v") if with_uv else ())
         header = (
             f"ply\nformat binary_little_endian 1.0\nelement vertex {len(self.position)}\n"
@@ -122,11 +129,14 @@ class Mesh:
         path.write_bytes(header.encode("ascii") + vertex.tobytes() + face.tobytes())
 
 
-def grid_mesh(position: Array, uv: Array, normal: Array | None = None, *, around: bool = False) -> Mesh:
+def grid_mesh(
+    position: Array, uv: Array, normal: Array | None = None, *, around: bool = False
+) -> Mesh:
     """Mesh an `(n, m, 3)` grid of points.
 
-    Without `normal`, normals come from central differences, along (second axis) x (first axis); with `around`, the second
-    axis closes on itself (its last column repeats the first). A face's own normal is on the same side as its vertices'.
+    Without `normal`, normals come from central differences: (second axis) x (first axis). With
+    `around` the second axis closes on itself, its last column repeating the first. The winding
+    agrees with (second axis) x (first axis).
     """
     n, m = position.shape[:2]
     if normal is None:
@@ -140,15 +150,19 @@ def grid_mesh(position: Array, uv: Array, normal: Array | None = None, *, around
         normal = np.where(size > 1e-12, normal / np.maximum(size, 1e-12), [0.0, 0.0, 1.0])
     index = np.arange(n * m).reshape(n, m)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    face = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
-    return Mesh(position.reshape(-1, 3), normal.reshape(-1, 3), uv.reshape(-1, 2), face.astype(np.int32))
+    face = np.concatenate(
+        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)]
+    )
+    return Mesh(
+        position.reshape(-1, 3), normal.reshape(-1, 3), uv.reshape(-1, 2), face.astype(np.int32)
+    )
 
 
-# --- Mitsuba XML ------------------------------------------------------------------------------------------------------
+# --- Mitsuba XML ----------------------------------------------------------------------------------
 
 
 def numbers(values: ArrayLike, digits: int = 6) -> str:
-    """Format numbers for an XML attribute: at most `digits` of them after the point, and no negative zero."""
+    """Format numbers for an XML attribute: up to `digits` after the point, no negative zero."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits).ravel()
     return " ".join(f"{value + 0.0:.{digits + 4}g}" for value in rounded)
 
@@ -157,7 +171,7 @@ class SceneFile:
     """A Mitsuba 3 scene description in the making."""
 
     def __init__(self, title: str, max_depth: int = 4) -> None:
-        """Start a scene with the path integrator and a perspective sensor that frames the display."""
+        """Start a scene with the path integrator and a sensor that frames the display."""
         self.root = ET.Element("scene", version="3.0.0")
         self.root.append(ET.Comment(f" {title} "))
         for name, value in (("spp", "64"), ("resolution", "512")):
@@ -185,8 +199,10 @@ class SceneFile:
         outer = ET.SubElement(self.root, "bsdf", type="twosided", id=name)
         return ET.SubElement(outer, "bsdf", type=kind)
 
-    def diffuse(self, name: str, albedo: str | ArrayLike, *, two_sided: bool = False, nearest: bool = False) -> None:
-        """Add a diffuse material; `albedo` is the file name of an sRGB picture, or a linear RGB triple."""
+    def diffuse(
+        self, name: str, albedo: str | ArrayLike, *, two_sided: bool = False, nearest: bool = False
+    ) -> None:
+        """Add a diffuse material; `albedo` names an sRGB picture, or is a linear RGB triple."""
         bsdf = self._bsdf("diffuse", name, two_sided)
         if isinstance(albedo, str):
             texture = ET.SubElement(bsdf, "texture", type="bitmap", name="reflectance")
@@ -209,7 +225,7 @@ class SceneFile:
         ET.SubElement(bsdf, "float", name="ext_ior", value="1")
 
     def point_light(self, position: ArrayLike, irradiance: ArrayLike) -> None:
-        """Add a point light that gives the origin `irradiance` (linear RGB) on a surface facing it."""
+        """Add a point light; it gives a surface at the origin that faces it this `irradiance`."""
         position = np.asarray(position, dtype=np.float64)
         light = ET.SubElement(self.root, "emitter", type="point")
         ET.SubElement(light, "point", name="position", value=numbers(position))
@@ -225,8 +241,10 @@ class SceneFile:
         """Add a mesh file."""
         ET.SubElement(self._shape("ply", bsdf), "string", name="filename", value=filename)
 
-    def sphere(self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None) -> None:
-        """Add a sphere; the rows of `axes` are its own x, y, z directions (z: the pole where v = 0; u = 0 towards x)."""
+    def sphere(
+        self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None
+    ) -> None:
+        """Add a sphere; the rows of `axes` are its own directions x (u = 0), y and z (v = 0)."""
         shape = self._shape("sphere", bsdf)
         if axes is None:
             ET.SubElement(shape, "point", name="center", value=numbers(centre))
@@ -245,7 +263,7 @@ class SceneFile:
         bsdf: str,
         rotate: tuple[str, float] | None = None,
     ) -> None:
-        """Add a card of `size` (width, height) that faces the viewer, or is turned by `rotate` (axis, degrees)."""
+        """Add a card of `size` (width, height), facing the viewer unless turned (axis, degrees)."""
         pose = ET.SubElement(self._shape("rectangle", bsdf), "transform", name="to_world")
         ET.SubElement(pose, "scale", value=numbers([size[0] / 2.0, size[1] / 2.0, 1.0]))
         if rotate is not None and rotate[1]:

@@ -208,9 +208,13 @@ def load_display(path: str | Path) -> Display:
     try:
         text = path.read_bytes().decode()
     except FileNotFoundError:
-        raise input_error(str(path), "no such file", "give the path of a display file (.toml)") from None
+        raise input_error(
+            str(path), "no such file", "give the path of a display file (.toml)"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "give a display file (.toml)") from None
+        raise input_error(
+            str(path), f"cannot be read ({error})", "give a display file (.toml)"
+        ) from None
     return parse_display(text, str(path))
 
 

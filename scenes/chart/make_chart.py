@@ -1,7 +1,8 @@
-"""Make the chart scene: small bright spheres and test cards at known depths, a smooth part, and a plain room around them.
+"""Make the chart scene: small bright spheres and test cards at known depths, and a smooth part.
 
-Run `python scenes/chart/make_chart.py`: textures, `chart.xml` and `chart.toml` are written beside this file. Lengths are in
-mm in the display's frame (see `scenekit`). `chart.toml` tells tests where everything is.
+Run `python scenes/chart/make_chart.py`: textures, `chart.xml` and `chart.toml` are written beside
+this file. Lengths are in mm in the display's frame (see `scenekit`). `chart.toml` tells tests
+where everything is.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ HERE = Path(__file__).resolve().parent
 
 # name: (centre, radius)
 SPHERES: dict[str, tuple[tuple[float, float, float], float]] = {
-    "sphere_back_60": ((-8.0, -16.0, -60.0), 2.5),
+    "sphere_back_60": ((-12.0, 2.0, -60.0), 2.5),
     "sphere_back_20": ((-40.0, 4.0, -20.0), 2.0),
     "sphere_front_20": ((42.0, 2.0, 20.0), 2.0),
     "sphere_front_60": ((6.0, -6.0, 60.0), 2.0),
@@ -30,13 +31,16 @@ CARDS: dict[str, tuple[tuple[float, float, float], tuple[float, float]]] = {
     "star": ((12.0, -30.0, -1.0), (28.0, 28.0)),
     "checker": ((39.0, -17.0, 25.0), (14.0, 14.0)),
 }
-LINE_PAIR_PERIODS = (6.0, 4.0, 3.0, 2.0, 1.5, 1.0)
-"""Periods in mm of the rows of the card `line_pairs`, from top to bottom; left half upright lines, right half level."""
+LINE_PAIR_PERIODS = (4.0, 3.0, 2.0, 1.5, 1.0, 0.75)
+"""Periods in mm of the rows of the card `line_pairs`, from top to bottom.
+
+The left half has upright lines, the right half level ones.
+"""
 STAR_SPOKES = 24
 CHECKER_SQUARE = 2.0
 
 SMOOTH = ((0.0, 60.0, -30.0), (300.0, 100.0))
-"""The smooth part, (centre, size): its lower edge is at y = 10, and everything else stays below it."""
+"""The smooth part, (centre, size): its lower edge is at y = 10, everything else is below it."""
 ROOM_HALF, ROOM_BACK, ROOM_FRONT = 220.0, -130.0, 78.0
 
 INK, PAPER = 0.10, 0.86
@@ -44,7 +48,10 @@ INK, PAPER = 0.10, 0.86
 
 
 def card_picture(white: Array, size: tuple[float, float], border: float = 0.8) -> Array:
-    """Turn coverage by white into an sRGB picture with a dark border `border` mm wide; first row at the bottom."""
+    """Turn coverage by white into an sRGB picture with a dark border of `border` mm.
+
+    Its first row belongs at the bottom of the card, where v = 0.
+    """
     u, v = texel_grid(*white.shape)
     inset = np.minimum(np.minimum(u, 1.0 - u) * size[0], np.minimum(v, 1.0 - v) * size[1])
     white = np.where(inset < border, 0.0, white)
@@ -54,7 +61,7 @@ def card_picture(white: Array, size: tuple[float, float], border: float = 0.8) -
 
 
 def coverage(pattern: Array, factor: int = 4) -> Array:
-    """Average a 0-1 pattern over `factor` x `factor` blocks, so that edges fall between texels without jaggies."""
+    """Average a 0-1 pattern over `factor` x `factor` blocks: edges without jaggies."""
     height, width = pattern.shape
     return pattern.reshape(height // factor, factor, width // factor, factor).mean(axis=(1, 3))
 
@@ -81,7 +88,9 @@ def siemens_star(size: tuple[float, float], texels: int = 768) -> Array:
     x, y = (u - 0.5) * size[0], (0.5 - v) * size[1]
     spokes = np.cos(STAR_SPOKES * np.arctan2(y, x)) < 0.0
     radius = np.hypot(x, y)
-    return coverage(np.where((radius > 0.44 * size[0]) | (radius < 0.4), 1.0, spokes.astype(np.float64)))
+    return coverage(
+        np.where((radius > 0.44 * size[0]) | (radius < 0.4), 1.0, spokes.astype(np.float64))
+    )
 
 
 def checker(size: tuple[float, float], texels: int = 256) -> Array:
@@ -92,7 +101,7 @@ def checker(size: tuple[float, float], texels: int = 256) -> Array:
 
 
 def smooth_picture() -> Array:
-    """A colour gradient without edges: slow waves of hue, the middle of the scale everywhere; first row at the bottom."""
+    """A colour gradient without edges: slow waves of hue in the middle of the scale."""
     u, v = texel_grid(256, 768)
     warm = 0.5 + 0.5 * np.cos(2.0 * np.pi * (1.1 * u - 0.25 * v))
     fresh = 0.5 + 0.5 * np.sin(2.0 * np.pi * (0.8 * u + 0.45 * v) + 0.7)
@@ -103,17 +112,14 @@ def smooth_picture() -> Array:
 def wall_picture() -> Array:
     """The room's walls: a plain dark blue-grey that lightens slowly to the middle."""
     u, v = texel_grid(128, 128)
-    return mix((0.26, 0.30, 0.38), (0.36, 0.40, 0.47), np.exp(-6.0 * ((u - 0.5) ** 2 + (v - 0.5) ** 2)))
-
-
-def room_wall(scene: SceneFile, centre: Array, axis: str, angle: float, half: tuple[float, float]) -> None:
-    """Add one wall of the room: a rectangle of half-size `half`, turned about `axis`, with its face to the inside."""
-    scene.rectangle(centre, (2.0 * half[0], 2.0 * half[1]), "wall", rotate=(axis, angle))
+    return mix(
+        (0.26, 0.30, 0.38), (0.36, 0.40, 0.47), np.exp(-6.0 * ((u - 0.5) ** 2 + (v - 0.5) ** 2))
+    )
 
 
 def toml_list(values: tuple[float, ...]) -> str:
     """Format numbers as a TOML array."""
-    return "[" + ", ".join(f"{value:.1f}" for value in values) + "]"
+    return "[" + ", ".join(str(float(value)) for value in values) + "]"
 
 
 def write_toml(path: Path) -> None:
@@ -128,7 +134,13 @@ def write_toml(path: Path) -> None:
         f"far_mm = {ROOM_BACK:.1f} # the room's back wall",
     ]
     for name, (centre, radius) in SPHERES.items():
-        lines += ["", "[[object]]", f'name = "{name}"', 'kind = "sphere"', f"centre_mm = {toml_list(centre)}"]
+        lines += [
+            "",
+            "[[object]]",
+            f'name = "{name}"',
+            'kind = "sphere"',
+            f"centre_mm = {toml_list(centre)}",
+        ]
         lines += [f"radius_mm = {radius:.1f}"]
     notes = {
         "line_pairs": [f"periods_mm = {toml_list(LINE_PAIR_PERIODS)} # rows from top to bottom"],
@@ -136,14 +148,25 @@ def write_toml(path: Path) -> None:
         "checker": [f"square_mm = {CHECKER_SQUARE:.1f}"],
     }
     for name, (centre, size) in {**CARDS, "smooth": SMOOTH}.items():
-        lines += ["", "[[object]]", f'name = "{name}"', f'kind = "{"smooth" if name == "smooth" else "card"}"']
-        lines += [f"centre_mm = {toml_list(centre)}", f"size_mm = {toml_list(size)}", *notes.get(name, [])]
+        lines += [
+            "",
+            "[[object]]",
+            f'name = "{name}"',
+            f'kind = "{"smooth" if name == "smooth" else "card"}"',
+        ]
+        lines += [
+            f"centre_mm = {toml_list(centre)}",
+            f"size_mm = {toml_list(size)}",
+            *notes.get(name, []),
+        ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def main() -> None:
     """Write textures, the scene and its table."""
-    scene = SceneFile("Test chart at known depths: made by make_chart.py, millimetres in the display's frame")
+    scene = SceneFile(
+        "Test chart at known depths: made by make_chart.py, millimetres in the display's frame"
+    )
     pictures = {
         "line_pairs": card_picture(line_pairs(CARDS["line_pairs"][1]), CARDS["line_pairs"][1]),
         "star": card_picture(siemens_star(CARDS["star"][1]), CARDS["star"][1]),
@@ -156,26 +179,27 @@ def main() -> None:
         scene.diffuse(name, f"{name}.png", two_sided=name == "wall")
     scene.diffuse("bright", (0.92, 0.92, 0.90))
 
-    # Far lights beside the viewer, a little above: smooth light, and every shadow falls close behind what casts it, clear
-    # of the smooth part and of the other cards
+    # Far lights beside the viewer, a little below: smooth light; every shadow falls close behind
+    # what casts it, clear of the smooth part and of the other cards, and that of the smooth part
+    # stays hidden behind it
     for x in (-400.0, -200.0, 0.0, 200.0, 400.0):
-        scene.point_light((x, 90.0, 2000.0), np.full(3, 0.64))
+        scene.point_light((x, -60.0, 2000.0), np.full(3, 0.64))
 
     for centre, radius in SPHERES.values():
         scene.sphere(centre, radius, "bright")
     for name, (centre, size) in {**CARDS, "smooth": SMOOTH}.items():
         scene.rectangle(centre, size, name)
     # The room is open only towards the viewer, where the lights are
-    depth = ROOM_FRONT - ROOM_BACK
+    width, depth = 2.0 * ROOM_HALF, ROOM_FRONT - ROOM_BACK
     middle = (ROOM_FRONT + ROOM_BACK) / 2.0
-    half = (ROOM_HALF, ROOM_HALF)
-    room_wall(scene, np.array([0.0, 0.0, ROOM_BACK]), "y", 0.0, half)
-    room_wall(scene, np.array([-ROOM_HALF, 0.0, middle]), "y", 90.0, (depth / 2.0, ROOM_HALF))
-    room_wall(scene, np.array([ROOM_HALF, 0.0, middle]), "y", -90.0, (depth / 2.0, ROOM_HALF))
-    room_wall(scene, np.array([0.0, -ROOM_HALF, middle]), "x", -90.0, (ROOM_HALF, depth / 2.0))
+    scene.rectangle((0.0, 0.0, ROOM_BACK), (width, width), "wall")
+    scene.rectangle((-ROOM_HALF, 0.0, middle), (depth, width), "wall", rotate=("y", 90.0))
+    scene.rectangle((ROOM_HALF, 0.0, middle), (depth, width), "wall", rotate=("y", -90.0))
+    scene.rectangle((0.0, -ROOM_HALF, middle), (width, depth), "wall", rotate=("x", -90.0))
+    scene.rectangle((0.0, ROOM_HALF, middle), (width, depth), "wall", rotate=("x", 90.0))
     scene.save(HERE / "chart.xml")
     write_toml(HERE / "chart.toml")
-    print(f"chart.xml: {len(SPHERES)} spheres, {len(CARDS)} cards, the smooth part, 4 walls")
+    print(f"chart.xml: {len(SPHERES)} spheres, {len(CARDS)} cards, the smooth part, 5 walls")
 
 
 if __name__ == "__main__":

@@ -101,7 +101,9 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     )
     blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
     passes = ~crossing.missed & ~blocked
-    at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
+    at_flat = transported(
+        inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm
+    )
     at_flat = at_flat._replace(dz=inside.dz)
     out, reflected = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
@@ -129,4 +131,3 @@ def _exit(
     status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
     status = b.where(crossing.missed, int(Status.MISSED), status)
     return Exit(ray, di, dj, start[2] + crossing.cx, start[3] + crossing.cy, b.integer(status))
-

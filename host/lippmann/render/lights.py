@@ -19,6 +19,14 @@ def register_lights(mi: Any) -> None:
     """
     import drjit as dr
 
+    everything = mi.BSDFContext()
+
+    def is_delta(emitter: Any) -> bool:
+        return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
+
+    def reflectance_of_all(bsdf: Any, si: Any, ways: list[Any], active: Any) -> list[Any]:
+        return [bsdf.eval(everything, si, wo, active) for wo in ways]
+
     class Lights(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
@@ -28,7 +36,8 @@ def register_lights(mi: Any) -> None:
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
             emitters = list(scene.emitters())
-            everything = mi.BSDFContext()
+            # Point, spot and directional lights cannot be seen: nothing to add where a ray meets them.
+            visible_emitters = not all(is_delta(emitter) for emitter in emitters)
             mirror_only = mi.BSDFContext()
             mirror_only.type_mask = mi.BSDFFlags.Delta
 
@@ -42,7 +51,7 @@ def register_lights(mi: Any) -> None:
                 active: Any,
             ) -> tuple[Any, ...]:
                 si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
-                if emitters:
+                if visible_emitters:
                     # Seen directly or in a mirror: the emitter's own brightness.
                     radiance += dr.select(
                         active, throughput * si.emitter(scene, active).eval(si, active), 0.0
@@ -50,12 +59,14 @@ def register_lights(mi: Any) -> None:
                 active &= si.is_valid()
                 seen |= active
                 bsdf = si.bsdf(ray)
-                smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-                for emitter in emitters:
-                    radiance += throughput * light_of(emitter, sampler, si, bsdf, smooth)
+                flags = bsdf.flags()
+                smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
+                radiance += dr.select(
+                    smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0
+                )
                 depth += 1
                 # On along the mirror or refracted direction only.
-                active &= mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta) & (depth < self.max_depth)
+                active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < self.max_depth)
                 turn, weight = bsdf.sample(
                     mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active
                 )
@@ -64,19 +75,25 @@ def register_lights(mi: Any) -> None:
                 active &= dr.any(throughput != 0.0)
                 return sampler, ray, throughput, radiance, depth, seen, active
 
-            def light_of(emitter: Any, sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
-                ds, weight = emitter.sample_direction(
-                    si, mi.Point2f(0.5) if is_delta(emitter) else sampler.next_2d(active), active
-                )
-                wo = si.to_local(ds.d)
-                lit = active & (ds.pdf != 0.0) & dr.any(weight != 0.0)
-                value = weight * bsdf.eval(everything, si, wo, lit)
-                lit &= dr.any(value != 0.0)
-                lit &= ~scene.ray_test(si.spawn_ray_to(ds.p), lit)
-                return dr.select(lit, value, 0.0)
-
-            def is_delta(emitter: Any) -> bool:
-                return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
+            def lit_by_all(sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
+                arrivals = [
+                    emitter.sample_direction(
+                        si,
+                        mi.Point2f(0.5) if is_delta(emitter) else sampler.next_2d(active),
+                        active,
+                    )
+                    for emitter in emitters
+                ]
+                ways = [si.to_local(ds.d) for ds, _ in arrivals]
+                # One call for all lights, so that a texture is looked up once.
+                reflectances = dr.dispatch(bsdf, reflectance_of_all, si, ways, active)
+                total = mi.Spectrum(0.0)
+                for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
+                    value = dr.select(ds.pdf != 0.0, weight * reflectance, 0.0)
+                    lit = active & dr.any(value != 0.0)
+                    shadowed = scene.ray_test(si.spawn_ray_to(ds.p), lit)
+                    total += dr.select(lit & ~shadowed, value, 0.0)
+                return total
 
             state = (
                 sampler,

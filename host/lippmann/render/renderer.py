@@ -79,7 +79,9 @@ class Settings:
         if not 1 <= self.samples <= MAX_SAMPLES:
             raise InputError(f"samples {self.samples} is out of range; give 1 to {MAX_SAMPLES}")
         if self.aperture not in APERTURES:
-            raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
+            raise InputError(
+                f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}"
+            )
         if not 1 <= self.max_depth <= 1000:
             raise InputError(f"max depth {self.max_depth} is out of range; give 1 to 1000")
         if not 0 <= self.seed < 2**32:
@@ -247,7 +249,9 @@ def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
     else:
         register_lights(mi)
         try:
-            integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
+            integrator = mi.load_dict(
+                {"type": settings.integrator, "max_depth": settings.max_depth}
+            )
         except Exception as error:
             # Mitsuba's `direct` counts no surfaces.
             try:
@@ -315,7 +319,9 @@ def render(
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
         colour = list(dr.select(alive, mi.Color3f(radiance), 0.0))
         if samples > 1:
-            colour = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+            colour = [
+                dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour
+            ]
             dr.eval(colour)
             place = dr.arange(mi.UInt32, count * tile_pixels)
             pixel, inside = _pixel_of(mi, first_tile, place, width, height)
@@ -332,7 +338,10 @@ def render(
         seed = (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF
         for offset, stripe_width, channels in passes:
             pixel, inside, colour = traced(
-                dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
+                dr.opaque(mi.UInt32, first_tile),
+                count,
+                seed,
+                (dr.opaque(mi.Float, offset), stripe_width),
             )
             for k in channels:
                 dr.scatter(picture, colour[k], pixel * 3 + k, inside)

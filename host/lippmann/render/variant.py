@@ -34,8 +34,13 @@ def start_mitsuba(device: str = "auto") -> Any:
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
     if not dr.has_backend(backend):
-        needs = {"llvm": "a system libLLVM: run make setup", "cuda": "an NVIDIA driver: use --device llvm"}
-        raise MissingLibraryError(f"device '{device}' is not to be had here; it needs {needs[device]}")
+        needs = {
+            "llvm": "a system libLLVM: run make setup",
+            "cuda": "an NVIDIA driver: use --device llvm",
+        }
+        raise MissingLibraryError(
+            f"device '{device}' is not to be had here; it needs {needs[device]}"
+        )
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return mi
