@@ -150,6 +150,9 @@ class Display:
             for key, value in dataclasses.asdict(self.panel).items()
             if key not in ("bits", "transfer")
         }
+        if self.array.glass is not None:
+            # It follows from the glass: at another wavelength this is the same display.
+            del array["index"]
         optical = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
         text = json.dumps(optical, sort_keys=True, default=list)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -222,7 +225,7 @@ def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
         raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
     top = Table(raw, source, "")
     panel = _read_panel(top.table("panel"))
@@ -303,7 +306,8 @@ def _check(display: Display, source: str) -> None:
     """Refuse what cannot be built; single keys were checked when they were read."""
     array = display.array
     _check_radius(array, source)
-    if array.thickness_mm < array.sag_mm:
+    # A thickness typed as the sag with 15 digits may round to a hair less.
+    if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         raise input_error(
             f"{source}: array.thickness_mm",
             f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",

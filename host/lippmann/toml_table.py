@@ -80,7 +80,10 @@ class Table:
     ) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise input_error(self.where(key), f"{value!r} is not a number", "give a number")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # an integer beyond the largest float
+            number = math.inf if value > 0 else -math.inf
         if not math.isfinite(number):
             raise input_error(self.where(key), f"{number} is not finite", "give a finite number")
         if not number > above:

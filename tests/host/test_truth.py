@@ -126,6 +126,14 @@ def test_cell_is_the_nearest_centre(grid):
         assert truth.lenslet_of(optics, x, y) == nearest
 
 
+def test_aperture_point_turns_with_the_array():
+    """By hand: a quarter turn carries the aperture point (a, 0) to (0, a) of the panel."""
+    optics = replace(PLAIN, rotation_rad=mp.pi / 2, offset_mm=(0.25, 0.5))
+    d = truth.chief_or_aperture_direction(optics, 0.25, 0.5, (0, 0), 0.375, 0)
+    depth = mp.mpf(1) / 2 + mp.mpf(4) / 3
+    assert far([d[0], d[1] / d[2]], [0, mp.mpf(0.375) / depth]) < TINY
+
+
 def test_rotation_is_counter_clockwise():
     optics = replace(PLAIN, rotation_rad=math.pi / 2, offset_mm=(0.25, 0.5))
     x, y = truth.centre_of(optics, (2, 0))
@@ -225,7 +233,8 @@ def test_turned_and_moved_array_turns_and_moves_the_rays(grid, side):
         xm, ym = c * x - s * y + mp.mpf(0.125), s * x + c * y - mp.mpf(0.375)
         a, b = mp.mpf(0.3), mp.mpf(-0.2)
         ray = truth.trace(optics, 50 + mp.mpf(x) * 16, 40 - mp.mpf(y) * 16, a, b)
-        turned = truth.trace(moved, 50 + xm * 16, 40 - ym * 16, c * a - s * b, s * a + c * b)
+        # The aperture point is given along the array's axes, and so turns with it.
+        turned = truth.trace(moved, 50 + xm * 16, 40 - ym * 16, a, b)
         ox, oy, oz = ray.origin
         dx, dy, dz = ray.direction
         assert (turned.status, turned.lenslet) == (ray.status, ray.lenslet)

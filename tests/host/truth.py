@@ -23,19 +23,18 @@ leaves eight digits below the 1e-11 mm that it has to judge.
 
 Where optics.md leaves room this file reads it so:
 
-* "Lens-local" is a translation by the lenslet's centre: axes stay those of the panel frame, also
-  when the array is turned.
 * "Within 16 cells" is 16 pitches of horizontal way from the plane where the search starts: where
   the ray enters the glass or leaves the panel; from the world, where it crosses the near side of
   the array. `margin` is 0 from 8 to 32 pitches.
 * A ray from the world is the whole line through its origin, so that an origin on a dome, or a
   rounding error below it, is good.
-* A blocked ray carries the point on the neighbour's dome, or the point where it left when it does
-  not head for the viewer.
+* A blocked ray carries, other than in optics.md, the point on the neighbour's dome that stops it: a
+  stricter check, for the point where it left the dome lies behind on the same line. A ray that does
+  not head for the viewer carries the point where it left.
 * The lenslet of a ray that fails at or after a dome is the dome's; the one of a ray that missed is
   the pixel's own.
-* Light that enters a steep dome, crosses the lenslet's shoulder and would leave through the dome
-  again is traced as if the glass went on; `margin` is 0 there.
+* Light that enters a steep dome and leaves it again through a seam's valley, status 3 by optics.md,
+  is traced as if the glass went on; `margin` is 0 there.
 * With gap 0 the flat face is still a face towards air: from the world it can reflect totally.
 """
 
@@ -485,18 +484,20 @@ def chief_or_aperture_direction(
 ) -> Vec:
     """Return the unit direction in which a ray leaves the panel point (x, y), mm, panel frame.
 
-    a, b: aperture point, mm, measured from the lenslet's centre along the panel's axes; (0, 0) is
+    a, b: aperture point, mm, measured from the lenslet's centre along the array's axes; (0, 0) is
     the chief ray.
     """
+    m = _model(optics)
     cx, cy = centre_of(optics, lenslet)
-    target = (cx + mp.mpf(a) - mp.mpf(x), cy + mp.mpf(b) - mp.mpf(y), aperture_distance(optics))
-    return _unit(target)
+    a, b = mp.mpf(a), mp.mpf(b)
+    aim_x, aim_y = cx + m.cos * a - m.sin * b, cy + m.sin * a + m.cos * b
+    return _unit((aim_x - mp.mpf(x), aim_y - mp.mpf(y), aperture_distance(optics)))
 
 
 def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
     """Trace one ray of model `exact` from the pixel point (u, v) to the aperture point (a, b).
 
-    u, v: pixels. a, b: mm, from the centre of the pixel's lenslet. See `Ray`.
+    u, v: pixels. a, b: mm, from the centre of the pixel's lenslet, array's axes. See `Ray`.
     """
     m = _model(optics)
     start = panel_point(optics, u, v)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.optics.aim import Ray
+from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.lattice import Lattice
 
@@ -169,6 +169,8 @@ def refract_dome(
     dx = ratio * ray.dx + bend * (c * ray.x)
     dy = ratio * ray.dy + bend * (c * ray.y)
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
+    # Unit but for the rounding of the normal, which the ratio magnifies.
+    dx, dy, dz = unit(b, dx, dy, dz)
     keep = lambda new, old: b.where(reflected, old, new)  # noqa: E731
     return ray._replace(dx=keep(dx, ray.dx), dy=keep(dy, ray.dy), dz=keep(dz, ray.dz)), reflected
 

@@ -62,7 +62,7 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
         )
         exit_ = _upward(b, system, inside, strays=True)
         panel_z = system.gap_mm
-    alive = (exit_.status == Status.OK) | (exit_.status == Status.CROSSTALK)
+    alive = (exit_.status == int(Status.OK)) | (exit_.status == int(Status.CROSSTALK))
     last = exit_.ray
     t = b.where(alive, (panel_z - last.z) / b.where(alive, last.dz, 1.0), 0.0)
     x, y = last.x + t * last.dx, last.y + t * last.dy

@@ -53,10 +53,12 @@ class Lattice:
             # Corner of the lattice parallelogram that holds the point, then which of its four corners is
             # nearest: the bisectors of the corners are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (HALF_SQRT3 * p))
-            s = x * (1.0 / p) - 0.5 * t
+            u = x * (1.0 / p)
+            s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            q0, q1 = s + 0.5 * t, 0.5 * s + t
+            # q0 from u, not s + t/2: a column of pixels on an upright edge keeps one owner.
+            q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
             right = t < s

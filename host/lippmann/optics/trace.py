@@ -110,7 +110,7 @@ def pixels_from_rays(
     px, py = frame.panel_from_array(cx + b.double(landing.x), cy + b.double(landing.y))
     u, v = frame.pixel_from_panel(px, py)
     on_panel = (u >= 0.0) & (u < system.width_px) & (v >= 0.0) & (v < system.height_px)
-    arrived = (landing.status == Status.OK) | (landing.status == Status.CROSSTALK)
+    arrived = (landing.status == int(Status.OK)) | (landing.status == int(Status.CROSSTALK))
     status = b.where(arrived & ~on_panel, int(Status.BLOCKED), landing.status)
     status = b.where(heads_there, status, int(Status.MISSED))
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))

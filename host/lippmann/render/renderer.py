@@ -35,7 +35,7 @@ APERTURES: tuple[Aperture, ...] = get_args(Aperture)
 Image = npt.NDArray[np.float32]
 
 #: Samples traced at once. Part of a picture's definition, because random integrators draw their numbers by chunk.
-CHUNK_SAMPLES = 1 << 20
+CHUNK_SAMPLES = 1 << 22
 #: Side of the square tiles that pixels are taken in, in Morton order, so that rays traced side by side stay close.
 TILE_PX = 8
 #: Memory that the libraries and one chunk take, MB (measured; the output comes on top).
@@ -304,9 +304,9 @@ def render(
     tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
     tile_pixels = TILE_PX * TILE_PX
     chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
-    picture = dr.zeros(mi.Float, 3 * width * height)
+    planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
-    def traced(first_tile: Any, count: int, seed: int, stripe: tuple[Any, float]) -> Any:
+    def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
         """Return (pixel numbers, inside the picture, mean radiance) of `count` tiles' pixels."""
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
@@ -317,12 +317,13 @@ def render(
         sampler.seed(seed, count * tile_pixels * samples)
         ray = _scene_ray(mi, scene, point, way)
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
-        colour = list(dr.select(alive, mi.Color3f(radiance), 0.0))
+        colour = dr.select(alive, mi.Color3f(radiance), 0.0)
         if samples > 1:
-            colour = [
-                dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour
-            ]
+            # Evaluated before the sums: each of those would trace the rays again.
             dr.eval(colour)
+            colour = mi.Color3f(
+                [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+            )
             place = dr.arange(mi.UInt32, count * tile_pixels)
             pixel, inside = _pixel_of(mi, first_tile, place, width, height)
         return pixel, inside, colour
@@ -335,7 +336,8 @@ def render(
     )
 
     def run(first_tile: int, count: int, number: int) -> None:
-        seed = (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF
+        # Opaque, like all that differs from chunk to chunk: a literal would be compiled in, each time anew.
+        seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
             pixel, inside, colour = traced(
                 dr.opaque(mi.UInt32, first_tile),
@@ -344,8 +346,8 @@ def render(
                 (dr.opaque(mi.Float, offset), stripe_width),
             )
             for k in channels:
-                dr.scatter(picture, colour[k], pixel * 3 + k, inside)
-            dr.eval(picture)
+                dr.scatter(planes[k], colour[k], pixel, inside)
+            dr.eval(planes)
 
     started = time.perf_counter()
     # Compiles with a launch of the same programs over one tile.
@@ -358,10 +360,9 @@ def render(
         dr.sync_thread()
         if progress is not None:
             progress(first + count, tiles)
-    out = np.asarray(picture)
     finished = time.perf_counter()
     return Rendered(
-        radiance=out.reshape(height, width, 3),
+        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
         seconds=finished - prepared,
         prepare_seconds=prepared - started,
         samples_traced=width * height * samples * len(passes),

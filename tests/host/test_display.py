@@ -1,0 +1,528 @@
+"""The display file: what it means, what it refuses, and how it says so."""
+
+import itertools
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from lippmann.display import Array, Display, Panel, load_display, parse_display
+from lippmann.errors import InputError
+from lippmann.glass import SELLMEIER, index_of
+from truth import mp
+
+PANEL = {"width_px": 640, "height_px": 480, "pixel_pitch_mm": 0.05}
+ARRAY = {"grid": "hex", "pitch_mm": 1.0, "index": 1.5, "radius_mm": 2.0}
+
+
+def toml(panel=PANEL, array=ARRAY, gap_mm=0.5, **top) -> str:
+    """TOML text; JSON's numbers, strings, arrays and booleans are TOML's too."""
+
+    def lines(table):
+        return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+
+    top = {**top, **({} if gap_mm is None else {"gap_mm": gap_mm})}
+    return f"{lines(top)}[panel]\n{lines(panel)}[array]\n{lines(array)}"
+
+
+def but(table, **changes):
+    """A table with keys changed, or taken out when None."""
+    return {k: v for k, v in {**table, **changes}.items() if v is not None}
+
+
+# --- the numbers ----------------------------------------------------------------------------------
+
+pitches = st.floats(0.05, 20)
+
+
+@st.composite
+def displays(draw):
+    """A buildable display, in the terms of `Display` itself."""
+    grid, pitch = draw(st.sampled_from(("square", "hex"))), draw(pitches)
+    rho = pitch / math.sqrt({"square": 2, "hex": 3}[grid])
+    glass = draw(st.sampled_from((None, *SELLMEIER)))
+    radius = rho * draw(st.floats(1.0001, 1e4))
+    array = Array(
+        grid=grid,
+        pitch_mm=pitch,
+        radius_mm=radius,
+        index=draw(st.floats(1.01, 4)) if glass is None else index_of(glass),
+        thickness_mm=rho + draw(st.floats(0, 20)),  # the sag is at most rho
+        plano_side=draw(st.sampled_from(("panel", "viewer"))),
+        glass=glass,
+        rotation_deg=draw(st.floats(-360, 360)),
+        offset_mm=(draw(st.floats(-10, 10)), draw(st.floats(-10, 10))),
+    )
+    panel = Panel(
+        width_px=draw(st.integers(1, 65535)),
+        height_px=draw(st.integers(1, 65535)),
+        pixel_pitch_mm=pitch / draw(st.floats(1.001, 200)),
+        subpixels=draw(st.sampled_from(("none", "rgb", "bgr"))),
+        bits=draw(st.integers(1, 16)),
+        transfer=draw(st.sampled_from(("srgb", "linear", "gamma2.2"))),
+    )
+    name = draw(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=12))
+    return Display(name, panel, array, draw(st.floats(0, 100)))
+
+
+def as_toml(display: Display) -> str:
+    panel, array = vars(display.panel), dict(vars(display.array))
+    array["offset_mm"] = list(array["offset_mm"])
+    del array["glass" if display.array.glass is None else "index"]
+    return toml(panel, array, display.gap_mm, name=display.name)
+
+
+@given(displays())
+def test_round_trip(display):
+    """What was written is read back to the last bit."""
+    read = parse_display(as_toml(display))
+    assert read == display
+    assert read.identity == display.identity
+
+
+@given(displays())
+def test_identity_sticks_to_the_file_and_not_to_its_wording(display):
+    # Another order of the keys, and comments.
+    text = as_toml(display)
+    panel, array = text.index("[panel]"), text.index("[array]")
+    swapped = text[:panel] + "# turned round\n" + text[array:] + text[panel:array]
+    assert parse_display(swapped).identity == display.identity
+    assert re.fullmatch("[0-9a-f]{16}", display.identity)
+
+
+@given(
+    grid=st.sampled_from(("square", "hex")),
+    pitch=pitches,
+    steepness=st.floats(1.0 + 1e-9, 1e6),
+    index=st.floats(1.01, 4),
+    by=st.sampled_from(("radius", "focal")),
+)
+def test_equations_2_3_4(grid, pitch, steepness, index, by):
+    """Focal length, flat-face distance and sag of the thinnest lenslet, against 50 digits."""
+    square_of_rho = mp.mpf(pitch) ** 2 / {"square": 2, "hex": 3}[grid]
+    radius = float(mp.sqrt(square_of_rho)) * steepness
+    array = {"grid": grid, "pitch_mm": pitch, "index": index}
+    if by == "radius":
+        array["radius_mm"] = radius
+    else:
+        array["focal_length_mm"] = radius / (index - 1)
+    display = parse_display(toml(but(PANEL, pixel_pitch_mm=pitch / 10), array))
+    made = display.array
+
+    # Two or three roundings of the factors, and 1 / (index - 1) near index 1.01.
+    R, n = mp.mpf(made.radius_mm), mp.mpf(index)
+    assert abs(mp.mpf(made.focal_length_mm) * (n - 1) / R - 1) < 4e-16
+    assert abs(mp.mpf(made.radius_mm) / mp.mpf(radius) - 1) < 4e-16
+    d = mp.sqrt(R**2 - square_of_rho)
+    # R - rho has the rounding of rho: relative to it where R is nearly rho.
+    conditioning = 1 / (1 - square_of_rho / R**2)
+    assert abs(mp.mpf(made.flat_distance_mm) / d - 1) < 1e-15 * conditioning
+    sag = R - d
+    # The sag keeps its digits, also where R - d of floats had none left (steepness 1e6).
+    assert abs(mp.mpf(made.sag_mm) / sag - 1) < 1e-15 * (1 + d / R * conditioning)
+    assert made.thickness_mm == made.sag_mm
+    assert abs(mp.mpf(made.half_diagonal_mm) / mp.sqrt(square_of_rho) - 1) < 4e-16
+
+
+def test_numbers_of_the_papers_arrays():
+    """The square array of Fig. 4 (1 mm) and the hexagonal one of Fig. 5 (2.3 mm), by hand."""
+    square = parse_display(toml(array=but(ARRAY, grid="square", radius_mm=1.5))).array
+    assert abs(square.flat_distance_mm - math.sqrt(1.75)) < 1e-15
+    assert square.focal_length_mm == 3.0
+    hexagonal = parse_display(toml(array=but(ARRAY, pitch_mm=2.3, radius_mm=1.5))).array
+    assert abs(hexagonal.flat_distance_mm - math.sqrt(2.25 - 2.3**2 / 3)) < 1e-15
+    assert abs(hexagonal.sag_mm - (1.5 - math.sqrt(2.25 - 2.3**2 / 3))) < 1e-15
+
+
+def test_hemisphere_is_the_limit():
+    array = but(ARRAY, grid="square", pitch_mm=1.0, radius_mm=1 / math.sqrt(2))
+    assert parse_display(toml(array=array)).array.flat_distance_mm == 0.0
+    too_small = but(array, radius_mm=math.nextafter(1 / math.sqrt(2), 0))
+    with pytest.raises(InputError, match="too small"):
+        parse_display(toml(array=too_small))
+
+
+@given(st.floats(1, 20000))
+def test_dpi_is_pixels_an_inch(dpi):
+    by_dpi = but(PANEL, pixel_pitch_mm=None, dpi=dpi)
+    array = but(ARRAY, pitch_mm=30.0, radius_mm=40.0)
+    display = parse_display(toml(by_dpi, array))
+    assert abs(mp.mpf(display.panel.pixel_pitch_mm) * mp.mpf(dpi) / mp.mpf("25.4") - 1) < 4e-16
+    by_pitch = parse_display(toml(but(PANEL, pixel_pitch_mm=25.4 / dpi), array))
+    assert by_pitch.identity == display.identity
+    assert abs(display.panel.width_mm - 640 * 25.4 / dpi) <= 1e-15 * 640 * 25.4
+    assert abs(display.panel.height_mm - 480 * 25.4 / dpi) <= 1e-15 * 640 * 25.4
+
+
+def test_aperture_distance():
+    """D of optics.md in its three cases, by hand."""
+    array = but(ARRAY, thickness_mm=3.0)
+    assert parse_display(toml(array=array)).aperture_distance_mm == 0.5 + 3.0 / 1.5
+    viewer = but(array, plano_side="viewer")
+    assert parse_display(toml(array=viewer)).aperture_distance_mm == 0.5
+    touching = parse_display(toml(array=viewer, gap_mm=0.0))
+    sag = 2.0 - math.sqrt(4.0 - 1 / 3)
+    assert abs(touching.aperture_distance_mm - sag) < 1e-15
+
+
+def test_defaults():
+    display = parse_display(toml(), "dir/fish.toml")
+    assert display.name == "fish"
+    assert (display.panel.subpixels, display.panel.bits, display.panel.transfer) == (
+        "none",
+        8,
+        "srgb",
+    )
+    assert (display.array.plano_side, display.array.rotation_deg) == ("panel", 0.0)
+    assert (display.array.offset_mm, display.array.glass) == ((0.0, 0.0), None)
+
+
+# --- identity -------------------------------------------------------------------------------------
+
+OPTICAL_CHANGES = [
+    {"panel": but(PANEL, width_px=641)},
+    {"panel": but(PANEL, height_px=481)},
+    {"panel": but(PANEL, pixel_pitch_mm=math.nextafter(0.05, 1))},
+    {"panel": but(PANEL, subpixels="rgb")},
+    {"panel": but(PANEL, subpixels="bgr")},
+    {"array": but(ARRAY, grid="square")},
+    {"array": but(ARRAY, pitch_mm=1.0000001)},
+    {"array": but(ARRAY, index=1.5000001)},
+    {"array": but(ARRAY, index=None, glass="PMMA")},
+    {"array": but(ARRAY, index=None, glass="N-BK7")},
+    {"array": but(ARRAY, radius_mm=2.0000001)},
+    {"array": but(ARRAY, radius_mm=None, focal_length_mm=4.1)},
+    {"array": but(ARRAY, thickness_mm=2.0)},
+    {"array": but(ARRAY, plano_side="viewer")},
+    {"array": but(ARRAY, rotation_deg=0.001)},
+    {"array": but(ARRAY, rotation_deg=-0.001)},
+    {"array": but(ARRAY, offset_mm=[0.001, 0.0])},
+    {"array": but(ARRAY, offset_mm=[0.0, 0.001])},
+    {"gap_mm": 0.5000001},
+]
+
+
+def test_identity_changes_with_every_optical_key():
+    identities = [parse_display(toml(**change)).identity for change in ({}, *OPTICAL_CHANGES)]
+    assert len(set(identities)) == len(OPTICAL_CHANGES) + 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"name": "another"},
+        {"panel": but(PANEL, bits=10)},
+        {"panel": but(PANEL, transfer="linear")},
+        # The same said otherwise.
+        {"panel": but(PANEL, subpixels="none")},
+        {"array": but(ARRAY, plano_side="panel", rotation_deg=0, offset_mm=[0, 0])},
+        {"array": but(ARRAY, radius_mm=None, focal_length_mm=4.0)},
+        {"array": but(ARRAY, radius_mm=2)},
+    ],
+)
+def test_identity_ignores_the_rest(change):
+    assert parse_display(toml(**change)).identity == parse_display(toml()).identity
+
+
+def test_identity_of_a_glass_holds_at_every_wavelength():
+    display = parse_display(toml(array=but(ARRAY, index=None, glass="PMMA")))
+    blue = display.at_wavelength(450.0)
+    assert blue.array.index > display.array.index
+    assert blue.identity == display.identity
+    assert display.at_wavelength(587.5618) == display
+
+
+def test_misaligned_is_another_display():
+    display = parse_display(toml(array=but(ARRAY, thickness_mm=0.5)))
+    assert display.misaligned() == display
+    moved = display.misaligned(1.0, (0.1, -0.2), 0.25, 1.001)
+    assert moved.array.rotation_deg == 1.0
+    assert moved.array.offset_mm == (0.1, -0.2)
+    assert moved.gap_mm == 0.75
+    assert moved.array.pitch_mm == 1.001
+    assert moved.identity != display.identity
+    with pytest.raises(InputError, match=r"gap_mm.*negative"):
+        display.misaligned(gap_mm=-0.6)
+    with pytest.raises(InputError, match="too small"):
+        display.misaligned(pitch_scale=4.0)
+    with pytest.raises(InputError, match=r"dispersion.*glass"):
+        display.at_wavelength(500.0)
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+def refused(text: str, key: str, *remedy: str) -> str:
+    """Assert that a text is refused with one line `file: key: ...; remedy`; return the line."""
+    with pytest.raises(InputError) as error:
+        parse_display(text, "some/file.toml")
+    message = str(error.value)
+    assert "\n" not in message
+    assert message.startswith("some/file.toml: ")
+    assert key in message
+    assert all(word in message for word in remedy), message
+    assert error.value.exit_code == 2
+    return message
+
+
+TABLES = {"panel": PANEL, "array": ARRAY}
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ("panel", "width_px"),
+        ("panel", "height_px"),
+        ("array", "grid"),
+        ("array", "pitch_mm"),
+    ],
+)
+def test_missing_key(table, key):
+    refused(toml(**{table: but(TABLES[table], **{key: None})}), f"{table}.{key}: ", "add it")
+
+
+def test_missing_gap_and_tables():
+    refused(toml(gap_mm=None), "gap_mm: ", "add it")
+    refused("gap_mm = 0.5\n", "panel: ", "add it")
+    refused(toml().split("[array]")[0], "array: ", "add it")
+    refused("panel = 3\n", "panel: ", "[panel]")
+
+
+@pytest.mark.parametrize(
+    ("table", "first", "second"),
+    [
+        ("panel", "pixel_pitch_mm", "dpi"),
+        ("array", "index", "glass"),
+        ("array", "focal_length_mm", "radius_mm"),
+    ],
+)
+def test_both_or_neither_of_alternatives(table, first, second):
+    values = {"dpi": 508.0, "glass": "PMMA", "focal_length_mm": 4.0}
+    both = {**values, **TABLES[table]}
+    both = {key: both[key] for key in (*TABLES[table], first, second)}
+    neither = but(TABLES[table], **{first: None, second: None})
+    for given_keys, word in ((both, "both"), (neither, "neither")):
+        message = refused(
+            toml(**{table: given_keys}), f"{table}.{first} or {second}", "exactly one"
+        )
+        assert word in message
+
+
+@pytest.mark.parametrize("table", ["panel", "array", None])
+@pytest.mark.parametrize("key", ["widht_px", "gap", "radius", "ap\\nb"])
+def test_unknown_key(table, key):
+    if table is None:
+        text = f'"{key}" = 1\n{toml()}'
+        message = refused(text, "unknown", "gap_mm", "name")
+    else:
+        text = toml().replace(f"[{table}]\n", f'[{table}]\n"{key}" = 1\n')
+        known = "width_px" if table == "panel" else "pitch_mm"
+        message = refused(text, f"{table}.", "unknown", known)
+    assert key.split("\\n")[0] in message
+
+
+NUMBERS = [
+    ("panel", "pixel_pitch_mm"),
+    ("array", "pitch_mm"),
+    ("array", "index"),
+    ("array", "radius_mm"),
+    ("array", "thickness_mm"),
+    ("array", "rotation_deg"),
+    (None, "gap_mm"),
+]
+LENGTHS = [pair for pair in NUMBERS if pair[1] not in ("rotation_deg", "gap_mm")]
+
+
+def with_raw(table, key, raw):
+    """TOML text in which a key has a value that is written as it stands."""
+    marker = 123456789
+    if table is None:
+        text = toml(**{key: marker})
+    else:
+        text = toml(**{table: but(TABLES[table], **{key: marker})})
+    return text.replace(str(marker), raw)
+
+
+@pytest.mark.parametrize(("table", "key"), LENGTHS)
+@pytest.mark.parametrize("raw", ["-1.0", "0.0", "-0.0", "0", "-1e-300"])
+def test_negative_or_zero(table, key, raw):
+    refused(with_raw(table, key, raw), f"{table}.{key}: ", "give more than")
+
+
+@pytest.mark.parametrize("key", ["dpi", "focal_length_mm"])
+@pytest.mark.parametrize("raw", ["-1.0", "0.0", "nan", "inf", "true", '"2"'])
+def test_alternatives_are_checked_alike(key, raw):
+    if key == "dpi":
+        text = toml(but(PANEL, pixel_pitch_mm=None, dpi=123456789)).replace("123456789", raw)
+    else:
+        array = but(ARRAY, radius_mm=None, focal_length_mm=123456789)
+        text = toml(array=array).replace("123456789", raw)
+    refused(text, f".{key}: ", "give")
+
+
+def test_negative_gap():
+    refused(toml(gap_mm=-1e-9), "gap_mm: ", "at least 0")
+    assert parse_display(toml(gap_mm=0)).gap_mm == 0.0
+
+
+@pytest.mark.parametrize(("table", "key"), NUMBERS)
+@pytest.mark.parametrize("raw", ["nan", "+nan", "inf", "-inf", "1e999"])
+def test_not_finite(table, key, raw):
+    refused(with_raw(table, key, raw), f"{key}: ", "finite")
+
+
+@pytest.mark.parametrize(("table", "key"), NUMBERS)
+@pytest.mark.parametrize("raw", ['"1.0"', "true", "[1.0]", "{a = 1}", "1979-05-27", '"""a\nb"""'])
+def test_not_a_number(table, key, raw):
+    refused(with_raw(table, key, raw), f"{key}: ", "give a number")
+
+
+@pytest.mark.parametrize(("table", "key"), NUMBERS)
+def test_huge_integer_is_no_crash(table, key):
+    """TOML's integers have no end here; Python's floats do."""
+    refused(with_raw(table, key, "1" + "0" * 400), f"{key}: ", "finite")
+
+
+@pytest.mark.parametrize("key", ["width_px", "height_px", "bits"])
+@pytest.mark.parametrize("raw", ["0", "-3", "1.0", "nan", "true", '"9"', "65536", "[1]"])
+def test_not_a_whole_number(key, raw):
+    refused(with_raw("panel", key, raw), f"panel.{key}: ", "whole number from 1 to")
+
+
+@pytest.mark.parametrize(
+    "raw",
+    ["1.0", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 1.0]', "[nan, 0.0]", "[0.0, inf]", "[true, 0]"],
+)
+def test_bad_offset(raw):
+    refused(with_raw("array", "offset_mm", raw), "array.offset_mm: ", "give")
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "options"),
+    [
+        ("array", "grid", ("square", "hex")),
+        ("array", "plano_side", ("panel", "viewer")),
+        ("panel", "subpixels", ("none", "rgb", "bgr")),
+        ("panel", "transfer", ("srgb", "linear", "gamma2.2")),
+    ],
+)
+@pytest.mark.parametrize("raw", ['"round"', '""', "3", "true", "[]", "{}", '["hex"]'])
+def test_bad_choice(table, key, options, raw):
+    refused(with_raw(table, key, raw), f"{table}.{key}: ", "choose from", *options)
+
+
+def test_bad_glass_name_and_index():
+    array = but(ARRAY, index=None, glass="marble")
+    refused(toml(array=array), "array.glass: ", "marble", "N-BK7", "PMMA", "give index")
+    refused(toml(array=but(ARRAY, index=None, glass=1.5)), "array.glass: ", "quotes")
+    refused(toml(array=but(ARRAY, index=1.0)), "array.index: ", "more than 1")
+    refused(toml(array=but(ARRAY, index=4.01)), "array.index: ", "at most 4")
+    refused(toml(name=3), "name: ", "quotes")
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize("key", ["radius_mm", "focal_length_mm"])
+def test_radius_too_small_for_its_cell(grid, key):
+    rho = 1 / math.sqrt({"square": 2, "hex": 3}[grid])
+    scale = 1.0 if key == "radius_mm" else 2.0  # f = R / (1.5 - 1)
+    array = but(ARRAY, grid=grid, radius_mm=None)
+    refused(toml(array=but(array, **{key: 0.999 * rho * scale})), "array.radius_mm: ", "larger")
+    assert parse_display(toml(array=but(array, **{key: 1.001 * rho * scale}))).array.grid == grid
+
+
+@given(grid=st.sampled_from(("square", "hex")), steepness=st.floats(1.001, 1e4), pitch=pitches)
+def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
+    """15 digits, as a person copies them, may lie 5e-16 of the sag below it: it passes."""
+    radius = pitch * steepness
+    array = but(ARRAY, grid=grid, pitch_mm=pitch, radius_mm=radius)
+    panel = but(PANEL, pixel_pitch_mm=pitch / 10)
+    sag = parse_display(toml(panel, array)).array.sag_mm
+    for typed in (sag, float(f"{sag:.15g}"), float(f"{sag:.14g}") if sag > 1 else sag):
+        thick = parse_display(toml(panel, but(array, thickness_mm=typed))).array.thickness_mm
+        assert thick == typed
+    assert math.isclose(sag * (1 - 1e-13), sag, rel_tol=1e-12)
+    parse_display(toml(panel, but(array, thickness_mm=sag * (1 - 1e-13))))
+    for thin in (sag * (1 - 1e-11), sag / 2):
+        text = toml(panel, but(array, thickness_mm=thin))
+        refused(text, "array.thickness_mm: ", "sag", "at least", "leave it out")
+
+
+def test_lenslets_finer_than_pixels():
+    array = but(ARRAY, pitch_mm=0.04)
+    refused(toml(array=array), "array.pitch_mm: ", "finer", "at least a pixel")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["gap_mm = ", "[panel", "gap_mm = 1\ngap_mm = 2\n", "= 1", "a = 'x\n", "\x00", "é = 1"],
+)
+def test_broken_toml(text):
+    message = refused(text, "not TOML", "syntax")
+    assert "line" in message or "end of document" in message
+
+
+def test_numbers_too_long_and_nests_too_deep():
+    """What Python itself gives up on."""
+    refused(f"gap_mm = {'1' * 5000}\n", "not TOML", "syntax")
+    refused(f"gap_mm = {'[' * 100000}\n", "not TOML", "syntax")
+
+
+@pytest.mark.parametrize("loader", [str, Path])
+def test_files(tmp_path, loader):
+    file = tmp_path / "little.toml"
+    file.write_text(toml())
+    display = load_display(loader(file))
+    assert display.name == "little"
+    assert replace(display, name="display") == parse_display(toml())
+    file.write_bytes(toml().replace("\n", "\r\n").encode())
+    assert load_display(file) == display
+
+    bad = tmp_path / "latin.toml"
+    bad.write_bytes(b"name = '\xe9'\n")
+    for path in (tmp_path / "none.toml", tmp_path, bad):
+        with pytest.raises(InputError) as error:
+            load_display(loader(path))
+        message = str(error.value)
+        assert message.startswith(f"{path}: ")
+        assert ".toml" in message
+        assert "give" in message
+        assert "\n" not in message
+
+
+def test_bad_keys_in_a_file_name_the_file(tmp_path):
+    file = tmp_path / "bad.toml"
+    file.write_text(toml(gap_mm=None))
+    with pytest.raises(InputError, match=re.escape(f"{file}: gap_mm: ")):
+        load_display(file)
+
+
+@settings(suppress_health_check=[HealthCheck.too_slow])
+@given(st.data())
+def test_any_value_anywhere_is_read_or_refused(data):
+    """Whatever stands where, the outcome is a display or an InputError of one line."""
+    scalars = st.one_of(
+        st.integers(), st.floats(), st.booleans(), st.sampled_from(("", "hex", "PMMA", "a\nb"))
+    )
+    values = st.one_of(scalars, st.lists(scalars, max_size=3))
+
+    def raw(value):
+        if isinstance(value, list):
+            return f"[{', '.join(raw(item) for item in value)}]"
+        return str(value) if isinstance(value, float) else json.dumps(value)
+
+    keys = [*itertools.product(("panel",), (*PANEL, "bits", "subpixels")), (None, "gap_mm")]
+    keys += itertools.product(("array",), (*ARRAY, "offset_mm", "thickness_mm", "rotation_deg"))
+    table, key = data.draw(st.sampled_from(keys))
+    text = with_raw(table, key, raw(data.draw(values)))
+    try:
+        display = parse_display(text, "some/file.toml")
+    except InputError as error:
+        message = str(error)
+        assert message.startswith("some/file.toml: ")
+        assert "\n" not in message
+    else:
+        assert display.array.thickness_mm >= display.array.sag_mm * (1 - 1e-12)

@@ -1,0 +1,350 @@
+"""The fast engine (Dr.Jit, float32 inside a lenslet) against the golden one (float64).
+
+The golden engine is held to physics elsewhere; here the two differ in rounding only. Where rounding
+is magnified by the optics themselves (a panel in the dome's valley, rays near grazing), the bound
+is measured: what golden makes of a change by one rounding of float32.
+"""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from optics_cases import (
+    GRIDS,
+    SIDES,
+    display_of,
+    exit_cosine,
+    random_display,
+    random_in_cell,
+    random_pixels,
+)
+
+import lippmann
+from lippmann.optics.status import Status
+from lippmann.optics.trace import MODELS
+
+SEED = 5664
+#: Rounding of a float32 as large as a lenslet, in pitches: half a unit of its last place.
+ROUNDING = 2.0**-24
+MICRORADIAN, NANOMETRE = 1e-6, 1e-6  # in rad and mm
+COUNTED = (Status.OK, Status.CROSSTALK)
+
+everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+
+
+def generator(*key: int | str) -> np.random.Generator:
+    """A generator of its own for each case; pytest shows the line when the case fails."""
+    seed = [SEED, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
+    print(f"numpy.random.default_rng({seed})")
+    return np.random.default_rng(seed)
+
+
+def strict_bound(display, golden, model) -> np.ndarray:
+    """2 microradians; where rays leave near grazing 0.5 / cosine, Snell's magnification there."""
+    if model != "exact":
+        return np.full(len(golden.status), 2 * MICRORADIAN)
+    cosine = exit_cosine(display, golden.local_mm, golden.direction)
+    return np.maximum(2.0, 0.5 / np.maximum(cosine, 1e-6)) * MICRORADIAN
+
+
+def both_counted(golden, fast) -> np.ndarray:
+    return np.isin(golden.status, COUNTED) & np.isin(fast.status, COUNTED)
+
+
+def near_edge(display, pixels, aperture, model, wanted) -> np.ndarray:
+    """Tell for each ray whether golden, its inputs changed by float32's rounding, has the status
+    that is wanted: 1e-6 px, or four roundings of the lenslet where these are more.
+    """
+    pitch = display.array.pitch_mm
+    step_mm = max(4 * ROUNDING * pitch, 1e-6 * display.panel.pixel_pitch_mm)
+    found = np.zeros(len(pixels), bool)
+    for angle in np.arange(8) * math.pi / 4:
+        step = step_mm * np.array([math.cos(angle), math.sin(angle)])
+        for pixel_moves in (0, 1):
+            moved = pixels + pixel_moves * step / display.panel.pixel_pitch_mm
+            aim = None if aperture is None else aperture + (1 - pixel_moves) * step
+            found |= lippmann.trace(display, moved, aim, model).status == wanted
+    return found
+
+
+def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
+    """Assert that statuses differ at edges only; return how many do."""
+    odd = np.flatnonzero(golden.status != fast.status)
+    if odd.size:
+        aim = None if aperture is None else aperture[odd]
+        assert near_edge(display, pixels[odd], aim, model, fast.status[odd]).all()
+    return odd.size
+
+
+# --- the stated precision -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+@everywhere
+def test_two_microradians_and_fifty_nanometres(grid, side, model):
+    """Chief rays and aperture points in the cell; a phone's panel and one 700 mm wide; turned too.
+
+    A panel under domes that face it keeps a quarter focal length away: nearer, what counts is the
+    next test's bound.
+    """
+    rng = generator(grid, side, model)
+    n = 2000
+    rays = odd = 0
+    for wide, turn, chief in itertools.product((False, True), (0.0, 33.3), (True, False)):
+        pitch = float(rng.uniform(0.3, 2.0))
+        radius = pitch * float(rng.uniform(1.0, 3.0))
+        index = float(rng.uniform(1.4, 1.9))
+        width = 700.0 if wide else 60.0
+        display = display_of(
+            grid,
+            side,
+            pitch=pitch,
+            radius=radius,
+            index=index,
+            thickness=pitch * float(rng.uniform(0.5, 2.0)),
+            gap=float(rng.uniform(0.25, 1.2)) * radius / (index - 1),
+            rotation=turn,
+            offset=(0.31, -0.17),
+            width_px=int(width / (pitch / 20)),
+            height_px=int(0.6 * width / (pitch / 20)),
+            pixel_pitch=pitch / 20,
+        )
+        pixels = random_pixels(rng, display, n)
+        aperture = None if chief else random_in_cell(rng, display, n)
+        golden = lippmann.trace(display, pixels, aperture, model)
+        fast = lippmann.trace(display, pixels, aperture, model, "fast")
+        assert fast.direction.dtype == golden.direction.dtype == np.float64
+        odd += same_statuses(display, pixels, aperture, model, golden, fast)
+        good = both_counted(golden, fast)
+        np.testing.assert_array_equal(fast.lenslet[good], golden.lenslet[good])
+        # Centres are float64 in both engines.
+        assert np.abs(fast.centre_mm - golden.centre_mm)[good].max() < 1e-12
+        apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
+        assert (apart <= strict_bound(display, golden, model))[good].all(), display
+        aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
+        assert (aside[good] <= 50 * NANOMETRE).all(), display
+        rays += np.count_nonzero(good)
+    assert odd <= 2  # of 16,000: float32's rounding is 1e-7 of a cell wide
+    assert rays > 8000
+
+
+@pytest.mark.parametrize("model", MODELS)
+@everywhere
+def test_any_display_within_four_roundings(grid, side, model):
+    """Displays drawn wide, panels in contact, aims into cells three pitches away.
+
+    The change that one rounding of the point and the aim, in x and y, makes to golden's ray is
+    magnified as the engine's own roundings are; four times that is allowed on top.
+    """
+    rng = generator(2, grid, side, model)
+    n, rays, odd = 1500, 0, 0
+    for _ in range(4 if model == "exact" else 2):
+        display = random_display(rng, grid, side)
+        pixels = random_pixels(rng, display, n)
+        aperture = random_in_cell(rng, display, n) * rng.choice((0.0, 1.0, 5.0), (n, 1))
+        golden = lippmann.trace(display, pixels, aperture, model)
+        fast = lippmann.trace(display, pixels, aperture, model, "fast")
+        odd += same_statuses(display, pixels, aperture, model, golden, fast)
+
+        # A thousand roundings, so that golden's own do not show.
+        step = 1000 * ROUNDING * display.array.pitch_mm
+        turned, moved = np.zeros(n), np.zeros(n)
+        alike = both_counted(golden, fast) & (fast.lenslet == golden.lenslet).all(axis=1)
+        for k, axis in itertools.product((0, 1), np.eye(2)):
+            other = lippmann.trace(
+                display,
+                pixels + k * step / display.panel.pixel_pitch_mm * axis,
+                aperture + (1 - k) * step * axis,
+                model,
+            )
+            turned += np.linalg.norm(other.direction - golden.direction, axis=1) / 1000
+            moved += np.linalg.norm(other.local_mm - golden.local_mm, axis=1) / 1000
+            # Near a seam or total reflection the changed ray is no measure.
+            alike &= (other.lenslet == golden.lenslet).all(axis=1)
+            alike &= np.isin(other.status, COUNTED)
+        apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
+        bound = strict_bound(display, golden, model) + 4 * turned
+        assert (apart <= bound)[alike].all(), display
+        aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
+        assert (aside <= 50 * NANOMETRE + 4 * moved)[alike].all(), display
+        rays += np.count_nonzero(alike)
+    assert odd <= 3
+    assert rays > n
+
+
+# --- statuses -------------------------------------------------------------------------------------
+
+
+@everywhere
+def test_statuses_right_at_the_edges(grid, side):
+    """Golden bisects between rays of two fates; at the edge itself fast takes either of the two,
+    and a thousandth of a pitch away from it the same as golden.
+    """
+    rng = generator(3, grid, side)
+    display = display_of(
+        grid,
+        side,
+        radius=0.75 if grid == "square" else 0.62,
+        index=1.6,
+        thickness=None,
+        gap=0.2,
+        rotation=12.0,
+    )
+    n = 4000
+    low, high = (random_pixels(rng, display, n) for _ in range(2))
+    high = low + (high - low) * 0.05
+    aperture = random_in_cell(rng, display, n) * 1.5
+
+    def fate(pixels):
+        return lippmann.trace(display, pixels, aperture).status
+
+    first, last = fate(low), fate(high)
+    differ = first != last
+    low, high, aperture = low[differ], high[differ], aperture[differ]
+    first, last = first[differ], last[differ]
+    for _ in range(45):
+        middle = (low + high) / 2
+        as_first = (fate(middle) == first)[:, None]
+        low, high = np.where(as_first, middle, low), np.where(as_first, high, middle)
+    # The bisection may have ended at a third fate.
+    last = fate(high)
+    fast = lippmann.trace(display, low, aperture, engine="fast").status
+    assert len(low) > 500
+    assert {(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)} >= {(0, 2), (2, 0)}
+    # There it is left to rounding, and rounding does fall on either side.
+    assert 0.1 < np.mean(fast == first) < 0.95
+    odd = (fast != first) & (fast != last)
+    # Corners where three fates meet are rare, and then golden finds the third within rounding.
+    assert np.mean(odd) < 0.01
+    assert near_edge(display, low[odd], aperture[odd], "exact", fast[odd]).all()
+
+    away = rng.normal(size=low.shape)
+    away *= 1e-3 * display.array.pitch_mm / display.panel.pixel_pitch_mm
+    golden = fate(low + away)
+    fast = lippmann.trace(display, low + away, aperture, engine="fast").status
+    mixed = np.flatnonzero(fast != golden)
+    assert len(mixed) <= 0.001 * len(low) + 1
+    assert near_edge(display, (low + away)[mixed], aperture[mixed], "exact", fast[mixed]).all()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_all_fates_alike(side):
+    """Thin, steep lenslets seen at all angles: every status that can be is met and is golden's."""
+    rng = generator(4, side)
+    n = 20000
+    display = display_of("square", side, radius=0.715, index=1.25, thickness=None, gap=0.0)
+    pixels = random_pixels(rng, display, n)
+    angle = rng.uniform(-math.pi, math.pi, n)
+    reach = rng.choice((0.3, 1.0, 4.0), n)
+    aperture = reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    golden = lippmann.trace(display, pixels, aperture)
+    fast = lippmann.trace(display, pixels, aperture, engine="fast")
+    counts = np.bincount(golden.status, minlength=5)
+    print(counts)
+    assert (counts[[0, 2, 3, 4]] > 20).all()
+    # Grazing rays make float32's rounding many times as wide as elsewhere.
+    mixed = np.flatnonzero(golden.status != fast.status)
+    assert len(mixed) <= 20
+    assert np.isfinite(fast.origin_mm).all()
+    assert np.isfinite(fast.direction).all()
+    assert np.abs(np.linalg.norm(fast.direction, axis=1) - 1).max() < 4e-7
+
+
+# --- from the world -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+@everywhere
+def test_world_to_panel(grid, side, model):
+    """The panel point is as far off as eight roundings of the ray's place and direction carry.
+
+    A float32 ray is off by 2^-24 pitches in place and 2^-24 in each component of its direction;
+    golden traces rays with a thousand times these changes, and so tells what they do on the panel.
+    For f/1.5 and slower, up to 30 degrees aside, it is below 1e-4 of a pixel of a twentieth pitch.
+    """
+    rng = generator(5, grid, side, model)
+    n = 2000
+    hit = odd = 0
+    for wide in (False, True):
+        pitch = float(rng.uniform(0.3, 2.0))
+        radius = pitch * float(rng.uniform(1.0, 3.0))
+        width = 700.0 if wide else 60.0
+        display = display_of(
+            grid,
+            side,
+            pitch=pitch,
+            radius=radius,
+            thickness=pitch * 0.8,
+            gap=1.5 * radius,
+            rotation=float(rng.uniform(-180, 180)),
+            offset=(0.31, -0.17),
+            width_px=int(width / (pitch / 20)),
+            height_px=int(width / (pitch / 20)),
+            pixel_pitch=pitch / 20,
+        )
+        eye = np.array([0.1 * width, -0.05 * width, width])
+        target = np.column_stack([rng.uniform(-0.52, 0.52, (n, 2)) * width, np.zeros(n)])
+        direction = target - eye
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        origin = np.broadcast_to(eye, (n, 3))
+        golden = lippmann.trace_to_panel(display, origin, direction, model)
+        fast = lippmann.trace_to_panel(display, origin, direction, model, "fast")
+
+        blur = np.zeros(n)
+        shifts = 1000 * ROUNDING * np.eye(3)[:2]
+        sure = np.ones(n, bool)
+        for place, way in [*((pitch * s, 0) for s in shifts), *((0, s) for s in shifts)]:
+            start = target + place  # turned about the array, not about the eye
+            other = lippmann.trace_to_panel(display, start, direction + way, model)
+            blur += np.linalg.norm(other.pixel - golden.pixel, axis=1) / 1000
+            sure &= other.status == golden.status
+            sure &= (other.lenslet == golden.lenslet).all(axis=1)
+        odd += np.count_nonzero(fast.status != golden.status)
+        np.testing.assert_array_equal(fast.status[sure], golden.status[sure])
+        good = sure & np.isin(golden.status, COUNTED)
+        np.testing.assert_array_equal(fast.lenslet[good], golden.lenslet[good])
+        error = np.linalg.norm(fast.pixel - golden.pixel, axis=1)[good]
+        assert (error <= 8 * blur[good]).all(), display
+        assert error.max() < 1e-4, display
+        hit += np.count_nonzero(good)
+    assert odd <= 3
+    assert hit > n
+
+
+# --- and the same each time -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["golden", "fast"])
+@pytest.mark.parametrize("side", SIDES)
+def test_the_same_ray_comes_out_the_same(engine, side):
+    """Run after run, whatever stands beside it: order and number of the rays do not matter."""
+    rng = generator(6, side)
+    display = display_of("hex", side, radius=0.7, gap=0.1, rotation=5.0)
+    pixels, n = random_pixels(rng, display, 3000), 3000
+    aperture = random_in_cell(rng, display, n) * 1.5
+    once = lippmann.trace(display, pixels, aperture, engine=engine)
+    order = rng.permutation(n)
+    again = lippmann.trace(display, pixels[order], aperture[order], engine=engine)
+    part = lippmann.trace(display, pixels[:7], aperture[:7], engine=engine)
+    for field in ("lenslet", "centre_mm", "local_mm", "direction", "status"):
+        np.testing.assert_array_equal(getattr(again, field), getattr(once, field)[order])
+        np.testing.assert_array_equal(getattr(part, field), getattr(once, field)[:7])
+    back = lippmann.trace_to_panel(display, once.origin_mm, -once.direction, engine=engine)
+    twin = lippmann.trace_to_panel(display, once.origin_mm, -once.direction, engine=engine)
+    for field in ("pixel", "lenslet", "status"):
+        np.testing.assert_array_equal(getattr(back, field), getattr(twin, field))
+
+
+@pytest.mark.parametrize("engine", ["golden", "fast"])
+@pytest.mark.parametrize("model", MODELS)
+def test_no_rays_and_one_ray(engine, model):
+    display = display_of("hex", "viewer")
+    one = lippmann.trace(display, [(100.25, 80.75)], [(0.1, 0.0)], model, engine)
+    assert one.direction.shape == (1, 3)
+    assert one.status.tolist() == [Status.OK]
+    none = lippmann.trace(display, np.empty((0, 2)), None, model, engine)
+    assert none.direction.shape == (0, 3)
+    assert none.lenslet.shape == (0, 2)
+    back = lippmann.trace_to_panel(display, np.empty((0, 3)), np.empty((0, 3)), model, engine)
+    assert back.pixel.shape == (0, 2)

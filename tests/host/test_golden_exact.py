@@ -1,0 +1,378 @@
+"""The golden engine's model `exact` against physics: carried back, and in 50 digits.
+
+The way back is truth.py's, which shares no code with the engine. Seeds are fixed and shown when a
+test fails.
+"""
+
+import itertools
+import math
+
+import lippmann
+import numpy as np
+import pytest
+import truth
+from optics_cases import (
+    GRIDS,
+    LONG_PI,
+    SIDES,
+    display_of,
+    exit_cosine,
+    long_optics_of,
+    optics_of,
+    random_display,
+    random_in_cell,
+    random_pixels,
+)
+from truth import BLOCKED, CROSSTALK, MISSED, OK, REFLECTED
+
+SEED = 20050117
+#: Rays nearer than this to an edge between two fates (truth's margin) may have either in float64,
+#: whose rounding across a 700 mm panel is 1e-13 mm, 1e-12 of the finest pitch.
+TIE = 1e-9
+
+long_needed = pytest.mark.skipif(
+    not truth.has_long_longdouble(), reason="longdouble of this machine is too short"
+)
+everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+
+
+def generator(*key: int | str) -> np.random.Generator:
+    """A generator of its own for each case; pytest shows the line when the case fails."""
+    seed = [SEED, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
+    print(f"numpy.random.default_rng({seed})")
+    return np.random.default_rng(seed)
+
+
+def far(p, q) -> float:
+    """The largest difference of two vectors' components, subtracted in 50 digits."""
+    return max(
+        float(abs(truth.mp.mpf(float(a)) - (b if isinstance(b, truth.mp.mpf) else float(b))))
+        for a, b in zip(p, q, strict=True)
+    )
+
+
+# --- the claim: every ray leads back to its pixel -------------------------------------------------
+
+
+def launch_cosine(display, points, aperture) -> np.ndarray:
+    """Cosine between the rays that leave the panel and its normal, by optics.md.
+
+    points: (n, 2) panel mm, longdouble; aperture: (n, 2). The cell is the nearest centre.
+    """
+    array = display.array
+    turn = np.longdouble(array.rotation_deg) * LONG_PI / 180
+    c, s = np.cos(turn), np.sin(turn)
+    moved = points - array.offset_mm
+    X, Y = c * moved[:, 0] + s * moved[:, 1], c * moved[:, 1] - s * moved[:, 0]
+    row = array.pitch_mm * (1.0 if array.grid == "square" else math.sqrt(0.75))
+    best = np.full((len(points), 2), np.inf)
+    for step in (-1, 0, 1):
+        j = np.round(Y / row) + step
+        shift = 0 if array.grid == "square" else j / 2
+        x = X - (np.round(X / array.pitch_mm - shift) + shift) * array.pitch_mm
+        here = np.stack([x, Y - j * row], axis=1)
+        nearer = (here**2).sum(axis=1) < (best**2).sum(axis=1)
+        best[nearer] = here[nearer]
+    sideways = np.hypot(*(aperture - best).T)
+    return np.cos(np.arctan2(sideways, display.aperture_distance_mm)).astype(float)
+
+
+@long_needed
+@everywhere
+def test_every_ray_leads_back_to_its_pixel(grid, side):
+    """25,000 rays of 125 random displays each: within 1e-11 mm of the pixel, in longdouble.
+
+    1e-11 mm is the rounding of a 700 mm panel's coordinates (1e-13 mm) magnified a hundredfold, as
+    grazing rays do. That is why both ends of the ray must be more than 3 degrees (cosine 0.05)
+    from grazing; all others, with a panel closer to the dome than that is deep, stay within 1e-10.
+    """
+    rng = generator(grid, side)
+    rays = grazing = crossed = 0
+    for case in range(250):
+        if case % 2 == 0:
+            display = random_display(rng, grid, side)
+        pixels = random_pixels(rng, display, 100)
+        chief = case % 2 == 0
+        aperture = np.zeros((100, 2)) if chief else random_in_cell(rng, display, 100)
+        out = lippmann.trace(display, pixels, None if chief else aperture)
+
+        points, off = truth.back_to_panel_many(
+            out.origin_mm, out.direction, out.lenslet, **long_optics_of(display)
+        )
+        half = np.array([display.panel.width_px, display.panel.height_px]) / np.longdouble(2)
+        wanted = (pixels.astype(np.longdouble) - half) * (1, -1)
+        wanted *= np.longdouble(display.panel.pixel_pitch_mm)
+        error = np.abs(points - wanted).max(axis=1)
+        good = np.isin(out.status, (OK, CROSSTALK))
+        good &= exit_cosine(display, out.local_mm, out.direction) >= 0.05
+        flat = launch_cosine(display, wanted, aperture) < 0.05
+        # NaN, where no way back exists, must not pass.
+        assert (error[good & ~flat] <= 1e-11).all(), display
+        assert (error[good & flat] <= 1e-10).all(), display
+        # The origins lie on the last face, but for the rounding of panel coordinates.
+        assert (off[good] <= 1e-13).all(), display
+        rays += np.count_nonzero(good)
+        grazing += np.count_nonzero(good & flat)
+        crossed += np.count_nonzero(good & (out.status == CROSSTALK))
+    # Most must have been looked at; the rest is total internal reflection of dense, steep lenslets.
+    assert rays > 16000
+    assert grazing < 0.02 * rays
+    # In glass a ray is nearer to its axis than the thin lens has it: within the cell it stays there.
+    assert (crossed > 0) == (side == "viewer")
+
+
+# --- in 50 digits, ray by ray ---------------------------------------------------------------------
+
+
+def wild_case(rng, grid, side, fate):
+    """A display and 30 rays that favour one fate; every fate is reached also by some other."""
+    root = math.sqrt({"square": 2, "hex": 3}[grid])
+    turn, offset = float(rng.uniform(-180, 180)), (float(rng.uniform(-1, 1)), 0.3)
+    common = {"rotation": turn, "offset": offset}
+    n = 30
+    if fate in (OK, REFLECTED):
+        display = random_display(rng, grid, side)
+        return display, random_pixels(rng, display, n), random_in_cell(rng, display, n)
+    if fate == CROSSTALK:
+        display = random_display(rng, grid, side, index=(1.3, 1.6), steepest=1.3)
+        aperture = random_in_cell(rng, display, n) * 4
+        return display, random_pixels(rng, display, n), aperture
+    if fate == BLOCKED:
+        # Thin glass of low index, steep domes and rays all but in the panel's plane.
+        display = display_of(
+            grid, side, radius=1.02 / root, index=1.25, thickness=None, gap=0.0, **common
+        )
+        angle = rng.uniform(-math.pi, math.pi, n)
+        aperture = 4 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return display, random_pixels(rng, display, n), aperture
+    # Missed: along the canyon between two rows of a nearly flat array in contact with its panel.
+    display = display_of(grid, side, radius=400.0, thickness=None, gap=0.0)
+    y = (0.5 if grid == "square" else math.sqrt(3) / 4) * rng.uniform(0.99, 0.999, n)
+    pixels = np.column_stack([100 + rng.uniform(-2, 2, n), 80 - 16 * y])
+    return display, pixels, np.column_stack([rng.choice((-1, 1), n) * rng.uniform(80, 200, n), y])
+
+
+@everywhere
+def test_statuses_lenslets_origins_directions_in_50_digits(grid, side):
+    rng = generator(2, grid, side)
+    seen = dict.fromkeys(range(5), 0)
+    compared = skipped = 0
+    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(6)):
+        display, pixels, aperture = wild_case(rng, grid, side, fate)
+        optics, out = optics_of(display), lippmann.trace(display, pixels, aperture)
+        assert np.isfinite(out.origin_mm).all()
+        for k in range(len(pixels)):
+            true = truth.trace(optics, *pixels[k], *aperture[k])
+            if true.margin < TIE:
+                skipped += 1
+                continue
+            compared += 1
+            where = (display, pixels[k].tolist(), aperture[k].tolist())
+            assert out.status[k] == true.status, where
+            seen[true.status] += 1
+            # Rounding of the pixel's place is 1e-13 mm; near grazing at either face or at launch it
+            # is magnified by 1 / cosine each time.
+            start = truth.panel_point(optics, *pixels[k])
+            home = truth.lenslet_of(optics, *start[:2])
+            launch = truth.chief_or_aperture_direction(optics, *start[:2], home, *aperture[k])
+            blur = 1 / min(float(launch[2]), 1.0) ** 2 / max(float(true.cos_theta_t), 0.01)
+            array = display.array
+            blur *= 1 + 1 / min(array.pitch_mm, array.radius_mm, display.aperture_distance_mm)
+            assert far(out.direction[k], true.direction) < 2e-13 * blur, where
+            if true.status == MISSED:
+                on_line(out.origin_mm[k], true, 1e-12 * blur)
+                continue
+            assert tuple(out.lenslet[k]) == true.lenslet, where
+            assert far(out.centre_mm[k], truth.centre_of(optics, true.lenslet)) < 2e-13, where
+            if true.status == BLOCKED:
+                # truth's origin is where it was stopped: ahead on the line from the dome it left.
+                on_line(out.origin_mm[k], true, 1e-12 * blur)
+                back = truth.back_to_panel(optics, out.origin_mm[k], out.direction[k], true.lenslet)
+                assert back.off_mm < 1e-12
+                assert far((back.x, back.y), start[:2]) < 1e-10
+                continue
+            assert far(out.origin_mm[k], true.origin) < 4e-13 * blur, where
+    # Enough of each fate. Light that goes into a dome can be blocked by its valleys only, where
+    # truth has no margin; light in the glass is too steep to pass 16 cells on its way up.
+    print(seen, skipped)
+    assert compared > 600
+    assert seen[OK] > 60
+    assert seen[CROSSTALK] > 60
+    assert seen[REFLECTED] > 20
+    if side == "panel":
+        assert seen[BLOCKED] > 5
+    else:
+        assert seen[MISSED] > 5
+
+
+def on_line(point, true, tolerance: float) -> None:
+    """Assert that a point lies on the line of a true ray."""
+    mp = truth.mp
+    apart = [mp.mpf(float(p)) - q for p, q in zip(point, true.origin, strict=True)]
+    t = sum(a * d for a, d in zip(apart, true.direction, strict=True))
+    off = [a - t * d for a, d in zip(apart, true.direction, strict=True)]
+    assert max(abs(q) for q in off) < tolerance * (1 + abs(t)), (point, true)
+
+
+@everywhere
+def test_world_to_panel_in_50_digits(grid, side):
+    """Random lines through the array, and lines that leave the display, back."""
+    rng = generator(3, grid, side)
+    seen = dict.fromkeys(range(5), 0)
+    for case in range(24):
+        steep = case % 3 == 2
+        display = random_display(
+            rng,
+            grid,
+            side,
+            steepest=1.01,
+            shallowest=1.1 if steep else 30.0,
+            widest_mm=700.0 if case % 2 else 20.0,
+        )
+        optics, n = optics_of(display), 20
+        p = display.array.pitch_mm
+        # From around the panel, up to 60 degrees aside; steep lenslets see grazing light as well.
+        half = 0.5 * np.array([display.panel.width_mm, display.panel.height_mm])
+        through = rng.uniform(-1.05, 1.05, (n, 2)) * half
+        sideways = rng.normal(size=(n, 2)) * (3.0 if steep else rng.uniform(0, 1.0, (n, 1)))
+        direction = np.column_stack([sideways, -np.ones(n)])
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        start = np.column_stack([through, np.zeros(n)])
+        origin = start + direction * rng.choice((0.0, -30 * p, -500.0, 2 * p), (n, 1))
+        out = lippmann.trace_to_panel(display, origin, direction)
+        assert np.isfinite(out.pixel).all()
+        for k in range(n):
+            true = truth.world_to_panel(optics, origin[k], direction[k])
+            if true.margin < TIE * max(1.0, 1 / p):
+                continue
+            where = (display, origin[k].tolist(), direction[k].tolist())
+            assert out.status[k] == true.status, where
+            seen[true.status] += 1
+            if true.status in (OK, CROSSTALK):
+                assert tuple(out.lenslet[k]) == true.lenslet, where
+                # 500 mm away, directions of 16 digits are 1e-13 mm off at the array; a lenslet
+                # magnifies by 1 / cosine at a face, twice.
+                flat = min(float(-true.direction[2]), 1.0)
+                bound = 4e-12 / max(true.margin, 1e-3) / flat**2 / display.panel.pixel_pitch_mm
+                assert far(out.pixel[k], true.pixel) < float(bound), where
+    print(seen)
+    assert seen[OK] > 30
+    assert seen[CROSSTALK] > 60
+    assert seen[REFLECTED] > 2
+    assert seen[BLOCKED] > 10
+
+
+@everywhere
+def test_there_and_back_through_the_front_door(grid, side):
+    """trace, then trace_to_panel from elsewhere on the ray: pixel, lenslet and status again."""
+    rng = generator(4, grid, side)
+    rays = 0
+    for _ in range(40):
+        display = random_display(rng, grid, side)
+        pixels = random_pixels(rng, display, 200)
+        out = lippmann.trace(display, pixels, random_in_cell(rng, display, 200) * 1.5)
+        cosine = exit_cosine(display, out.local_mm, out.direction)
+        good = np.isin(out.status, (OK, CROSSTALK)) & (cosine > 0.1) & (out.direction[:, 2] > 0.1)
+        back = lippmann.trace_to_panel(
+            display, (out.origin_mm + 7 * out.direction)[good], -out.direction[good]
+        )
+        # A ray that starts or leaves at an edge may come back on its other side: 1e-10 of them.
+        same = back.status == out.status[good]
+        same &= (back.lenslet == out.lenslet[good]).all(axis=1)
+        assert np.count_nonzero(~same) <= 1
+        error = np.abs(back.pixel - pixels[good])[same] * display.panel.pixel_pitch_mm
+        # As the claim above, with the rounding of 16 digits added twice.
+        assert error.max(initial=0) < 1e-9, display
+        rays += np.count_nonzero(same)
+    assert rays > 3000
+
+
+def test_world_rays_that_do_not_head_for_the_array():
+    for grid, side in itertools.product(GRIDS, SIDES):
+        out = lippmann.trace_to_panel(
+            display_of(grid, side), np.zeros((3, 3)), [(0, 0, 1), (1, 0, 0), (0.6, 0, 0.8)]
+        )
+        assert out.status.tolist() == [MISSED] * 3
+        assert np.isfinite(out.pixel).all()
+
+
+# --- ties -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_edges_and_corners_of_squares_have_one_owner(side):
+    """Half-open cells, by hand: in binary-exact numbers the edges are hit exactly.
+
+    Pixels of 1/16 mm, lenslets of 1 mm, panel of 200 x 160: u = 100 + 16 X, v = 80 - 16 Y.
+    """
+    display = display_of("square", side)
+    corners = list(itertools.product(np.arange(-5, 6) / 2, repeat=2))
+    pixels = [(100 + 16 * x, 80 - 16 * y) for x, y in corners]
+    out = lippmann.trace(display, pixels)
+    wanted = [(math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in corners]
+    assert [tuple(k) for k in out.lenslet.tolist()] == wanted
+    np.testing.assert_array_equal(out.centre_mm, wanted)
+
+
+#: Hexagon of pitch 1 mm: its vertices are (0, +-1/sqrt 3) and (+-1/2, +-1/(2 sqrt 3)).
+EDGES = [(0.5, 0.0, (1, 0)), (-0.5, 0.0, (0, 0)), (0.5, 0.125, (1, 0)), (-0.5, -0.125, (0, 0))]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_upright_edges_of_hexagons_have_one_owner(side):
+    display = display_of("hex", side)
+    pixels = [(100 + 16 * (x + i), 80 - 16 * y) for x, y, _ in EDGES for i in range(-3, 4)]
+    wanted = [(i + di, dj) for _, _, (di, dj) in EDGES for i in range(-3, 4)]
+    assert [tuple(k) for k in lippmann.trace(display, pixels).lenslet.tolist()] == wanted
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("pitch", [1.0, 0.7, 1 / 3])
+def test_vertices_and_slanted_edges_of_hexagons_belong_to_a_cell_that_touches_them(side, pitch):
+    """No float lies on them exactly: one of the cells that meet there owns the nearest float, and
+    the ray's own point lies in that cell, half diagonal and half pitch kept to rounding.
+    """
+    display = display_of("hex", side, pitch=pitch, radius=1.5 * pitch, gap=0.25)
+    rho = pitch / math.sqrt(3)
+    for i, j in itertools.product(range(-2, 3), repeat=2):
+        cx, cy = pitch * (i + j / 2), pitch * j * math.sqrt(0.75)
+        for k in range(12):
+            # Vertices at 30, 90, ... degrees; middles of the edges at 0, 60, ... degrees.
+            angle, reach = math.radians(30 * k), rho if k % 2 else pitch / 2
+            x, y = cx + reach * math.cos(angle), cy + reach * math.sin(angle)
+            out = lippmann.trace(display, [(100 + 16 * x, 80 - 16 * y)])
+            centre = out.centre_mm[0]
+            assert abs(math.hypot(centre[0] - x, centre[1] - y) - reach) < 1e-13
+            start = truth.panel_point(optics_of(display), 100 + 16 * x, 80 - 16 * y)
+            near = truth.trace(optics_of(display), 100 + 16 * x, 80 - 16 * y)
+            assert near.margin < 1e-13
+            assert far(start[:2], (x, y)) < 1e-13
+            assert out.status[0] in (OK, REFLECTED)
+
+
+@everywhere
+def test_a_fine_net_is_shared_out_without_gaps_or_overlaps(grid, side):
+    """Every cell gets its area of a net that is finer than it, and nobody's point is far off."""
+    display = display_of(grid, side, rotation=17.0, offset=(0.01, 0.02), width_px=800)
+    n = 256
+    net = np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n * 128] * 2), axis=-1).reshape(-1, 2)
+    out = lippmann.trace(display, net)
+    assert (np.hypot(*(out.centre_mm - points_of(display, net)).T) <= rho_of(grid) + 1e-12).all()
+    owners, points = np.unique(out.lenslet, axis=0, return_counts=True)
+    area = 1.0 if grid == "square" else math.sqrt(0.75)
+    full = points[points > 0.97 * points.max()]
+    # Counting on a net errs by its mesh along the cell's outline.
+    assert abs(full.mean() / (n / 8) ** 2 - area) < 5e-3
+    assert len(full) > 30
+    assert len(owners) > len(full)
+
+
+def points_of(display, pixels):
+    """Panel mm of pixel coordinates."""
+    half = 0.5 * np.array([display.panel.width_px, display.panel.height_px])
+    return (pixels - half) * display.panel.pixel_pitch_mm * (1, -1)
+
+
+def rho_of(grid):
+    """Half diagonal of a cell of 1 mm."""
+    return 1 / math.sqrt({"square": 2, "hex": 3}[grid])
