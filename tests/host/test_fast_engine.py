@@ -8,8 +8,11 @@ is measured: what golden makes of a change by one rounding of float32.
 import itertools
 import math
 
+import lippmann
 import numpy as np
 import pytest
+from lippmann.optics.status import Status
+from lippmann.optics.trace import MODELS
 from optics_cases import (
     GRIDS,
     SIDES,
@@ -19,10 +22,6 @@ from optics_cases import (
     random_in_cell,
     random_pixels,
 )
-
-import lippmann
-from lippmann.optics.status import Status
-from lippmann.optics.trace import MODELS
 
 SEED = 5664
 #: Rounding of a float32 as large as a lenslet, in pitches: half a unit of its last place.
@@ -261,7 +260,7 @@ def test_world_to_panel(grid, side, model):
 
     A float32 ray is off by 2^-24 pitches in place and 2^-24 in each component of its direction;
     golden traces rays with a thousand times these changes, and so tells what they do on the panel.
-    For f/1.5 and slower, up to 30 degrees aside, it is below 1e-4 of a pixel of a twentieth pitch.
+    For R >= p and 30 degrees aside it stays below a thousandth of a pixel of a twentieth pitch.
     """
     rng = generator(5, grid, side, model)
     n = 2000
@@ -306,7 +305,7 @@ def test_world_to_panel(grid, side, model):
         np.testing.assert_array_equal(fast.lenslet[good], golden.lenslet[good])
         error = np.linalg.norm(fast.pixel - golden.pixel, axis=1)[good]
         assert (error <= 8 * blur[good]).all(), display
-        assert error.max() < 1e-4, display
+        assert error.max() < 1e-3, display
         hit += np.count_nonzero(good)
     assert odd <= 3
     assert hit > n

@@ -117,7 +117,7 @@ def test_every_ray_leads_back_to_its_pixel(grid, side):
     # Most must have been looked at; the rest is total internal reflection of dense, steep lenslets.
     assert rays > 16000
     assert grazing < 0.02 * rays
-    # In glass a ray is nearer to its axis than the thin lens has it: within the cell it stays there.
+    # In glass a ray falls short of its aperture point: from the cell to the cell it stays there.
     assert (crossed > 0) == (side == "viewer")
 
 

@@ -233,6 +233,8 @@ def trace(
     _check_model(model)
     b = backend_of(engine, device)
     pixel = _columns("pixels", pixels, 2)
+    if not len(pixel):
+        b = NumpyBackend()  # Dr.Jit does not compute with empty arrays
     u, v = b.double(pixel[:, 0]), b.double(pixel[:, 1])
     points = None
     if aperture is not None:
@@ -269,6 +271,8 @@ def trace_to_panel(
     _check_model(model)
     b = backend_of(engine, device)
     origin, way = _columns("origin_mm", origin_mm, 3), _columns("direction", direction, 3)
+    if not len(origin):
+        b = NumpyBackend()  # as above
     hits = pixels_from_rays(
         b,
         System.of(display),

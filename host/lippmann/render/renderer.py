@@ -362,7 +362,9 @@ def render(
             progress(first + count, tiles)
     finished = time.perf_counter()
     return Rendered(
-        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
+        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(
+            height, width, 3
+        ),
         seconds=finished - prepared,
         prepare_seconds=prepared - started,
         samples_traced=width * height * samples * len(passes),

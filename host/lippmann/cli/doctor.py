@@ -1,0 +1,60 @@
+"""`lippmann doctor`: what this machine has and lacks for the work."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+from typing import Any
+
+import click
+
+from lippmann import __version__
+from lippmann.cli.common import emit, json_option
+from lippmann.errors import LippmannError
+from lippmann.machine import machine
+from lippmann.render.renderer import free_memory_mb
+from lippmann.render.variant import start_mitsuba
+
+PACKAGES = ("numpy", "mitsuba", "drjit", "OpenImageIO", "click", "rich", "pillow")
+
+
+@click.command("doctor")
+@json_option
+@click.pass_context
+def command(ctx: click.Context, as_json: bool) -> None:
+    """Check libraries, CPU rendering and GPU; exit 3 when something needed is missing.
+
+    Example: lippmann doctor
+    """
+    checks: list[dict[str, Any]] = []
+
+    def check(name: str, good: bool, detail: str, needed: bool = True) -> None:
+        checks.append({"check": name, "ok": good, "needed": needed, "detail": detail})
+
+    check("python", sys.version_info >= (3, 11), sys.version.split()[0])
+    for package in PACKAGES:
+        try:
+            check(package, True, importlib.metadata.version(package))
+        except importlib.metadata.PackageNotFoundError:
+            check(package, False, "not installed; run make setup")
+    for device, needed in (("llvm", True), ("cuda", False)):
+        try:
+            mi = start_mitsuba(device)
+            value = float((mi.Float(1.0, 2.0) + 1.0)[1])
+            check(f"mitsuba on {device}", value == 3.0, mi.variant(), needed)
+        except LippmannError as error:
+            check(f"mitsuba on {device}", False, str(error), needed)
+    check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
+    good = all(c["ok"] for c in checks if c["needed"])
+
+    def text() -> None:
+        click.echo(f"lippmann {__version__} on {machine()}")
+        for c in checks:
+            mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
+            click.echo(f"{mark:<8}{c['check']:<18}{c['detail']}")
+
+    emit(
+        {"ok": good, "version": __version__, "machine": machine(), "checks": checks}, as_json, text
+    )
+    if not good:
+        ctx.exit(3)

@@ -1,0 +1,185 @@
+"""`lippmann observe`: what an eye sees of a display that shows an image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import click
+import numpy as np
+
+from lippmann.cli.common import (
+    Vector,
+    device_option,
+    display_option,
+    emit,
+    json_option,
+    log,
+    progress_bar,
+    seed_option,
+)
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
+from lippmann.observe import Eye, check_identity, observe, whole_window
+from lippmann.optics.trace import MODELS, Model
+from lippmann.render.variant import start_mitsuba
+from lippmann.sheet import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
+
+MAX_VIEW_PX = 16384
+
+
+@click.command("observe")
+@click.argument("image_path", metavar="IMAGE")
+@display_option
+@click.option("--eye", type=Vector(3), required=True, help="Eye, mm; the display is at z = 0.")
+@click.option(
+    "-o",
+    "output",
+    required=True,
+    metavar="VIEW",
+    help=".png, .exr or .tif; with --sweep .gif or .png.",
+)
+@click.option(
+    "--width",
+    type=click.IntRange(1, MAX_VIEW_PX),
+    default=600,
+    show_default=True,
+    help="Pixels of the view.",
+)
+@click.option(
+    "--samples",
+    type=click.IntRange(1, 65536),
+    default=16,
+    show_default=True,
+    help="Rays for each pixel of the view.",
+)
+@click.option("--pupil", default=0.0, show_default=True, help="Diameter of the pupil, mm.")
+@click.option(
+    "--focus", default=0.0, show_default=True, help="Depth z that the eye focuses on, mm."
+)
+@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@click.option(
+    "--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen."
+)
+@click.option("--rotation-error", default=0.0, help="Array turned by so many degrees.")
+@click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Array moved, mm.")
+@click.option("--gap-error", default=0.0, help="Array lifted, mm.")
+@click.option("--pitch-scale", default=1.0, help="Array stretched by a factor.")
+@click.option(
+    "--sweep",
+    type=Vector(2),
+    metavar="X0,X1",
+    help="Move the eye from x = X0 to X1; writes an animation.",
+)
+@click.option(
+    "--frames",
+    type=click.IntRange(2, 1000),
+    default=21,
+    show_default=True,
+    help="Views of a sweep.",
+)
+@click.option("--sheet", metavar="SHEET.png", help="Contact sheet of a sweep.")
+@click.option("--force", is_flag=True, help="Show an image that was rendered for another display.")
+@seed_option
+@device_option
+@json_option
+def command(
+    image_path: str,
+    display_path: str,
+    eye: tuple[float, float, float],
+    output: str,
+    width: int,
+    samples: int,
+    pupil: float,
+    focus: float,
+    model: str,
+    no_crosstalk: bool,
+    rotation_error: float,
+    offset_error: tuple[float, float],
+    gap_error: float,
+    pitch_scale: float,
+    sweep: tuple[float, float] | None,
+    frames: int,
+    sheet: str | None,
+    force: bool,
+    seed: int,
+    device: str,
+    as_json: bool,
+) -> None:
+    """Show what an eye sees through the lenslets, crosstalk and misalignment included.
+
+    Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
+    """
+    path = check_output(output, SUFFIXES if sweep is None else ANIMATION_SUFFIXES)
+    if sheet is not None:
+        if sweep is None:
+            raise InputError("--sheet shows a sweep; give --sweep X0,X1 too")
+        check_output(sheet, (".png",))
+    display = load_display(display_path)
+    panel = display.panel
+    xs = [eye[0]] if sweep is None else np.linspace(sweep[0], sweep[1], frames).tolist()
+    eyes = [Eye((x, eye[1], eye[2]), pupil, focus) for x in xs]
+    window = whole_window(display, width)
+    if window.height_px > MAX_VIEW_PX:
+        raise InputError(
+            f"the view would be {window.height_px} pixels high; give a smaller --width"
+        )
+    built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
+    picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
+    check_identity(picture, display, image_path, force)
+    mi = start_mitsuba(device)
+    views = []
+    with progress_bar("observe", quiet=as_json) as progress:
+        for k, one in enumerate(eyes):
+            views.append(
+                observe(
+                    mi,
+                    picture.radiance,
+                    built,
+                    one,
+                    window,
+                    samples,
+                    cast(Model, model),
+                    seed,
+                    crosstalk=not no_crosstalk,
+                )
+            )
+            if progress is not None:
+                progress(k + 1, len(eyes))
+    pictures = [view.radiance for view in views]
+    if sweep is None:
+        metadata = {"view_of": Path(image_path).name, "display": display.name, "eye_mm": str(eye)}
+        write_picture(path, pictures[0], metadata)
+    else:
+        write_animation(path, pictures)
+        if sheet is not None:
+            chosen = np.linspace(0, frames - 1, min(frames, 9)).round().astype(int)
+            write_contact_sheet(
+                sheet,
+                [pictures[k] for k in chosen],
+                [f"eye x = {xs[k]:+.0f} mm" for k in chosen],
+            )
+    result: dict[str, Any] = {
+        "output": str(path),
+        "sheet": sheet,
+        "width_px": window.width_px,
+        "height_px": window.height_px,
+        "views": [
+            {"eye_mm": list(one.position_mm), "status_share": view.status_share}
+            for one, view in zip(eyes, views, strict=True)
+        ],
+    }
+    dark = max(view.status_share["blocked"] for view in views)
+    if dark > 0.02:
+        log(
+            f"note: up to {100 * dark:.1f} % of the rays end beside the panel (its border is dark from here)"
+        )
+
+    def text() -> None:
+        share = np.mean([view.status_share["crosstalk"] for view in views])
+        click.echo(
+            f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays"
+        )
+
+    emit(result, as_json, text)

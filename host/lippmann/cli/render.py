@@ -1,0 +1,220 @@
+"""`lippmann render`: a scene and a display file make an integral image."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import click
+
+from lippmann import __version__
+from lippmann.choose import TOLERANCE, choose_model
+from lippmann.cli.common import (
+    Vector,
+    device_option,
+    display_option,
+    emit,
+    json_option,
+    log,
+    progress_bar,
+    seed_option,
+)
+from lippmann.display import Display, load_display
+from lippmann.errors import InputError
+from lippmann.images import check_output, write_picture
+from lippmann.optics.trace import MODELS, Model
+from lippmann.render.placement import Placement
+from lippmann.render.renderer import (
+    APERTURES,
+    Aperture,
+    Settings,
+    check_memory,
+    peak_memory_mb,
+    render_integral,
+)
+from lippmann.render.scene import load_scene, placement_beside
+from lippmann.render.variant import device_of, start_mitsuba
+
+
+@click.command("render")
+@click.argument("scene_path", metavar="SCENE")
+@display_option
+@click.option(
+    "-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel."
+)
+@click.option(
+    "--model",
+    type=click.Choice(["auto", *MODELS]),
+    default="auto",
+    show_default=True,
+    help="Lens model; auto takes the cheapest that is good enough.",
+)
+@click.option(
+    "--tolerance",
+    default=TOLERANCE,
+    show_default=True,
+    help="Error that auto allows, pixels of the reconstructed view.",
+)
+@click.option("--samples", default=4, show_default=True, help="Samples for each pixel.")
+@click.option(
+    "--aperture",
+    type=click.Choice(APERTURES),
+    default="chief",
+    show_default=True,
+    help="Chief rays, or rays over the whole lenslet.",
+)
+@click.option(
+    "--integrator",
+    default="lights",
+    show_default=True,
+    help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
+)
+@click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet.")
+@click.option("--scale", type=float, help="mm for each scene unit.")
+@click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z.")
+@click.option("--offset", type=Vector(3), help="Where the scene's origin comes to stand, mm.")
+@click.option("--depth", type=float, help="Moves the scene towards the viewer, mm.")
+@click.option("--near", type=float, help="Depth z where primary rays start, mm.")
+@click.option("--far", type=float, help="Farthest depth of interest, mm.")
+@click.option(
+    "--memory-mb", type=float, help="Memory limit.  [default: four fifths of what is free]"
+)
+@seed_option
+@device_option
+@json_option
+def command(
+    scene_path: str,
+    display_path: str,
+    output: str,
+    model: str,
+    tolerance: float,
+    samples: int,
+    aperture: str,
+    integrator: str,
+    max_depth: int,
+    scale: float | None,
+    rotate: tuple[float, float, float] | None,
+    offset: tuple[float, float, float] | None,
+    depth: float | None,
+    near: float | None,
+    far: float | None,
+    memory_mb: float | None,
+    seed: int,
+    device: str,
+    as_json: bool,
+) -> None:
+    """Render the integral image of a Mitsuba scene for a display.
+
+    Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
+    """
+    path = check_output(output)
+    display = load_display(display_path)
+    settings = Settings(
+        samples=samples,
+        aperture=cast(Aperture, aperture),
+        integrator=integrator,
+        max_depth=max_depth,
+        seed=seed,
+        memory_mb=memory_mb,
+    )
+    check_memory(display.panel.width_px, display.panel.height_px, settings)
+    if not Path(scene_path).is_file():
+        raise InputError(f"{scene_path}: no such scene; give a Mitsuba scene (.xml)")
+    placement = _placement(scene_path, scale, rotate, offset, depth, near, far)
+    mi = start_mitsuba(device)
+    scene = load_scene(mi, scene_path, placement)
+    if model == "auto":
+        choice = choose_model(display, scene.depth_range_mm, aperture, tolerance)
+        log(str(choice))
+        chosen = choice.model
+    else:
+        chosen = cast(Model, model)
+    with progress_bar("render", quiet=as_json) as progress:
+        rendered = render_integral(mi, scene, display, chosen, settings, progress)
+    write_picture(
+        path,
+        rendered.radiance,
+        image_metadata(display, chosen, settings, scene_path),
+        display.panel.transfer,
+        display.panel.bits,
+    )
+    result = {
+        "output": str(path),
+        "display": display.name,
+        "identity": display.identity,
+        "width_px": display.panel.width_px,
+        "height_px": display.panel.height_px,
+        "model": chosen,
+        "integrator": integrator,
+        "samples": samples,
+        "seed": seed,
+        "device": device_of(mi),
+        "seconds": rendered.seconds,
+        "prepare_seconds": rendered.prepare_seconds,
+        "samples_per_second": rendered.samples_per_second,
+        "peak_memory_mb": peak_memory_mb(),
+    }
+
+    def text() -> None:
+        click.echo(
+            f"{path}: {display.panel.width_px} x {display.panel.height_px}, model {chosen}, "
+            f"{rendered.seconds:.2f} s ({rendered.samples_per_second / 1e6:.2f} M samples/s), "
+            f"peak memory {peak_memory_mb():.0f} MB"
+        )
+
+    emit(result, as_json, text)
+
+
+def image_metadata(
+    display: Display, model: str, settings: Settings, scene_path: str
+) -> dict[str, str]:
+    """Return what an image carries: display, identity, model, seed, settings, versions."""
+    import drjit
+    import mitsuba
+
+    return {
+        "display": display.name,
+        "identity": display.identity,
+        "model": model,
+        "aperture": settings.aperture,
+        "integrator": settings.integrator,
+        "samples": str(settings.samples),
+        "max_depth": str(settings.max_depth),
+        "seed": str(settings.seed),
+        "scene": Path(scene_path).name,
+        "version": __version__,
+        "mitsuba": mitsuba.__version__,
+        "drjit": drjit.__version__,
+    }
+
+
+def _placement(
+    scene_path: str,
+    scale: float | None,
+    rotate: tuple[float, float, float] | None,
+    offset: tuple[float, float, float] | None,
+    depth: float | None,
+    near: float | None,
+    far: float | None,
+) -> Placement:
+    """Return the placement beside the scene with the options laid over it."""
+    placement = placement_beside(Path(scene_path))
+    moved = scale is not None or rotate is not None or offset is not None or depth is not None
+    if moved:
+        # The file's depths belong to the file's own stand.
+        placement = replace(placement, near_mm=None, far_mm=None)
+    if scale is not None:
+        placement = replace(placement, scale=scale)
+    if rotate is not None:
+        placement = replace(placement, rotation_deg=rotate)
+    if offset is not None:
+        placement = replace(placement, offset_mm=offset)
+    if depth is not None:
+        x, y, z = placement.offset_mm
+        placement = replace(placement, offset_mm=(x, y, z + depth))
+    if near is not None:
+        placement = replace(placement, near_mm=near)
+    if far is not None:
+        placement = replace(placement, far_mm=far)
+    return placement

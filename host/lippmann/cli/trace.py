@@ -1,0 +1,184 @@
+"""`lippmann trace`: rays from pixels through the lenslets, into an .npz file."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import cast
+
+import click
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.cli.common import device_option, display_option, emit, json_option, seed_option
+from lippmann.display import Display, load_display
+from lippmann.errors import input_error
+from lippmann.images import check_output, replacing
+from lippmann.optics.status import Status
+from lippmann.optics.trace import ENGINES, MODELS, Engine, Model, trace
+
+#: Rays that one call may ask for: what fits in memory.
+MAX_RAYS = 100_000_000
+
+
+@click.command("trace")
+@display_option
+@click.option("--engine", type=click.Choice(ENGINES), default="golden", show_default=True)
+@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@click.option(
+    "--pixels",
+    required=True,
+    metavar="N|FILE",
+    help="N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
+    "others are continuous pixel coordinates.",
+)
+@click.option(
+    "--aperture",
+    type=click.Choice(["chief", "full"]),
+    default="chief",
+    show_default=True,
+    help="Chief rays, or random points over the lenslet's cell.",
+)
+@click.option(
+    "--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass."
+)
+@seed_option
+@device_option
+@click.option("-o", "output", required=True, metavar="RAYS.npz")
+@json_option
+def command(
+    display_path: str,
+    engine: str,
+    model: str,
+    pixels: str,
+    aperture: str,
+    wavelength_nm: float | None,
+    seed: int,
+    device: str,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Trace rays and write pixel, origin_mm, direction, status (and lenslet) as arrays.
+
+    Status: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
+
+    Example: lippmann trace --display scenes/displays/paper-square.toml --engine fast --pixels 1000 -o rays.npz
+    """
+    path = check_output(output, (".npz",))
+    display = load_display(display_path)
+    if wavelength_nm is not None:
+        display = display.at_wavelength(wavelength_nm)
+    random = np.random.default_rng(seed)
+    pixel = _pixels(pixels, display, random)
+    points = _aperture(display, len(pixel), random) if aperture == "full" else None
+    if engine == "fast":
+        from lippmann.render.variant import device_of, start_mitsuba
+
+        device = device_of(start_mitsuba(device))
+    started = time.perf_counter()
+    rays = trace(display, pixel, points, cast(Model, model), cast(Engine, engine), device)
+    seconds = time.perf_counter() - started
+    counts = np.bincount(rays.status, minlength=len(Status))
+    with replacing(path) as partial, partial.open("wb") as stream:
+        np.savez(
+            stream,
+            pixel=rays.pixel,
+            origin_mm=rays.origin_mm,
+            direction=rays.direction,
+            status=rays.status,
+            lenslet=rays.lenslet,
+            centre_mm=rays.centre_mm,
+            local_mm=rays.local_mm,
+        )
+    result = {
+        "output": str(path),
+        "display": display.name,
+        "identity": display.identity,
+        "engine": engine,
+        "model": model,
+        "rays": len(pixel),
+        "seed": seed,
+        "seconds": seconds,
+        "status": {status.name.lower(): int(counts[status]) for status in Status},
+    }
+
+    def text() -> None:
+        shares = ", ".join(
+            f"{name} {n}" for name, n in cast(dict[str, int], result["status"]).items() if n
+        )
+        click.echo(f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
+
+    emit(result, as_json, text)
+
+
+def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDArray[np.float64]:
+    """Return pixel coordinates (N, 2) from a count or a file."""
+    panel = display.panel
+    if spec.lstrip("+-").isdigit():
+        count = int(spec)
+        if not 1 <= count <= MAX_RAYS:
+            raise input_error(
+                "--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file"
+            )
+        return (
+            np.stack(
+                [
+                    random.integers(0, panel.width_px, count),
+                    random.integers(0, panel.height_px, count),
+                ],
+                axis=1,
+            )
+            + 0.5
+        )
+    path = Path(spec)
+    if not path.is_file():
+        raise input_error(
+            spec, "no such file", "give a number of rays or a .npy, .npz or .csv file"
+        )
+    try:
+        if path.suffix == ".npy":
+            table = np.load(path)
+        elif path.suffix == ".npz":
+            table = np.load(path)["pixel"]
+        elif path.suffix in (".csv", ".txt"):
+            table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
+        else:
+            raise input_error(
+                spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv"
+            )
+    except (ValueError, OSError, KeyError, EOFError) as error:
+        raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) == 0 or table.dtype.kind not in "iuf":
+        raise input_error(
+            spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)"
+        )
+    values = np.asarray(table, np.float64)
+    if not np.isfinite(values).all():
+        raise input_error(spec, "holds values that are not finite", "remove them")
+    if (values == np.floor(values)).all():
+        values = values + 0.5
+    if (
+        (values < 0.0).any()
+        or (values[:, 0] > panel.width_px).any()
+        or (values[:, 1] > panel.height_px).any()
+    ):
+        raise input_error(
+            spec,
+            f"holds pixels outside the panel of {panel.width_px} x {panel.height_px}",
+            "give columns u, v within it",
+        )
+    return values
+
+
+def _aperture(display: Display, count: int, random: np.random.Generator) -> npt.NDArray[np.float64]:
+    """Return random points (N, 2) over a lenslet's cell, mm."""
+    from lippmann.optics.lattice import Lattice
+
+    array = display.array
+    lattice = Lattice(array.grid, array.pitch_mm)
+    reach = array.pitch_mm / np.sqrt(3.0) if array.grid == "hex" else 0.5 * array.pitch_mm
+    points = np.empty((0, 2))
+    while len(points) < count:
+        more = random.uniform(-reach, reach, (2 * (count - len(points)) + 16, 2))
+        points = np.concatenate([points, more[lattice.holds(more[:, 0], more[:, 1])]])
+    return points[:count]
