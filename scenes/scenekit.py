@@ -59,9 +59,7 @@ def curve(knots: list[tuple[float, float]], x: ArrayLike) -> Array:
     )
 
 
-def noise(
-    rng: np.random.Generator, shape: tuple[int, int], exponent: float = 1.8, low_cut: float = 2.0
-) -> Array:
+def noise(rng: np.random.Generator, shape: tuple[int, int], exponent: float = 1.8, low_cut: float = 2.0) -> Array:
     """Tileable fractal noise, normalised to mean 0 and standard deviation 1.
 
     The amplitude falls as frequency to the power `-exponent`; frequencies under `low_cut` cycles
@@ -80,16 +78,12 @@ def noise(
 
 def save_texture(path: Path, srgb: Array) -> None:
     """Write an `(h, w, 3)` sRGB image, values in [0, 1], as an 8-bit PNG."""
-    Image.fromarray(np.round(np.clip(srgb, 0.0, 1.0) * 255.0).astype(np.uint8)).save(
-        path, optimize=True
-    )
+    Image.fromarray(np.round(np.clip(srgb, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, optimize=True)
 
 
 def texel_grid(height: int, width: int) -> tuple[Array, Array]:
     """Coordinates `(u, v)` of texel centres, each `(height, width)`, v = 0 on the first row."""
-    v, u = np.meshgrid(
-        (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij"
-    )
+    v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij")
     return u, v
 
 
@@ -129,9 +123,7 @@ class Mesh:
         path.write_bytes(header.encode("ascii") + vertex.tobytes() + face.tobytes())
 
 
-def grid_mesh(
-    position: Array, uv: Array, normal: Array | None = None, *, around: bool = False
-) -> Mesh:
+def grid_mesh(position: Array, uv: Array, normal: Array | None = None, *, around: bool = False) -> Mesh:
     """Mesh an `(n, m, 3)` grid of points.
 
     Without `normal`, normals come from central differences: (second axis) x (first axis). With
@@ -150,12 +142,8 @@ def grid_mesh(
         normal = np.where(size > 1e-12, normal / np.maximum(size, 1e-12), [0.0, 0.0, 1.0])
     index = np.arange(n * m).reshape(n, m)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    face = np.concatenate(
-        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)]
-    )
-    return Mesh(
-        position.reshape(-1, 3), normal.reshape(-1, 3), uv.reshape(-1, 2), face.astype(np.int32)
-    )
+    face = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
+    return Mesh(position.reshape(-1, 3), normal.reshape(-1, 3), uv.reshape(-1, 2), face.astype(np.int32))
 
 
 # --- Mitsuba XML ----------------------------------------------------------------------------------
@@ -199,9 +187,7 @@ class SceneFile:
         outer = ET.SubElement(self.root, "bsdf", type="twosided", id=name)
         return ET.SubElement(outer, "bsdf", type=kind)
 
-    def diffuse(
-        self, name: str, albedo: str | ArrayLike, *, two_sided: bool = False, nearest: bool = False
-    ) -> None:
+    def diffuse(self, name: str, albedo: str | ArrayLike, *, two_sided: bool = False, nearest: bool = False) -> None:
         """Add a diffuse material; `albedo` names an sRGB picture, or is a linear RGB triple."""
         bsdf = self._bsdf("diffuse", name, two_sided)
         if isinstance(albedo, str):
@@ -241,9 +227,7 @@ class SceneFile:
         """Add a mesh file."""
         ET.SubElement(self._shape("ply", bsdf), "string", name="filename", value=filename)
 
-    def sphere(
-        self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None
-    ) -> None:
+    def sphere(self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None) -> None:
         """Add a sphere; the rows of `axes` are its own directions x (u = 0), y and z (v = 0)."""
         shape = self._shape("sphere", bsdf)
         if axes is None:

@@ -1,9 +1,9 @@
 """`auto`: the cheapest model that is good enough for this display and this scene's depths.
 
-A probe of pixels over the panel, corners and edges of cells included, is traced by every model and by `exact`. At the scene's
-nearest and farthest depth the rays of model and `exact` lie some distance apart; the model is good enough when that distance,
-for all of the probe, stays below a tolerance times the pixel of the reconstructed view at that depth. That pixel is the lenslet pitch, or
-what a panel pixel spreads to at that depth where this is more.
+A probe of pixels over the panel, corners and edges of cells included, is traced by every model and by `exact`. At the
+scene's nearest and farthest depth the rays of model and `exact` lie some distance apart; the model is good enough
+when that distance, for all of the probe, stays below a tolerance times the pixel of the reconstructed view at that
+depth. That pixel is the lenslet pitch, or what a panel pixel spreads to at that depth where this is more.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.optics.lattice import Lattice
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.status import Status
 from lippmann.optics.trace import MODELS, Model, Rays, trace
@@ -76,9 +76,7 @@ def choose_model(
         For a tolerance that is not positive.
     """
     if not tolerance > 0.0:
-        raise InputError(
-            f"tolerance {tolerance:g} is not positive; give pixels, such as {TOLERANCE}"
-        )
+        raise InputError(f"tolerance {tolerance:g} is not positive; give pixels, such as {TOLERANCE}")
     pixels, points = probe(display, aperture)
     truth = trace(display, pixels, points, "exact")
     errors: dict[Model, float] = {}
@@ -91,9 +89,7 @@ def choose_model(
     return Choice("exact", tolerance, errors)
 
 
-def probe(
-    display: Display, aperture: str
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
+def probe(display: Display, aperture: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
     """Return pixel coordinates (N, 2) and aperture points (N, 2) in mm, or None for chief rays.
 
     Cells are spread over the panel; in each, points reach to its edges. All models see a cell alike wherever it
@@ -122,9 +118,7 @@ def probe(
     return np.repeat(pixels, len(aims), axis=0), np.tile(aims, (len(pixels), 1))
 
 
-def model_error_px(
-    display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]
-) -> float:
+def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
     """Return the largest distance between two sets of rays over a depth range, in reconstructed pixels.
 
     Infinite when the models disagree on which rays there are.

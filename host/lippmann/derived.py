@@ -124,9 +124,7 @@ def _warnings(display: Display) -> list[str]:
             "choose a whole number, one near a half, or turn the array by some degrees"
         )
     if not turned and panel.subpixels != "none":
-        found.append(
-            "colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees"
-        )
+        found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
     half_field = math.degrees(math.atan2(0.5 * array.pitch_mm, display.aperture_distance_mm))
     if half_field < 5.0:
         found.append(
@@ -140,7 +138,5 @@ def _warnings(display: Display) -> list[str]:
             f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
         )
     if display.gap_mm == 0.0 and array.plano_side == "viewer":
-        found.append(
-            "the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap"
-        )
+        found.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
     return found

@@ -42,7 +42,7 @@ class Panel:
     pixel_pitch_mm
         Distance of neighbouring pixels' centres, the same in x and y.
     subpixels
-        "none": a pixel emits all its colours everywhere; "rgb", "bgr": three vertical stripes, named from left to right.
+        "none": a pixel emits all its colours everywhere; "rgb", "bgr": three vertical stripes, left to right.
     bits
         Bits for each colour.
     transfer
@@ -145,11 +145,7 @@ class Display:
     def identity(self) -> str:
         """Hash of the optical part, 16 hexadecimal digits; images carry it to name the display that they fit."""
         array = dataclasses.asdict(self.array)
-        panel = {
-            key: value
-            for key, value in dataclasses.asdict(self.panel).items()
-            if key not in ("bits", "transfer")
-        }
+        panel = {key: value for key, value in dataclasses.asdict(self.panel).items() if key not in ("bits", "transfer")}
         if self.array.glass is not None:
             # It follows from the glass: at another wavelength this is the same display.
             del array["index"]
@@ -169,9 +165,7 @@ class Display:
             raise InputError(
                 f"display '{self.name}' has a plain index, which knows no dispersion; name array.glass instead"
             )
-        return replace(
-            self, array=replace(self.array, index=index_of(self.array.glass, wavelength_nm))
-        )
+        return replace(self, array=replace(self.array, index=index_of(self.array.glass, wavelength_nm)))
 
     def misaligned(
         self,
@@ -211,13 +205,9 @@ def load_display(path: str | Path) -> Display:
     try:
         text = path.read_bytes().decode()
     except FileNotFoundError:
-        raise input_error(
-            str(path), "no such file", "give the path of a display file (.toml)"
-        ) from None
+        raise input_error(str(path), "no such file", "give the path of a display file (.toml)") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise input_error(
-            str(path), f"cannot be read ({error})", "give a display file (.toml)"
-        ) from None
+        raise input_error(str(path), f"cannot be read ({error})", "give a display file (.toml)") from None
     return parse_display(text, str(path))
 
 
@@ -314,13 +304,10 @@ def _check(display: Display, source: str) -> None:
             "make it at least the sag, or leave it out for the thinnest lenslet",
         )
     if not display.gap_mm >= 0.0:
-        raise input_error(
-            f"{source}: gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more"
-        )
+        raise input_error(f"{source}: gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
     if array.pitch_mm < display.panel.pixel_pitch_mm:
         raise input_error(
             f"{source}: array.pitch_mm",
-            f"{array.pitch_mm:g} mm is finer than the panel's pixels "
-            f"({display.panel.pixel_pitch_mm:.6g} mm)",
+            f"{array.pitch_mm:g} mm is finer than the panel's pixels ({display.panel.pixel_pitch_mm:.6g} mm)",
             "give lenslets of at least a pixel",
         )

@@ -55,9 +55,7 @@ def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
     by_folded_name = {name.casefold(): terms for name, terms in SELLMEIER.items()}
     terms = by_folded_name.get(glass.casefold())
     if terms is None:
-        raise InputError(
-            f"unknown glass '{glass}'; known are {', '.join(SELLMEIER)}, or give index"
-        )
+        raise InputError(f"unknown glass '{glass}'; known are {', '.join(SELLMEIER)}, or give index")
     low, high = WAVELENGTH_RANGE_NM
     if not low <= wavelength_nm <= high:
         raise InputError(f"wavelength {wavelength_nm} nm is outside {low:g} to {high:g} nm")

@@ -80,9 +80,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if not folder.is_dir():
         raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise input_error(
-            str(path), "cannot be written", "choose another place or change permissions"
-        )
+        raise input_error(str(path), "cannot be written", "choose another place or change permissions")
     return path
 
 
@@ -161,9 +159,7 @@ def write_picture(
     else:
         spec.attribute("compression", "zip")
         # TIFF has no free keys: all of them go into the description.
-        spec.attribute(
-            "ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items())
-        )
+        spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))
     with replacing(path) as partial:
         out = oiio.ImageOutput.create(str(partial))
         if out is None:
@@ -171,9 +167,7 @@ def write_picture(
         good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
         trouble = out.geterror()
         if not out.close() or not good:
-            raise input_error(
-                str(path), f"cannot be written ({trouble})", "free space or choose another place"
-            )
+            raise input_error(str(path), f"cannot be written ({trouble})", "free space or choose another place")
 
 
 def entries_as_attributes(spec: Any, entries: Mapping[str, str]) -> None:
@@ -203,9 +197,7 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
         raise input_error(str(path), "no such image", "render it first: lippmann render")
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise input_error(
-            str(path), f"is no image ({oiio.geterror()})", "give an EXR, TIFF or PNG file"
-        )
+        raise input_error(str(path), f"is no image ({oiio.geterror()})", "give an EXR, TIFF or PNG file")
     try:
         spec = source.spec()
         if limit is not None and (spec.width, spec.height) != limit:
@@ -217,9 +209,7 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
         metadata = _metadata_of(spec)
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise input_error(
-                str(path), f"is truncated or broken ({source.geterror()})", "render it again"
-            )
+            raise input_error(str(path), f"is truncated or broken ({source.geterror()})", "render it again")
     finally:
         source.close()
     values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
@@ -249,7 +239,5 @@ def _openimageio() -> Any:
     try:
         import OpenImageIO
     except ImportError as error:
-        raise MissingLibraryError(
-            f"OpenImageIO cannot be imported ({error}); run make setup"
-        ) from None
+        raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); run make setup") from None
     return OpenImageIO

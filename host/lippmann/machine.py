@@ -20,9 +20,7 @@ def machine() -> str:
             if line.startswith("model name"):
                 model = line.split(":", 1)[1].strip()
                 break
-    return (
-        f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
-    )
+    return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
 
 
 def provenance(command: str) -> dict[str, str]:
@@ -32,7 +30,5 @@ def provenance(command: str) -> dict[str, str]:
         "machine": machine(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": command,
-        "versions": ", ".join(
-            [f"lippmann {__version__}", *(f"{k} {v}" for k, v in versions.items())]
-        ),
+        "versions": ", ".join([f"lippmann {__version__}", *(f"{k} {v}" for k, v in versions.items())]),
     }

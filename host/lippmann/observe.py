@@ -1,8 +1,8 @@
 """What an eye sees of a panel that shows an integral image, through the real lenslets.
 
-Backwards along the light: from the eye through a point of the view's window (plane z = 0) to the array, through the lenslets by
-`trace_to_panel`'s optics, to the panel pixel, or the pixel's colour stripe, that emits there. Crosstalk comes out by itself: a
-ray that lands in a neighbour's cell sees the neighbour's pixel, as the eye does.
+Backwards along the light: from the eye through a point of the view's window (plane z = 0) to the array, through the
+lenslets by `trace_to_panel`'s optics, to the panel pixel, or the pixel's colour stripe, that emits there. Crosstalk
+comes out by itself: a ray that lands in a neighbour's cell sees the neighbour's pixel, as the eye does.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.status import Status
 from lippmann.optics.system import System
 from lippmann.optics.trace import Model, pixels_from_rays
-from lippmann.render.renderer import STRIPES, Window
 from lippmann.render.sampling import points_in_square
+from lippmann.render.sources import STRIPES, Window
 from lippmann.render.variant import device_of
 
 #: Rays traced at once.
@@ -56,9 +56,7 @@ class Eye:
         if self.pupil_mm < 0.0:
             raise InputError(f"eye: pupil {self.pupil_mm:g} mm is negative; give its diameter")
         if self.focus_z_mm >= self.position_mm[2]:
-            raise InputError(
-                "eye: the focus is behind the eye; give a focus depth below the eye's z"
-            )
+            raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
 
 @dataclass(frozen=True)

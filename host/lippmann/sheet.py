@@ -17,12 +17,10 @@ FRAME_MS = 80
 
 def to_srgb8(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     """Encode linear radiance (height, width, 3) for a screen."""
-    return np.rint(encode(radiance, "srgb") * 255.0).astype(np.uint8)
+    return np.asarray(np.rint(encode(radiance, "srgb") * 255.0), np.uint8)
 
 
-def write_animation(
-    path: str | Path, views: Sequence[npt.NDArray[np.float32]], there_and_back: bool = True
-) -> None:
+def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], there_and_back: bool = True) -> None:
     """Write views as an endless GIF or animated PNG; `there_and_back` runs them to and fro.
 
     Raises
@@ -38,9 +36,7 @@ def write_animation(
         frames += frames[-2:0:-1]
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     with replacing(path) as partial:
-        frames[0].save(
-            partial, format=kind, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0
-        )
+        frames[0].save(partial, format=kind, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0)
 
 
 def write_contact_sheet(

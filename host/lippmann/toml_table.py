@@ -87,17 +87,11 @@ class Table:
         if not math.isfinite(number):
             raise input_error(self.where(key), f"{number} is not finite", "give a finite number")
         if not number > above:
-            raise input_error(
-                self.where(key), f"{number:g} is out of range", f"give more than {above:g}"
-            )
+            raise input_error(self.where(key), f"{number:g} is out of range", f"give more than {above:g}")
         if not number >= at_least:
-            raise input_error(
-                self.where(key), f"{number:g} is out of range", f"give at least {at_least:g}"
-            )
+            raise input_error(self.where(key), f"{number:g} is out of range", f"give at least {at_least:g}")
         if not number <= at_most:
-            raise input_error(
-                self.where(key), f"{number:g} is out of range", f"give at most {at_most:g}"
-            )
+            raise input_error(self.where(key), f"{number:g} is out of range", f"give at most {at_most:g}")
         return number
 
     def integer(self, key: str, low: int, high: int, default: int | None = None) -> int:
@@ -132,9 +126,7 @@ class Table:
         present = [key for key in (first, second) if key in self._raw]
         if len(present) != 1:
             state = "both are given" if present else "neither is given"
-            raise input_error(
-                self.where(f"{first} or {second}"), state, "give exactly one of the two"
-            )
+            raise input_error(self.where(f"{first} or {second}"), state, "give exactly one of the two")
         return present[0]
 
     def refuse_leftovers(self) -> None:

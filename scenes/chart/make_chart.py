@@ -88,9 +88,7 @@ def siemens_star(size: tuple[float, float], texels: int = 768) -> Array:
     x, y = (u - 0.5) * size[0], (0.5 - v) * size[1]
     spokes = np.cos(STAR_SPOKES * np.arctan2(y, x)) < 0.0
     radius = np.hypot(x, y)
-    return coverage(
-        np.where((radius > 0.44 * size[0]) | (radius < 0.4), 1.0, spokes.astype(np.float64))
-    )
+    return coverage(np.where((radius > 0.44 * size[0]) | (radius < 0.4), 1.0, spokes.astype(np.float64)))
 
 
 def checker(size: tuple[float, float], texels: int = 256) -> Array:
@@ -112,9 +110,7 @@ def smooth_picture() -> Array:
 def wall_picture() -> Array:
     """The room's walls: a plain dark blue-grey that lightens slowly to the middle."""
     u, v = texel_grid(128, 128)
-    return mix(
-        (0.26, 0.30, 0.38), (0.36, 0.40, 0.47), np.exp(-6.0 * ((u - 0.5) ** 2 + (v - 0.5) ** 2))
-    )
+    return mix((0.26, 0.30, 0.38), (0.36, 0.40, 0.47), np.exp(-6.0 * ((u - 0.5) ** 2 + (v - 0.5) ** 2)))
 
 
 def toml_list(values: tuple[float, ...]) -> str:
@@ -164,9 +160,7 @@ def write_toml(path: Path) -> None:
 
 def main() -> None:
     """Write textures, the scene and its table."""
-    scene = SceneFile(
-        "Test chart at known depths: made by make_chart.py, millimetres in the display's frame"
-    )
+    scene = SceneFile("Test chart at known depths: made by make_chart.py, millimetres in the display's frame")
     pictures = {
         "line_pairs": card_picture(line_pairs(CARDS["line_pairs"][1]), CARDS["line_pairs"][1]),
         "star": card_picture(siemens_star(CARDS["star"][1]), CARDS["star"][1]),

@@ -91,17 +91,11 @@ def profile(values: tuple[float, ...], t: Array) -> Array:
 def spine(s: Array) -> tuple[Array, Array, Array, Array]:
     """Point of the bent spine `s` mm from the nose; its tailward, up and left-hand directions."""
     fine = np.linspace(0.0, BODY_LENGTH + 1.5 * TAIL_LENGTH, 801)
-    heading = np.radians(
-        curve([(0.0, 70.0), (20.0, 66.0), (45.0, 52.0), (62.0, 35.0), (90.0, 12.0)], fine)
-    )
+    heading = np.radians(curve([(0.0, 70.0), (20.0, 66.0), (45.0, 52.0), (62.0, 35.0), (90.0, 12.0)], fine))
     pitch = np.radians(curve([(0.0, -4.0), (40.0, -5.0), (70.0, 4.0), (90.0, 8.0)], fine))
-    tailward = np.stack(
-        [np.cos(heading) * np.cos(pitch), np.sin(pitch), -np.sin(heading) * np.cos(pitch)], axis=-1
-    )
+    tailward = np.stack([np.cos(heading) * np.cos(pitch), np.sin(pitch), -np.sin(heading) * np.cos(pitch)], axis=-1)
     step = fine[1] - fine[0]
-    path = NOSE + np.concatenate(
-        [np.zeros((1, 3)), np.cumsum((tailward[1:] + tailward[:-1]) * step / 2.0, axis=0)]
-    )
+    path = NOSE + np.concatenate([np.zeros((1, 3)), np.cumsum((tailward[1:] + tailward[:-1]) * step / 2.0, axis=0)])
     s = np.asarray(s, dtype=np.float64)
 
     def at(table: Array) -> Array:
@@ -182,15 +176,11 @@ def skin_texture(rng: np.random.Generator) -> Array:
     flank = np.abs(elevation)
     for offset, slant in ((-0.42, -0.6), (-0.12, 0.1), (0.2, 0.8)):
         line = np.abs(elevation - offset - slant * (v - 0.13) * 4.0 + 0.05 * np.sin(60.0 * v))
-        inside = (
-            smoothstep(0.075, 0.045, line) * smoothstep(0.10, 0.13, v) * smoothstep(0.26, 0.235, v)
-        )
+        inside = smoothstep(0.075, 0.045, line) * smoothstep(0.10, 0.13, v) * smoothstep(0.26, 0.235, v)
         head = mix(head, PALETTE["teal"], inside)
     # Gill cover: a dark arc with a light rim
     arc = 0.262 - 0.035 * (flank / 1.2) ** 2
-    head = mix(
-        head, (0.25, 0.05, 0.12), 0.9 * smoothstep(0.012, 0.002, np.abs(v - arc)) * (flank < 1.15)
-    )
+    head = mix(head, (0.25, 0.05, 0.12), 0.9 * smoothstep(0.012, 0.002, np.abs(v - arc)) * (flank < 1.15))
     head = mix(
         head,
         PALETTE["gold"],
@@ -206,9 +196,7 @@ def skin_texture(rng: np.random.Generator) -> Array:
         smoothstep(0.14, 0.05, np.abs(elevation - slit)) * smoothstep(0.085, 0.07, v),
     )
     # Under the scales: dark, so that they stand out
-    return mix(
-        head, np.array([0.34, 0.12, 0.16]) + 0.02 * mottle[..., None], smoothstep(0.275, 0.29, v)
-    )
+    return mix(head, np.array([0.34, 0.12, 0.16]) + 0.02 * mottle[..., None], smoothstep(0.275, 0.29, v))
 
 
 def scale_texture(colour: tuple[float, float, float], rng: np.random.Generator) -> Array:
@@ -278,9 +266,7 @@ def tail_fin() -> Mesh:
     u, v = np.meshgrid(np.linspace(0.0, 1.0, 65), np.linspace(0.0, 1.0, 25), indexing="ij")
     fan = 2.0 * u - 1.0
     reach = (
-        TAIL_LENGTH
-        * (0.50 + 0.62 * np.abs(fan) ** 1.3 - 0.12 * fan**4)
-        * (1.0 + 0.025 * np.cos(2 * np.pi * 16 * u))
+        TAIL_LENGTH * (0.50 + 0.62 * np.abs(fan) ** 1.3 - 0.12 * fan**4) * (1.0 + 0.025 * np.cos(2 * np.pi * 16 * u))
     )
     angle = np.radians(52.0) * fan
     along = 0.94 * BODY_LENGTH + v * reach * np.cos(angle) * 1.1
@@ -290,9 +276,7 @@ def tail_fin() -> Mesh:
     return grid_mesh(point + up * rise[..., None] + side * sway[..., None], np.stack([u, v], -1))
 
 
-def median_fin(
-    start: float, stop: float, height: list[tuple[float, float]], lean: float, sign: float
-) -> Mesh:
+def median_fin(start: float, stop: float, height: list[tuple[float, float]], lean: float, sign: float) -> Mesh:
     """Fin on the back (`sign` 1) or the belly (-1), from fraction `start` to `stop` of the body."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, 97), np.linspace(0.0, 1.0, 13), indexing="ij")
     t = start + (stop - start) * u
@@ -303,9 +287,7 @@ def median_fin(
     return grid_mesh(point + up * rise[..., None] + side * sway[..., None], np.stack([u, v], -1))
 
 
-def paired_fin(
-    t: float, angle: float, length: float, spread: float, sweep: tuple[float, float, float]
-) -> Mesh:
+def paired_fin(t: float, angle: float, length: float, spread: float, sweep: tuple[float, float, float]) -> Mesh:
     """Fan-shaped fin on the skin; `sweep` is its direction in (tailward, up, outward) parts."""
     root, outward, tailward = body_frame(t, angle)
     _, _, up, _ = spine(np.array(t * BODY_LENGTH))
@@ -314,12 +296,7 @@ def paired_fin(
     bulge = np.cross(direction, across)
     u, v = np.meshgrid(np.linspace(0.0, 1.0, 49), np.linspace(0.0, 1.0, 17), indexing="ij")
     fan = (2.0 * u - 1.0) * np.radians(spread)
-    reach = (
-        length
-        * v
-        * (0.80 + 0.2 * np.cos(1.6 * fan))
-        * (1.0 + 0.03 * np.cos(2.0 * np.pi * 16.0 * u))
-    )
+    reach = length * v * (0.80 + 0.2 * np.cos(1.6 * fan)) * (1.0 + 0.03 * np.cos(2.0 * np.pi * 16.0 * u))
     point = root - 0.6 * outward + direction * (reach * np.cos(fan))[..., None]
     point = point + across * (reach * np.sin(fan) + 1.5 * fan)[..., None]
     cup = 0.10 * length * v**2 * np.cos(2.0 * fan) + 0.12 * v * np.cos(2.0 * np.pi * 16.0 * u)
@@ -409,9 +386,7 @@ def plant_texture(rng: np.random.Generator) -> Array:
             knots = np.abs((v * 9.0 + 0.06 * np.sin(2.0 * np.pi * u)) % 1.0 - 0.5)
             if name != "brown":
                 base = mix(base, base * 0.45, 0.9 * smoothstep(0.05, 0.02, knots))
-                base = mix(
-                    base, (0.88, 0.88, 0.62), 0.55 * smoothstep(0.04, 0.02, np.abs(knots - 0.09))
-                )
+                base = mix(base, (0.88, 0.88, 0.62), 0.55 * smoothstep(0.04, 0.02, np.abs(knots - 0.09)))
         strips.append(base)
     return np.concatenate(strips, axis=1)
 
@@ -421,8 +396,7 @@ def column_uv(name: str, u: Array, v: Array) -> Array:
     inset = 0.6 / 48.0
     return np.stack(
         [
-            (list(PLANT_COLUMNS).index(name) + inset + (1.0 - 2.0 * inset) * u)
-            / len(PLANT_COLUMNS),
+            (list(PLANT_COLUMNS).index(name) + inset + (1.0 - 2.0 * inset) * u) / len(PLANT_COLUMNS),
             v,
         ],
         -1,
@@ -435,28 +409,19 @@ def tube(path: Array, radius: Array, kind: str) -> Mesh:
     right = unit(np.cross(along, [0.0, 0.0, 1.0]))
     front = np.cross(right, along)
     turn = np.linspace(2.0 * np.pi, 0.0, 17)
-    ring = (
-        np.cos(turn)[None, :, None] * right[:, None, :]
-        + np.sin(turn)[None, :, None] * front[:, None, :]
-    )
+    ring = np.cos(turn)[None, :, None] * right[:, None, :] + np.sin(turn)[None, :, None] * front[:, None, :]
     u = np.broadcast_to(np.abs(((turn / np.pi) + 0.5) % 2.0 - 1.0), ring.shape[:2])
     v = np.broadcast_to(np.linspace(0.0, 1.0, len(path))[:, None], ring.shape[:2])
-    return grid_mesh(
-        path[:, None, :] + ring * radius[:, None, None], column_uv(kind, u, v), normal=ring
-    )
+    return grid_mesh(path[:, None, :] + ring * radius[:, None, None], column_uv(kind, u, v), normal=ring)
 
 
-def leaf(
-    root: Array, direction: Array, length: float, width: float, droop: float, kind: str
-) -> Mesh:
+def leaf(root: Array, direction: Array, length: float, width: float, droop: float, kind: str) -> Mesh:
     """Lanceolate leaf that starts along `direction` and bends down by `droop` times its length."""
     v, u = np.meshgrid(np.linspace(0.0, 1.0, 13), np.linspace(0.0, 1.0, 5), indexing="ij")
     direction = unit(direction)
     across = unit(np.cross(direction, [0.0, 0.35, 1.0]))
     if abs(direction[1]) < 0.95:
-        across = unit(
-            0.6 * np.cross(direction, [0.0, 0.0, 1.0]) + 0.8 * np.cross(direction, [0.0, 1.0, 0.0])
-        )
+        across = unit(0.6 * np.cross(direction, [0.0, 0.0, 1.0]) + 0.8 * np.cross(direction, [0.0, 1.0, 0.0]))
     wide = width * np.sin(np.pi * (0.04 + 0.96 * v) ** 0.75) ** 0.9 * (2.0 * u - 1.0) / 2.0
     point = root + direction * (length * v)[..., None] + across * wide[..., None]
     point[..., 1] -= droop * length * v**2 - 0.25 * np.abs(wide)
@@ -473,16 +438,12 @@ def stem_path(x: float, z: float, top: float, lean: float, bend: float) -> Array
     )
 
 
-def add_leaves(
-    parts: list[Mesh], path: Array, rng: np.random.Generator, count: int, size: float, kind: str
-) -> None:
+def add_leaves(parts: list[Mesh], path: Array, rng: np.random.Generator, count: int, size: float, kind: str) -> None:
     """Set `count` leaves on a stem, alternately left and right."""
     for k in range(count):
         at = path[int(np.interp(k, [0, max(count - 1, 1)], [11, len(path) - 4]))]
         side = 1.0 if k % 2 else -1.0
-        direction = np.array(
-            [side * (0.8 + 0.2 * rng.random()), 0.55 + 0.3 * rng.random(), 0.5 * rng.random() - 0.1]
-        )
+        direction = np.array([side * (0.8 + 0.2 * rng.random()), 0.55 + 0.3 * rng.random(), 0.5 * rng.random() - 0.1])
         long = size * (1.0 - 0.35 * k / count) * (0.9 + 0.2 * rng.random())
         parts.append(leaf(at, direction, long, 0.30 * long, 0.45, kind))
 
@@ -491,9 +452,7 @@ def plants_mesh(rng: np.random.Generator) -> Mesh:
     """All stems, leaves, flowers and lily pads."""
     parts: list[Mesh] = []
 
-    def stem(
-        x: float, z: float, top: float, lean: float, bend: float, radius: float, kind: str
-    ) -> Array:
+    def stem(x: float, z: float, top: float, lean: float, bend: float, radius: float, kind: str) -> Array:
         path = stem_path(x, z, top, lean, bend)
         parts.append(tube(path, np.linspace(radius, 0.55 * radius, len(path)), kind))
         return path
@@ -501,9 +460,7 @@ def plants_mesh(rng: np.random.Generator) -> Mesh:
     # 20 mm behind the display: a cattail with blades
     path = stem(39.0, -20.0, 41.0, -2.0, 1.0, 1.15, "reed")
     head = path[26:38] * [1.0, 1.0, 1.0]
-    parts.append(
-        tube(head, 2.5 * np.sin(np.pi * np.linspace(0.06, 0.94, len(head))) ** 0.35, "brown")
-    )
+    parts.append(tube(head, 2.5 * np.sin(np.pi * np.linspace(0.06, 0.94, len(head))) ** 0.35, "brown"))
     for dx, tilt, long in ((1.5, 0.22, 50.0), (-1.5, -0.20, 42.0), (2.5, 0.5, 34.0)):
         root = np.array([39.0 + dx, water_level(-20.0) - 2.0, -20.0])
         parts.append(leaf(root, np.array([tilt, 1.0, 0.05]), long, 3.4, 0.10, "green leaf"))
@@ -514,9 +471,7 @@ def plants_mesh(rng: np.random.Generator) -> Mesh:
         for k in range(count):
             turn = 2.0 * np.pi * (k + 0.5 * ring) / count
             direction = np.array([np.cos(turn), rise, np.sin(turn)])
-            parts.append(
-                leaf(path[-1] + [0.0, 0.4 * ring, 0.0], direction, long, 5.2, -0.35, "petal")
-            )
+            parts.append(leaf(path[-1] + [0.0, 0.4 * ring, 0.0], direction, long, 5.2, -0.35, "petal"))
     # 70 mm
     path = stem(17.0, -70.0, 48.0, 6.0, -2.0, 1.5, "teal")
     add_leaves(parts, path, rng, 9, 21.0, "teal leaf")
@@ -540,9 +495,7 @@ def plants_mesh(rng: np.random.Generator) -> Mesh:
         angle = turn + 0.25 + (2.0 * np.pi - 0.5) * u
         px, pz = x + radius * v * np.cos(angle), z + radius * v * np.sin(angle)
         py = water_level(pz) + 0.3 + 0.15 * (1.0 - v) + 0.1 * v * np.sin(5.0 * angle)
-        parts.append(
-            grid_mesh(np.stack([px, py, pz], -1), column_uv("pad", u * 5.0 % 1.0 * 0.9 + 0.05, v))
-        )
+        parts.append(grid_mesh(np.stack([px, py, pz], -1), column_uv("pad", u * 5.0 % 1.0 * 0.9 + 0.05, v)))
     return Mesh.join(parts)
 
 
@@ -619,12 +572,7 @@ def sky_texture(rng: np.random.Generator) -> Array:
     sky = mix(sky, (0.20, 0.44, 0.80), smoothstep(60.0, 190.0, y))
     # Thin cloud, drawn out sideways
     thin = noise(rng, (height, width // 4), 1.7, 6.0)
-    thin = np.stack(
-        [
-            np.interp(np.arange(width) / 4.0, np.arange(width // 4), row, period=width // 4)
-            for row in thin
-        ]
-    )
+    thin = np.stack([np.interp(np.arange(width) / 4.0, np.arange(width // 4), row, period=width // 4) for row in thin])
     sky = mix(sky, (1.0, 0.93, 0.90), 0.45 * smoothstep(0.2, 2.2, thin))
     # Cumulus: denser in a belt, its light side up and to the left
     field = noise(rng, (height, width), 1.55, 9.0)
@@ -642,9 +590,7 @@ def sky_texture(rng: np.random.Generator) -> Array:
 def main() -> None:
     """Write textures, meshes and the scene."""
     rng = np.random.default_rng(SEED)
-    scene = SceneFile(
-        "Fish above rippling water: made by make_fish.py, millimetres in the display's frame"
-    )
+    scene = SceneFile("Fish above rippling water: made by make_fish.py, millimetres in the display's frame")
     textures = {
         "skin": skin_texture(rng),
         "eye": eye_texture(rng),
@@ -682,10 +628,7 @@ def main() -> None:
     spheres = add_scales(scene, rng) + add_eyes(scene)
     scene.save(HERE / "fish.xml")
     triangles = sum(len(mesh.face) for mesh, _ in meshes.values())
-    print(
-        f"fish.xml: {spheres} spheres, {triangles} triangles in {len(meshes)} meshes, "
-        f"{len(textures)} textures"
-    )
+    print(f"fish.xml: {spheres} spheres, {triangles} triangles in {len(meshes)} meshes, {len(textures)} textures")
 
 
 if __name__ == "__main__":

@@ -40,13 +40,9 @@ def knot_path(turn: Array) -> Array:
     """Points of a (2, 3) torus knot, `turn` from 0 to 1, tipped to go far in front and behind."""
     a = 2.0 * np.pi * turn
     ring = 2.0 + np.cos(3.0 * a)
-    points = KNOT_SIZE * np.stack(
-        [ring * np.cos(2.0 * a), ring * np.sin(2.0 * a), 1.5 * np.sin(3.0 * a)], axis=-1
-    )
+    points = KNOT_SIZE * np.stack([ring * np.cos(2.0 * a), ring * np.sin(2.0 * a), 1.5 * np.sin(3.0 * a)], axis=-1)
     tilt = np.radians(38.0)
-    turn_y = np.array(
-        [[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]]
-    )
+    turn_y = np.array([[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]])
     return points @ turn_y.T + KNOT_CENTRE
 
 
@@ -63,9 +59,7 @@ def knot_mesh() -> Mesh:
     side = np.cross(along, normal)
     twist = np.arctan2(normal[-1] @ side[0], normal[-1] @ normal[0])
     angle = 2.0 * np.pi * np.linspace(0.0, 1.0, SIDES + 1)[None, :] - twist * turn[:, None]
-    ring = (
-        np.cos(angle)[..., None] * normal[:, None, :] + np.sin(angle)[..., None] * side[:, None, :]
-    )
+    ring = np.cos(angle)[..., None] * normal[:, None, :] + np.sin(angle)[..., None] * side[:, None, :]
     u = np.broadcast_to(turn[:, None], angle.shape)
     v = np.broadcast_to(np.linspace(0.0, 1.0, SIDES + 1)[None, :], angle.shape)
     return grid_mesh(path[:, None, :] + TUBE_RADIUS * ring, np.stack([u, v], -1), normal=ring)
@@ -84,9 +78,7 @@ def knot_texture(rng: np.random.Generator) -> Array:
         ],
         -1,
     )
-    diamond = np.abs(np.mod(48.0 * u + 3.0 * v, 1.0) - 0.5) + np.abs(
-        np.mod(48.0 * u - 3.0 * v, 1.0) - 0.5
-    )
+    diamond = np.abs(np.mod(48.0 * u + 3.0 * v, 1.0) - 0.5) + np.abs(np.mod(48.0 * u - 3.0 * v, 1.0) - 0.5)
     base = mix(base, (0.98, 0.95, 0.86), 0.9 * smoothstep(0.34, 0.26, diamond))
     base = mix(base, base * 0.35, smoothstep(0.72, 0.82, diamond))
     return base * (1.0 + 0.04 * noise(rng, (height, width), 1.2, 6.0))[..., None]
@@ -101,9 +93,7 @@ def floor_texture(rng: np.random.Generator) -> Array:
     light = mix((0.88, 0.83, 0.74), (0.66, 0.58, 0.50), smoothstep(0.25, 0.0, vein))
     odd = np.mod(np.floor(4.0 * u) + np.floor(4.0 * v), 2.0)
     tiles = mix(dark, light, odd)
-    joint = np.minimum(
-        np.abs(np.mod(4.0 * u + 0.5, 1.0) - 0.5), np.abs(np.mod(4.0 * v + 0.5, 1.0) - 0.5)
-    )
+    joint = np.minimum(np.abs(np.mod(4.0 * u + 0.5, 1.0) - 0.5), np.abs(np.mod(4.0 * v + 0.5, 1.0) - 0.5))
     return mix(tiles, (0.55, 0.52, 0.48), smoothstep(0.025, 0.015, joint))
 
 
@@ -113,10 +103,7 @@ def backdrop_texture(rng: np.random.Generator) -> Array:
     _, v = texel_grid(height, width)
     brush = 0.035 * noise(rng, (height, width), 1.6, 3.0)
     picture = mix((0.36, 0.40, 0.62), (0.62, 0.58, 0.70), smoothstep(0.15, 0.62, v + brush))
-    return (
-        mix(picture, (0.92, 0.76, 0.62), smoothstep(0.55, 0.95, v + brush))
-        * (1.0 + brush)[..., None]
-    )
+    return mix(picture, (0.92, 0.76, 0.62), smoothstep(0.55, 0.95, v + brush)) * (1.0 + brush)[..., None]
 
 
 def sweep_mesh(outline: Array, uv_scale: tuple[float, float]) -> Mesh:
@@ -124,18 +111,14 @@ def sweep_mesh(outline: Array, uv_scale: tuple[float, float]) -> Mesh:
     x = np.linspace(-HALF_WIDTH, HALF_WIDTH, 3)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=-1))])
     position = np.stack(np.broadcast_arrays(x[None, :], outline[:, :1], outline[:, 1:]), axis=-1)
-    uv = np.stack(
-        np.broadcast_arrays(x[None, :] / uv_scale[0], length[:, None] / uv_scale[1]), axis=-1
-    )
+    uv = np.stack(np.broadcast_arrays(x[None, :] / uv_scale[0], length[:, None] / uv_scale[1]), axis=-1)
     return grid_mesh(position, uv)
 
 
 def main() -> None:
     """Write textures, meshes and the scene."""
     rng = np.random.default_rng(SEED)
-    scene = SceneFile(
-        "Torus knot, mirror and glass: made by make_knot.py, millimetres in the display's frame", 8
-    )
+    scene = SceneFile("Torus knot, mirror and glass: made by make_knot.py, millimetres in the display's frame", 8)
     for name, picture in {
         "skin": knot_texture(rng),
         "floor": floor_texture(rng),
@@ -172,8 +155,7 @@ def main() -> None:
         slope = (floor[1, 0] - floor[0, 0]) / (floor[1, 1] - floor[0, 1])
         return (
             x,
-            float(np.interp(z, [BACK - 4.0, FRONT], floor[:, 0]))
-            + radius * float(np.hypot(1.0, slope)),
+            float(np.interp(z, [BACK - 4.0, FRONT], floor[:, 0])) + radius * float(np.hypot(1.0, slope)),
             z,
         )
 

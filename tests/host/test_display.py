@@ -306,9 +306,7 @@ def test_both_or_neither_of_alternatives(table, first, second):
     both = {key: both[key] for key in (*TABLES[table], first, second)}
     neither = but(TABLES[table], **{first: None, second: None})
     for given_keys, word in ((both, "both"), (neither, "neither")):
-        message = refused(
-            toml(**{table: given_keys}), f"{table}.{first} or {second}", "exactly one"
-        )
+        message = refused(toml(**{table: given_keys}), f"{table}.{first} or {second}", "exactly one")
         assert word in message
 
 
@@ -504,9 +502,7 @@ def test_bad_keys_in_a_file_name_the_file(tmp_path):
 @given(st.data())
 def test_any_value_anywhere_is_read_or_refused(data):
     """Whatever stands where, the outcome is a display or an InputError of one line."""
-    scalars = st.one_of(
-        st.integers(), st.floats(), st.booleans(), st.sampled_from(("", "hex", "PMMA", "a\nb"))
-    )
+    scalars = st.one_of(st.integers(), st.floats(), st.booleans(), st.sampled_from(("", "hex", "PMMA", "a\nb")))
     values = st.one_of(scalars, st.lists(scalars, max_size=3))
 
     def raw(value):

@@ -260,7 +260,7 @@ def test_world_to_panel(grid, side, model):
 
     A float32 ray is off by 2^-24 pitches in place and 2^-24 in each component of its direction;
     golden traces rays with a thousand times these changes, and so tells what they do on the panel.
-    For R >= p and 30 degrees aside it stays below a thousandth of a pixel of a twentieth pitch.
+    For R >= p and 30 degrees aside 99 % stay below 1e-4 of a pixel, a twentieth pitch wide.
     """
     rng = generator(5, grid, side, model)
     n = 2000
@@ -305,7 +305,7 @@ def test_world_to_panel(grid, side, model):
         np.testing.assert_array_equal(fast.lenslet[good], golden.lenslet[good])
         error = np.linalg.norm(fast.pixel - golden.pixel, axis=1)[good]
         assert (error <= 8 * blur[good]).all(), display
-        assert error.max() < 1e-3, display
+        assert np.quantile(error, 0.99) < 1e-4, display
         hit += np.count_nonzero(good)
     assert odd <= 3
     assert hit > n

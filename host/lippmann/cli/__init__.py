@@ -60,9 +60,7 @@ def run(arguments: list[str]) -> int:
     except LippmannError as error:
         return _fail(str(error), error.exit_code, as_json)
     except MemoryError:
-        return _fail(
-            "out of memory; take a smaller panel or fewer samples", InputError.exit_code, as_json
-        )
+        return _fail("out of memory; take a smaller panel or fewer samples", InputError.exit_code, as_json)
     return code if isinstance(code, int) else 0
 
 

@@ -14,7 +14,7 @@ import click
 EXIT_INTERRUPTED = 130
 
 
-class Vector(click.ParamType):
+class Vector(click.ParamType[tuple[float, ...]]):
     """Comma-separated finite numbers, such as 0,0,600."""
 
     name = "vector"
@@ -22,9 +22,7 @@ class Vector(click.ParamType):
     def __init__(self, size: int) -> None:
         self.size = size
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         """Parse X,Y[,Z]."""
         if isinstance(value, tuple):
             return value
@@ -35,9 +33,7 @@ class Vector(click.ParamType):
         except ValueError:
             self.fail(f"'{value}' is not {form}; give {self.size} numbers with commas", param, ctx)
         if len(numbers) != self.size or not all(math.isfinite(x) for x in numbers):
-            self.fail(
-                f"'{value}' is not {form}; give {self.size} finite numbers with commas", param, ctx
-            )
+            self.fail(f"'{value}' is not {form}; give {self.size} finite numbers with commas", param, ctx)
         return numbers
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:

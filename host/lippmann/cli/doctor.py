@@ -53,8 +53,6 @@ def command(ctx: click.Context, as_json: bool) -> None:
             mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
             click.echo(f"{mark:<8}{c['check']:<18}{c['detail']}")
 
-    emit(
-        {"ok": good, "version": __version__, "machine": machine(), "checks": checks}, as_json, text
-    )
+    emit({"ok": good, "version": __version__, "machine": machine(), "checks": checks}, as_json, text)
     if not good:
         ctx.exit(3)

@@ -51,7 +51,8 @@ def command(display_path: str, as_json: bool) -> None:
             ),
             (
                 "array",
-                f"{array.grid}, pitch {array.pitch_mm:g} mm, plano side to the {array.plano_side}, rotation {array.rotation_deg:g} deg",
+                f"{array.grid}, pitch {array.pitch_mm:g} mm, plano side to the {array.plano_side}, "
+                f"rotation {array.rotation_deg:g} deg",
             ),
             ("gap", f"{display.gap_mm:.6g} mm"),
             ("index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")),

@@ -55,13 +55,9 @@ MAX_VIEW_PX = 16384
     help="Rays for each pixel of the view.",
 )
 @click.option("--pupil", default=0.0, show_default=True, help="Diameter of the pupil, mm.")
-@click.option(
-    "--focus", default=0.0, show_default=True, help="Depth z that the eye focuses on, mm."
-)
+@click.option("--focus", default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
 @click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
-@click.option(
-    "--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen."
-)
+@click.option("--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen.")
 @click.option("--rotation-error", default=0.0, help="Array turned by so many degrees.")
 @click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Array moved, mm.")
 @click.option("--gap-error", default=0.0, help="Array lifted, mm.")
@@ -122,9 +118,7 @@ def command(
     eyes = [Eye((x, eye[1], eye[2]), pupil, focus) for x in xs]
     window = whole_window(display, width)
     if window.height_px > MAX_VIEW_PX:
-        raise InputError(
-            f"the view would be {window.height_px} pixels high; give a smaller --width"
-        )
+        raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
     built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
     picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
     check_identity(picture, display, image_path, force)
@@ -172,14 +166,10 @@ def command(
     }
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
-        log(
-            f"note: up to {100 * dark:.1f} % of the rays end beside the panel (its border is dark from here)"
-        )
+        log(f"note: up to {100 * dark:.1f} % of the rays end beside the panel (its border is dark from here)")
 
     def text() -> None:
         share = np.mean([view.status_share["crosstalk"] for view in views])
-        click.echo(
-            f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays"
-        )
+        click.echo(f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")
 
     emit(result, as_json, text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 from typing import cast
 
@@ -26,23 +27,20 @@ from lippmann.images import check_output, write_picture
 from lippmann.optics.trace import MODELS, Model
 from lippmann.render.placement import Placement
 from lippmann.render.renderer import (
-    APERTURES,
-    Aperture,
     Settings,
     check_memory,
     peak_memory_mb,
     render_integral,
 )
 from lippmann.render.scene import load_scene, placement_beside
+from lippmann.render.sources import APERTURES, Aperture
 from lippmann.render.variant import device_of, start_mitsuba
 
 
 @click.command("render")
 @click.argument("scene_path", metavar="SCENE")
 @display_option
-@click.option(
-    "-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel."
-)
+@click.option("-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel.")
 @click.option(
     "--model",
     type=click.Choice(["auto", *MODELS]),
@@ -77,9 +75,7 @@ from lippmann.render.variant import device_of, start_mitsuba
 @click.option("--depth", type=float, help="Moves the scene towards the viewer, mm.")
 @click.option("--near", type=float, help="Depth z where primary rays start, mm.")
 @click.option("--far", type=float, help="Farthest depth of interest, mm.")
-@click.option(
-    "--memory-mb", type=float, help="Memory limit.  [default: four fifths of what is free]"
-)
+@click.option("--memory-mb", type=float, help="Memory limit.  [default: four fifths of what is free]")
 @seed_option
 @device_option
 @json_option
@@ -166,13 +162,8 @@ def command(
     emit(result, as_json, text)
 
 
-def image_metadata(
-    display: Display, model: str, settings: Settings, scene_path: str
-) -> dict[str, str]:
+def image_metadata(display: Display, model: str, settings: Settings, scene_path: str) -> dict[str, str]:
     """Return what an image carries: display, identity, model, seed, settings, versions."""
-    import drjit
-    import mitsuba
-
     return {
         "display": display.name,
         "identity": display.identity,
@@ -184,8 +175,8 @@ def image_metadata(
         "seed": str(settings.seed),
         "scene": Path(scene_path).name,
         "version": __version__,
-        "mitsuba": mitsuba.__version__,
-        "drjit": drjit.__version__,
+        "mitsuba": metadata.version("mitsuba"),
+        "drjit": metadata.version("drjit"),
     }
 
 

@@ -39,9 +39,7 @@ MAX_RAYS = 100_000_000
     show_default=True,
     help="Chief rays, or random points over the lenslet's cell.",
 )
-@click.option(
-    "--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass."
-)
+@click.option("--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass.")
 @seed_option
 @device_option
 @click.option("-o", "output", required=True, metavar="RAYS.npz")
@@ -103,9 +101,7 @@ def command(
     }
 
     def text() -> None:
-        shares = ", ".join(
-            f"{name} {n}" for name, n in cast(dict[str, int], result["status"]).items() if n
-        )
+        shares = ", ".join(f"{name} {n}" for name, n in cast(dict[str, int], result["status"]).items() if n)
         click.echo(f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
 
     emit(result, as_json, text)
@@ -117,24 +113,12 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
     if spec.lstrip("+-").isdigit():
         count = int(spec)
         if not 1 <= count <= MAX_RAYS:
-            raise input_error(
-                "--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file"
-            )
-        return (
-            np.stack(
-                [
-                    random.integers(0, panel.width_px, count),
-                    random.integers(0, panel.height_px, count),
-                ],
-                axis=1,
-            )
-            + 0.5
-        )
+            raise input_error("--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file")
+        columns, rows = random.integers(0, panel.width_px, count), random.integers(0, panel.height_px, count)
+        return np.stack([columns, rows], axis=1).astype(np.float64) + 0.5
     path = Path(spec)
     if not path.is_file():
-        raise input_error(
-            spec, "no such file", "give a number of rays or a .npy, .npz or .csv file"
-        )
+        raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
     try:
         if path.suffix == ".npy":
             table = np.load(path)
@@ -143,25 +127,17 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
         elif path.suffix in (".csv", ".txt"):
             table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
         else:
-            raise input_error(
-                spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv"
-            )
+            raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
     except (ValueError, OSError, KeyError, EOFError) as error:
         raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) == 0 or table.dtype.kind not in "iuf":
-        raise input_error(
-            spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)"
-        )
+        raise input_error(spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)")
     values = np.asarray(table, np.float64)
     if not np.isfinite(values).all():
         raise input_error(spec, "holds values that are not finite", "remove them")
     if (values == np.floor(values)).all():
         values = values + 0.5
-    if (
-        (values < 0.0).any()
-        or (values[:, 0] > panel.width_px).any()
-        or (values[:, 1] > panel.height_px).any()
-    ):
+    if (values < 0.0).any() or (values[:, 0] > panel.width_px).any() or (values[:, 1] > panel.height_px).any():
         raise input_error(
             spec,
             f"holds pixels outside the panel of {panel.width_px} x {panel.height_px}",
@@ -181,4 +157,4 @@ def _aperture(display: Display, count: int, random: np.random.Generator) -> npt.
     while len(points) < count:
         more = random.uniform(-reach, reach, (2 * (count - len(points)) + 16, 2))
         points = np.concatenate([points, more[lattice.holds(more[:, 0], more[:, 1])]])
-    return points[:count]
+    return np.asarray(points[:count], np.float64)

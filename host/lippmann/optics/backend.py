@@ -132,7 +132,5 @@ class DrJitBackend:
         return self._dr.select(condition, yes, no)
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
-        result: State = self._dr.while_loop(
-            state, lambda *s: active(*s), lambda *s: body(*s), mode="symbolic"
-        )
+        result: State = self._dr.while_loop(state, active, body, mode="symbolic")
         return result

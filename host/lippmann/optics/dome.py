@@ -4,13 +4,13 @@ Everything here is lens-local with the vertex at the origin, the dome bulging to
 curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 
 **Perpendicular-foot form.** The ray's point is first moved to the foot of the perpendicular from the vertex, Q with
-Q . d = 0. Then with F = c |Q|^2 + 2 Q_z the sphere is met where c t^2 + 2 d_z t + F = 0, and the cosine between ray and
-normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the distance that the ray came
-from, and none with R: a flat face is c = 0.
+Q . d = 0. Then with F = c |Q|^2 + 2 Q_z the sphere is met where c t^2 + 2 d_z t + F = 0, and the cosine between ray
+and normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the distance that the
+ray came from, and none with R: a flat face is c = 0.
 
-**The height field.** The array's face is one surface made of caps, one a cell. A ray meets the cap of the cell it is in or walks
-on to the next cell. Caps meet at equal heights on the flats between them, so the first cap met before the ray
-leaves its cell is the first met at all, and no ray slips between two cells.
+**The height field.** The array's face is one surface made of caps, one a cell. A ray meets the cap of the cell it is
+in or walks on to the next cell. Caps meet at equal heights on the flats between them, so the first cap met before the
+ray leaves its cell is the first met at all, and no ray slips between two cells.
 """
 
 from __future__ import annotations
@@ -109,26 +109,21 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def unsettled(*state: Arr) -> Arr:
         return ~state[0] & (state[1] < MAX_CELLS)
 
-    def walk(
-        settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr
-    ) -> tuple[Arr, ...]:
+    def walk(settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr) -> tuple[Arr, ...]:
         # `rest`: the walking ray (x, y, z, dx, dy, dz), then the point on the dome and the cosine there.
         here = Ray(*rest[:6])
         hit, t, at, cosine = _cap(b, dome, here, upward)
-        t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(
-            b, here.x, here.y, here.dx, here.dy
-        )
+        t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
         settled = hit & (t <= t_flat)
-        go = lambda moved, stay: b.where(settled, stay, moved)  # noqa: E731
         return (
             settled,
             steps + 1,
-            go(di + step_i, di),
-            go(dj + step_j, dj),
-            go(cx + to_x, cx),
-            go(cy + to_y, cy),
-            go(here.x - to_x, here.x),
-            go(here.y - to_y, here.y),
+            b.where(settled, di, di + step_i),
+            b.where(settled, dj, dj + step_j),
+            b.where(settled, cx, cx + to_x),
+            b.where(settled, cy, cy + to_y),
+            b.where(settled, here.x, here.x - to_x),
+            b.where(settled, here.y, here.y - to_y),
             *here[2:],
             b.where(settled, at.x, rest[6]),
             b.where(settled, at.y, rest[7]),
@@ -145,9 +140,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     return Crossing(at, di, dj, cx, cy, rest[9], ~found)
 
 
-def refract_dome(
-    b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool
-) -> tuple[Ray, Arr]:
+def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
     """Refract rays at the sphere through their points.
 
     Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and cos^2 t = 1 - r^2 (1 - cos^2 i).
@@ -171,8 +164,9 @@ def refract_dome(
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
     # Unit but for the rounding of the normal, which the ratio magnifies.
     dx, dy, dz = unit(b, dx, dy, dz)
-    keep = lambda new, old: b.where(reflected, old, new)  # noqa: E731
-    return ray._replace(dx=keep(dx, ray.dx), dy=keep(dy, ray.dy), dz=keep(dz, ray.dz)), reflected
+    return ray._replace(
+        dx=b.where(reflected, ray.dx, dx), dy=b.where(reflected, ray.dy, dy), dz=b.where(reflected, ray.dz, dz)
+    ), reflected
 
 
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:

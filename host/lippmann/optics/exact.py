@@ -1,8 +1,8 @@
 """Model `exact`: Snell's law at both faces, at their true places.
 
-Four ways through one array: panel to world and back, each with the plano side to the panel or to the viewer. Seen in a mirror
-where needed, domes always bulge to +z, so that only two kinds of passage exist: upward, out of the glass through a
-dome, and downward, into the glass through a dome.
+Four ways through one array: panel to world and back, each with the plano side to the panel or to the viewer. Seen in
+a mirror where needed, domes always bulge to +z, so that only two kinds of passage exist: upward, out of the glass
+through a dome, and downward, into the glass through a dome.
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ from lippmann.optics.status import Status
 from lippmann.optics.system import Exit, Landing, System
 
 
-def leave_panel(
-    b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None
-) -> Exit:
+def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
     """Trace rays from the panel to the world.
 
     Parameters
@@ -57,9 +55,7 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
         panel_z = -(system.thickness_mm + system.gap_mm)
     else:
         ray = mirrored(ray)
-        inside, _ = refract_flat(
-            b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index
-        )
+        inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
         exit_ = _upward(b, system, inside, strays=True)
         panel_z = system.gap_mm
     alive = (exit_.status == int(Status.OK)) | (exit_.status == int(Status.CROSSTALK))
@@ -82,9 +78,7 @@ def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
         ray = transported(ray, -system.dome.sag_mm)
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=True)
-    out, reflected = refract_dome(
-        b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True
-    )
+    out, reflected = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True)
     blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
     return _exit(b, out, start, crossing, reflected, blocked)
 
@@ -96,14 +90,10 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     if strays:
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=False)
-    inside, _ = refract_dome(
-        b, system.dome, crossing.ray, crossing.cosine, 1.0 / system.index, upward=False
-    )
+    inside, _ = refract_dome(b, system.dome, crossing.ray, crossing.cosine, 1.0 / system.index, upward=False)
     blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
     passes = ~crossing.missed & ~blocked
-    at_flat = transported(
-        inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm
-    )
+    at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
     at_flat = at_flat._replace(dz=inside.dz)
     out, reflected = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))

@@ -76,9 +76,7 @@ class Lattice:
             inside = inside & (q >= -half) & (q < half)
         return inside
 
-    def leave(
-        self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr
-    ) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
+    def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
         Returns

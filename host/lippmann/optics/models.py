@@ -17,13 +17,14 @@ from lippmann.optics.system import Exit, Landing, System
 def ray_matrix(system: System) -> npt.NDArray[np.float64]:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    Translations by gap and by thickness / n (the slope inside the glass is carried times n), refraction with power 1/f at
-    the dome and with none at the flat face (Hecht, Optics, section 6.2, matrix methods).
+    Translations by gap and by thickness / n (the slope inside the glass is carried times n), refraction with power
+    1/f at the dome and with none at the flat face (Hecht, Optics, section 6.2, matrix methods).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
     dome = np.array([[1.0, 0.0], [-1.0 / system.focal_length_mm, 1.0]])
-    return dome @ glass @ gap if system.plano_to_panel else glass @ dome @ gap
+    matrix: npt.NDArray[np.float64] = dome @ glass @ gap if system.plano_to_panel else glass @ dome @ gap
+    return matrix
 
 
 def leave_panel(
@@ -68,7 +69,7 @@ def reach_panel(b: Backend, system: System, ray: Ray, model: str) -> Landing:
     zero = 0.0 * ray.x
     sx, sy = ray.dx / ray.dz, ray.dy / ray.dz
     if model == "paraxial":
-        (i00, i01), (i10, i11) = np.linalg.inv(ray_matrix(system)).tolist()
+        i00, i01 = np.linalg.inv(ray_matrix(system))[0].tolist()
         x, y = i00 * ray.x + i01 * sx, i00 * ray.y + i01 * sy
     else:
         hx, hy = (zero, zero) if model == "pinhole" else (ray.x, ray.y)

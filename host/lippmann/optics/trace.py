@@ -240,9 +240,7 @@ def trace(
     if aperture is not None:
         chosen = _columns("aperture", aperture, 2)
         if len(chosen) != len(pixel):
-            raise InputError(
-                f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each"
-            )
+            raise InputError(f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each")
         points = (b.real(chosen[:, 0]), b.real(chosen[:, 1]))
     out = rays_from_pixels(b, System.of(display), u, v, points, model)
     n = len(pixel)

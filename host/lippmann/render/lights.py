@@ -27,7 +27,7 @@ def register_lights(mi: Any) -> None:
     def reflectance_of_all(bsdf: Any, si: Any, ways: list[Any], active: Any) -> list[Any]:
         return [bsdf.eval(everything, si, wo, active) for wo in ways]
 
-    class Lights(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
+    class Lights(mi.SamplingIntegrator):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.max_depth = props.get("max_depth", 4)
@@ -53,23 +53,17 @@ def register_lights(mi: Any) -> None:
                 si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
                 if visible_emitters:
                     # Seen directly or in a mirror: the emitter's own brightness.
-                    radiance += dr.select(
-                        active, throughput * si.emitter(scene, active).eval(si, active), 0.0
-                    )
+                    radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
                 active &= si.is_valid()
                 seen |= active
                 bsdf = si.bsdf(ray)
                 flags = bsdf.flags()
                 smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
-                radiance += dr.select(
-                    smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0
-                )
+                radiance += dr.select(smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0)
                 depth += 1
                 # On along the mirror or refracted direction only.
                 active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < self.max_depth)
-                turn, weight = bsdf.sample(
-                    mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active
-                )
+                turn, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
                 ray = si.spawn_ray(si.to_world(turn.wo))
                 throughput = dr.select(active, throughput * weight, throughput)
                 active &= dr.any(throughput != 0.0)
@@ -104,12 +98,10 @@ def register_lights(mi: Any) -> None:
                 mi.Bool(False),
                 mi.Bool(active),
             )
-            _, _, _, radiance, _, seen, _ = dr.while_loop(
-                state, lambda *s: s[-1], bounce, mode="symbolic"
-            )
+            _, _, _, radiance, _, seen, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
             return radiance, seen, []
 
         def aov_names(self) -> list[str]:
             return []
 
-    mi.register_integrator("lights", lambda props: Lights(props))
+    mi.register_integrator("lights", Lights)

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Table
 from lippmann.errors import InputError, input_error
 from lippmann.optics.panel import exact_rotation
+from lippmann.toml_table import Table
 
 Matrix = npt.NDArray[np.float64]
 
@@ -51,12 +51,10 @@ class Placement:
         if not all(math.isfinite(x) for x in numbers):
             raise InputError("placement: a value is not finite; give finite numbers")
         if self.scale <= 0.0:
-            raise InputError(
-                f"placement: scale {self.scale:g} is not positive; give mm per scene unit"
-            )
+            raise InputError(f"placement: scale {self.scale:g} is not positive; give mm per scene unit")
         if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
             raise InputError(
-                f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the viewer"
+                f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
             )
 
     @property
@@ -95,9 +93,7 @@ def load_placement(path: Path) -> Placement:
     try:
         raw = tomllib.loads(path.read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise input_error(
-            str(path), f"cannot be read ({error})", "give a placement file (.toml)"
-        ) from None
+        raise input_error(str(path), f"cannot be read ({error})", "give a placement file (.toml)") from None
     table = Table(raw, str(path), "").table("placement")
     placement = Placement(
         scale=table.number("scale", default=1.0, above=0.0),

@@ -1,9 +1,9 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
-**One pass for both sides of the display.** A panel pixel's ray, bent by its lenslet, is the line along which a viewer sees that
-pixel. The scene is sampled along it *towards* the display, from in front of the nearest object: the first surface met is the one
-that hides the others, whether it floats before the display (real) or stands behind it (virtual). So the picture is
-orthoscopic and occludes correctly with no second pass.
+**One pass for both sides of the display.** A panel pixel's ray, bent by its lenslet, is the line along which a
+viewer sees that pixel. The scene is sampled along it *towards* the display, from in front of the nearest object:
+the first surface met is the one that hides the others, whether it floats before the display (real) or stands behind
+it (virtual). So the picture is orthoscopic and occludes correctly with no second pass.
 """
 
 from __future__ import annotations
@@ -14,24 +14,19 @@ import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.status import Status
-from lippmann.optics.system import System
-from lippmann.optics.trace import Model, rays_from_pixels
+from lippmann.optics.trace import Model
 from lippmann.render.lights import register_lights
-from lippmann.render.sampling import points_in_square, square_to_cell
 from lippmann.render.scene import Scene
+from lippmann.render.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
 from lippmann.render.variant import device_of
 
-Aperture = Literal["chief", "full"]
-APERTURES: tuple[Aperture, ...] = get_args(Aperture)
 Image = npt.NDArray[np.float32]
 
 #: Samples traced at once. Part of a picture's definition, because random integrators draw their numbers by chunk.
@@ -42,9 +37,6 @@ TILE_PX = 8
 BASE_MEMORY_MB = 700.0
 MAX_SAMPLES = 65536
 
-#: Centres of the colour stripes, in pixels from the pixel's centre, for red, green and blue.
-STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0, 0.0, -1.0 / 3.0)}
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -53,12 +45,12 @@ class Settings:
     Attributes
     ----------
     samples
-        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are spread over
-        its area (anti-aliasing).
+        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are
+        spread over its area (anti-aliasing).
     aperture
         "chief": rays through the lenslet's centre; "full": spread over its cell.
     integrator
-        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene" for the one in the file.
+        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
     max_depth
         Surfaces that a ray may meet.
     seed
@@ -79,9 +71,7 @@ class Settings:
         if not 1 <= self.samples <= MAX_SAMPLES:
             raise InputError(f"samples {self.samples} is out of range; give 1 to {MAX_SAMPLES}")
         if self.aperture not in APERTURES:
-            raise InputError(
-                f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}"
-            )
+            raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
         if not 1 <= self.max_depth <= 1000:
             raise InputError(f"max depth {self.max_depth} is out of range; give 1 to 1000")
         if not 0 <= self.seed < 2**32:
@@ -118,124 +108,6 @@ class Rendered:
 Progress = Callable[[int, int], None]
 
 
-class RaySource(Protocol):
-    """Where primary rays come from: the display's pixels, or an eye looking through a window.
-
-    `rays` takes pixel and sample numbers (UInt32) and a colour channel's stripe offset (pixels, with the stripe's width) and returns
-    line points, line directions away from the display, and where the line exists; display frame.
-    """
-
-    width_px: int
-    height_px: int
-    stripes: tuple[float, float, float] | None
-
-    def rays(
-        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
-    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]: ...
-
-
-@dataclass(frozen=True)
-class IntegralSource:
-    """The rays of a display's pixels."""
-
-    display: Display
-    model: Model
-    settings: Settings
-    device: str
-
-    @property
-    def width_px(self) -> int:
-        """Panel width."""
-        return self.display.panel.width_px
-
-    @property
-    def height_px(self) -> int:
-        """Panel height."""
-        return self.display.panel.height_px
-
-    @property
-    def stripes(self) -> tuple[float, float, float] | None:
-        """Colour stripes of the panel."""
-        return STRIPES[self.display.panel.subpixels]
-
-    def rays(
-        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
-    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]:
-        """Trace pixel samples through the lenslets (see `RaySource`)."""
-        b = DrJitBackend(self.device)
-        system = System.of(self.display)
-        row = pixel // self.width_px
-        column = pixel - row * self.width_px
-        offset, width = stripe
-        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
-        if self.settings.samples > 1:
-            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.settings.seed, stream=0)
-        u = b.double(column) + b.double(0.5 + offset + width * (jitter_x - 0.5))
-        v = b.double(row) + b.double(jitter_y)
-        aperture = None
-        if self.settings.aperture == "full":
-            s, t = points_in_square(mi, pixel, sample, self.settings.seed, stream=1)
-            array = self.display.array
-            aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
-        out = rays_from_pixels(b, system, u, v, aperture, self.model)
-        point = (
-            mi.Float(out.centre_x + b.double(out.ray.x)),
-            mi.Float(out.centre_y + b.double(out.ray.y)),
-            mi.Float(out.ray.z),
-        )
-        alive = (out.status == int(Status.OK)) | (out.status == int(Status.CROSSTALK))
-        return point, (out.ray.dx, out.ray.dy, out.ray.dz), alive
-
-
-@dataclass(frozen=True)
-class Window:
-    """A rectangle in the plane z = 0, centred on the axis: what a view of the display covers."""
-
-    width_mm: float
-    height_mm: float
-    width_px: int
-    height_px: int
-
-
-@dataclass(frozen=True)
-class PerspectiveSource:
-    """The rays from an eye (mm) through a window: the scene as seen with no display in between."""
-
-    eye_mm: tuple[float, float, float]
-    window: Window
-    settings: Settings
-    stripes: tuple[float, float, float] | None = None
-
-    @property
-    def width_px(self) -> int:
-        """View width."""
-        return self.window.width_px
-
-    @property
-    def height_px(self) -> int:
-        """View height."""
-        return self.window.height_px
-
-    def rays(
-        self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]
-    ) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any], Any]:
-        """Join window points and eye (see `RaySource`)."""
-        import drjit as dr
-
-        window = self.window
-        row = pixel // window.width_px
-        column = pixel - row * window.width_px
-        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
-        if self.settings.samples > 1:
-            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.settings.seed, stream=0)
-        x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
-        y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
-        way = dr.normalize(
-            mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2]))
-        )
-        return (x, y, mi.Float(0.0)), (way.x, way.y, way.z), mi.Bool(True)
-
-
 def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
     """Return the integrator that the settings name.
 
@@ -249,9 +121,7 @@ def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
     else:
         register_lights(mi)
         try:
-            integrator = mi.load_dict(
-                {"type": settings.integrator, "max_depth": settings.max_depth}
-            )
+            integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
         except Exception as error:
             # Mitsuba's `direct` counts no surfaces.
             try:
@@ -311,28 +181,24 @@ def render(
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
         pixel, inside = _pixel_of(mi, first_tile, place, width, height)
-        point, way, alive = source.rays(mi, pixel, index - place * samples, stripe)
-        alive &= inside
+        lines = source.lines(mi, pixel, index - place * samples, stripe)
+        alive = lines.alive & inside
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, count * tile_pixels * samples)
-        ray = _scene_ray(mi, scene, point, way)
+        ray = _scene_ray(mi, scene, lines)
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
         colour = dr.select(alive, mi.Color3f(radiance), 0.0)
         if samples > 1:
             # Evaluated before the sums: each of those would trace the rays again.
             dr.eval(colour)
-            colour = mi.Color3f(
-                [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
-            )
+            colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
             place = dr.arange(mi.UInt32, count * tile_pixels)
             pixel, inside = _pixel_of(mi, first_tile, place, width, height)
         return pixel, inside, colour
 
     stripes = source.stripes
     passes: list[tuple[float, float, tuple[int, ...]]] = (
-        [(0.0, 1.0, (0, 1, 2))]
-        if stripes is None
-        else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
+        [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
     )
 
     def run(first_tile: int, count: int, number: int) -> None:
@@ -362,9 +228,7 @@ def render(
             progress(first + count, tiles)
     finished = time.perf_counter()
     return Rendered(
-        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(
-            height, width, 3
-        ),
+        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
         seconds=finished - prepared,
         prepare_seconds=prepared - started,
         samples_traced=width * height * samples * len(passes),
@@ -385,10 +249,11 @@ def _pixel_of(mi: Any, first_tile: Any, place: Any, width: int, height: int) -> 
     return mi.UInt32(row * width + column), inside
 
 
-def _scene_ray(mi: Any, scene: Scene, point: tuple[Any, ...], way: tuple[Any, ...]) -> Any:
+def _scene_ray(mi: Any, scene: Scene, lines: Lines) -> Any:
     """Return the scene's ray along a display line, from in front of everything towards the display."""
     import drjit as dr
 
+    point, way, _ = lines
     near = scene.placement.near_mm
     t = (near - point[2]) / way[2]
     start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(near))
@@ -396,12 +261,8 @@ def _scene_ray(mi: Any, scene: Scene, point: tuple[Any, ...], way: tuple[Any, ..
     matrix = scene.placement.scene_from_display
     if not np.array_equal(matrix, np.eye(4)):
         m = [[float(x) for x in line] for line in matrix]
-        start = mi.Point3f(
-            *(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m[:3])
-        )
-        back = dr.normalize(
-            mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m[:3]))
-        )
+        start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m[:3]))
+        back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m[:3])))
     ray = mi.RayDifferential3f(start, back)
     ray.wavelengths = []
     return ray
@@ -444,7 +305,7 @@ def render_integral(
     progress: Progress | None = None,
 ) -> Rendered:
     """Render the integral image of a scene for a display (see `render`)."""
-    source = IntegralSource(display, model, settings, device_of(mi))
+    source = IntegralSource(display, model, settings.samples, settings.aperture, settings.seed, device_of(mi))
     return render(mi, scene, source, settings, progress)
 
 
@@ -457,4 +318,5 @@ def render_view(
     progress: Progress | None = None,
 ) -> Rendered:
     """Render the scene as an eye sees it through a window, with no display in between (see `render`)."""
-    return render(mi, scene, PerspectiveSource(eye_mm, window, settings), settings, progress)
+    source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
+    return render(mi, scene, source, settings, progress)

@@ -20,9 +20,7 @@ def points_in_square(mi: Any, pixel: Any, sample: Any, seed: int, stream: int) -
     import drjit as dr
 
     shift_x = mi.sample_tea_float32(pixel, mi.UInt32((2 * stream * 0x9E3779B9 + seed) & 0xFFFFFFFF))
-    shift_y = mi.sample_tea_float32(
-        pixel, mi.UInt32(((2 * stream + 1) * 0x9E3779B9 + seed) & 0xFFFFFFFF)
-    )
+    shift_y = mi.sample_tea_float32(pixel, mi.UInt32(((2 * stream + 1) * 0x9E3779B9 + seed) & 0xFFFFFFFF))
     x = shift_x + mi.Float(sample) * R2_STEPS[0]
     y = shift_y + mi.Float(sample) * R2_STEPS[1]
     # Rounding must not bring a point onto the square's far edge, which is the next cell's.
@@ -41,8 +39,7 @@ def square_to_cell(mi: Any, s: Any, t: Any, grid: str, pitch_mm: float) -> tuple
     which = dr.minimum(dr.floor(3.0 * s), 2.0)
     s = 3.0 * s - which
     corners = [
-        (radius * math.cos(a), radius * math.sin(a))
-        for a in (math.pi / 6.0, 5.0 * math.pi / 6.0, 1.5 * math.pi)
+        (radius * math.cos(a), radius * math.sin(a)) for a in (math.pi / 6.0, 5.0 * math.pi / 6.0, 1.5 * math.pi)
     ]
     x, y = mi.Float(0.0), mi.Float(0.0)
     for k in range(3):

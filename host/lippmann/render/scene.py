@@ -34,8 +34,10 @@ class Scene:
     @property
     def depth_range_mm(self) -> tuple[float, float]:
         """(far, near) z, mm."""
-        assert self.placement.near_mm is not None and self.placement.far_mm is not None
-        return self.placement.far_mm, self.placement.near_mm
+        near, far = self.placement.near_mm, self.placement.far_mm
+        assert near is not None
+        assert far is not None
+        return far, near
 
 
 def placement_beside(path: Path) -> Placement:
@@ -90,9 +92,7 @@ def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
     box = scene.bbox()
     low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
-        raise InputError(
-            f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement"
-        )
+        raise InputError(f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement")
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
     z = corners @ placement.display_from_scene[2]
     # A hair beyond the box, so that rays do not start on a surface.

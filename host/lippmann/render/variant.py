@@ -38,9 +38,7 @@ def start_mitsuba(device: str = "auto") -> Any:
             "llvm": "a system libLLVM: run make setup",
             "cuda": "an NVIDIA driver: use --device llvm",
         }
-        raise MissingLibraryError(
-            f"device '{device}' is not to be had here; it needs {needs[device]}"
-        )
+        raise MissingLibraryError(f"device '{device}' is not to be had here; it needs {needs[device]}")
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return mi

@@ -1,0 +1,163 @@
+"""Where primary rays come from: a display's pixels through their lenslets, or an eye looking through a window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol, get_args
+
+from lippmann.display import Display
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.status import Status
+from lippmann.optics.system import System
+from lippmann.optics.trace import Model, rays_from_pixels
+from lippmann.render.sampling import points_in_square, square_to_cell
+
+Aperture = Literal["chief", "full"]
+APERTURES: tuple[Aperture, ...] = get_args(Aperture)
+
+#: Centres of the colour stripes, in pixels from the pixel's centre, for red, green and blue.
+STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0, 0.0, -1.0 / 3.0)}
+
+
+class Lines(NamedTuple):
+    """Lines of sight in the display's frame.
+
+    point
+        Three Floats, a point of each line, mm.
+    way
+        Three Floats, unit vectors along the lines, away from the display and towards the viewer.
+    alive
+        Which lines exist: a ray that the lenslets swallow has none.
+    """
+
+    point: tuple[Any, Any, Any]
+    way: tuple[Any, Any, Any]
+    alive: Any
+
+
+class RaySource(Protocol):
+    """Where primary rays come from: the display's pixels, or an eye looking through a window."""
+
+    @property
+    def width_px(self) -> int:
+        """Picture width."""
+
+    @property
+    def height_px(self) -> int:
+        """Picture height."""
+
+    @property
+    def stripes(self) -> tuple[float, float, float] | None:
+        """Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without."""
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Return the lines of sight of samples.
+
+        Parameters
+        ----------
+        mi
+            Mitsuba.
+        pixel, sample
+            UInt32, row-major pixel numbers and the samples' numbers within their pixel.
+        stripe
+            Centre (Float) and width of the part of the pixel that is sampled, in pixels from its centre.
+        """
+
+
+@dataclass(frozen=True)
+class IntegralSource:
+    """The rays of a display's pixels."""
+
+    display: Display
+    model: Model
+    samples: int
+    aperture: Aperture
+    seed: int
+    device: str
+
+    @property
+    def width_px(self) -> int:
+        """Panel width."""
+        return self.display.panel.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Panel height."""
+        return self.display.panel.height_px
+
+    @property
+    def stripes(self) -> tuple[float, float, float] | None:
+        """Colour stripes of the panel."""
+        return STRIPES[self.display.panel.subpixels]
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Trace pixel samples through the lenslets (see `RaySource`)."""
+        b = DrJitBackend(self.device)
+        system = System.of(self.display)
+        row = pixel // self.width_px
+        column = pixel - row * self.width_px
+        offset, width = stripe
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+        u = b.double(column) + b.double(0.5 + offset + width * (jitter_x - 0.5))
+        v = b.double(row) + b.double(jitter_y)
+        aperture = None
+        if self.aperture == "full":
+            s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
+            array = self.display.array
+            aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+        out = rays_from_pixels(b, system, u, v, aperture, self.model)
+        point = (
+            mi.Float(out.centre_x + b.double(out.ray.x)),
+            mi.Float(out.centre_y + b.double(out.ray.y)),
+            mi.Float(out.ray.z),
+        )
+        alive = (out.status == int(Status.OK)) | (out.status == int(Status.CROSSTALK))
+        return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), alive)
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle in the plane z = 0, centred on the axis: what a view of the display covers."""
+
+    width_mm: float
+    height_mm: float
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True)
+class PerspectiveSource:
+    """The rays from an eye (mm) through a window: the scene as seen with no display in between."""
+
+    eye_mm: tuple[float, float, float]
+    window: Window
+    samples: int
+    seed: int
+    stripes: tuple[float, float, float] | None = None
+
+    @property
+    def width_px(self) -> int:
+        """View width."""
+        return self.window.width_px
+
+    @property
+    def height_px(self) -> int:
+        """View height."""
+        return self.window.height_px
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Join window points and eye (see `RaySource`)."""
+        import drjit as dr
+
+        window = self.window
+        row = pixel // window.width_px
+        column = pixel - row * window.width_px
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+        x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
+        y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
+        way = dr.normalize(mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2])))
+        return Lines((x, y, mi.Float(0.0)), (way.x, way.y, way.z), mi.Bool(True))
