@@ -23,9 +23,9 @@ leaves eight digits below the 1e-11 mm that it has to judge.
 
 Where optics.md leaves room this file reads it so:
 
-* "Within 16 cells" is 16 pitches of horizontal way from the plane where the search starts: where
-  the ray enters the glass or leaves the panel; from the world, where it crosses the near side of
-  the array. `margin` is 0 from 8 to 32 pitches.
+* "Within 16 cells" is 16 pitches of horizontal way through the layer of the domes, from where the
+  ray enters it: the vertices' plane, or the rims' plane for a ray in the glass. `margin` is 0 from 6
+  to 32 pitches, for a ray that runs along a seam of hexagons walks over two cells a pitch.
 * A ray from the world is the whole line through its origin, so that an origin on a dome, or a
   rounding error below it, is good.
 * A blocked ray carries, other than in optics.md, the point on the neighbour's dome that stops it: a
@@ -63,7 +63,7 @@ OK, MISSED, REFLECTED, BLOCKED, CROSSTALK = range(5)
 #: Horizontal reach of the search for a dome, in pitches, and the band around it in which "16 cells"
 #: is open to interpretation.
 REACH = 16
-UNSURE_FROM, UNSURE_TO = 8, 32
+UNSURE_FROM, UNSURE_TO = 6, 32
 
 
 @dataclass(frozen=True)
@@ -427,8 +427,10 @@ def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = 
 
 
 def _meet_in_reach(optics: Optics, start: Vec, d: Vec, *, leaving: bool) -> tuple[_Meeting | None, Mpf]:
-    """`_meet`, given up 16 pitches of horizontal way after start."""
+    """`_meet`, given up after 16 pitches of horizontal way in the domes' layer."""
     m = _model(optics)
+    # In the glass the layer begins at the rims' plane, in the air at the vertices' plane.
+    start = _to_plane(start, d, -m.bulge * m.sag if leaving else mp.mpf(0))
     meeting, margin = _meet(optics, start, d, leaving=leaving)
     if meeting is None:
         return None, margin
