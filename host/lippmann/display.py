@@ -188,6 +188,10 @@ class Display:
             offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
             pitch_mm=array.pitch_mm * pitch_scale,
         )
+        if pitch_scale > 1.0:
+            # A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
+            _check_radius(moved, f"display '{self.name}', misaligned")
+            moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
         _check(display, f"display '{self.name}', misaligned")
         return display

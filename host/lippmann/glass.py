@@ -16,7 +16,7 @@ from lippmann.errors import InputError
 #: Helium d line, the wavelength at which a display file states its focal length (nm).
 DESIGN_WAVELENGTH_NM = 587.5618
 
-#: The wavelengths that Sellmeier fits above are published for (nm).
+#: Wavelengths that are accepted (nm). The plastics were measured from 436.8 nm up; below, their fits extrapolate.
 WAVELENGTH_RANGE_NM = (380.0, 1060.0)
 
 #: Name -> pairs (B, C in square micrometres).

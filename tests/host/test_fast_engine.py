@@ -17,7 +17,6 @@ from optics_cases import (
     GRIDS,
     SIDES,
     display_of,
-    exit_cosine,
     random_display,
     random_in_cell,
     random_pixels,
@@ -37,14 +36,6 @@ def generator(*key: int | str) -> np.random.Generator:
     seed = [SEED, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
     print(f"numpy.random.default_rng({seed})")
     return np.random.default_rng(seed)
-
-
-def strict_bound(display, golden, model) -> np.ndarray:
-    """2 microradians; where rays leave near grazing 0.5 / cosine, Snell's magnification there."""
-    if model != "exact":
-        return np.full(len(golden.status), 2 * MICRORADIAN)
-    cosine = exit_cosine(display, golden.local_mm, golden.direction)
-    return np.maximum(2.0, 0.5 / np.maximum(cosine, 1e-6)) * MICRORADIAN
 
 
 def both_counted(golden, fast) -> np.ndarray:
@@ -84,8 +75,7 @@ def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
 def test_two_microradians_and_fifty_nanometres(grid, side, model):
     """Chief rays and aperture points in the cell; a phone's panel and one 700 mm wide; turned too.
 
-    A panel under domes that face it keeps a quarter focal length away: nearer, what counts is the
-    next test's bound.
+    The panel stands anywhere from contact to beyond the focus.
     """
     rng = generator(grid, side, model)
     n = 2000
@@ -102,7 +92,7 @@ def test_two_microradians_and_fifty_nanometres(grid, side, model):
             radius=radius,
             index=index,
             thickness=pitch * float(rng.uniform(0.5, 2.0)),
-            gap=float(rng.uniform(0.25, 1.2)) * radius / (index - 1),
+            gap=float(rng.choice((0.0, rng.uniform(0.0, 1.2)))) * radius / (index - 1),
             rotation=turn,
             offset=(0.31, -0.17),
             width_px=int(width / (pitch / 20)),
@@ -120,7 +110,7 @@ def test_two_microradians_and_fifty_nanometres(grid, side, model):
         # Centres are float64 in both engines.
         assert np.abs(fast.centre_mm - golden.centre_mm)[good].max() < 1e-12
         apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
-        assert (apart <= strict_bound(display, golden, model))[good].all(), display
+        assert (apart <= 2 * MICRORADIAN)[good].all(), display
         aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
         assert (aside[good] <= 50 * NANOMETRE).all(), display
         rays += np.count_nonzero(good)
@@ -163,7 +153,7 @@ def test_any_display_within_four_roundings(grid, side, model):
             alike &= (other.lenslet == golden.lenslet).all(axis=1)
             alike &= np.isin(other.status, COUNTED)
         apart = np.linalg.norm(fast.direction - golden.direction, axis=1)
-        bound = strict_bound(display, golden, model) + 4 * turned
+        bound = 2 * MICRORADIAN + 4 * turned
         assert (apart <= bound)[alike].all(), display
         aside = np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)
         assert (aside <= 50 * NANOMETRE + 4 * moved)[alike].all(), display

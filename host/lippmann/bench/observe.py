@@ -48,7 +48,7 @@ def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: Mask | None = None) 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:
     """Return the view's pixels in which only the scene's part named "smooth" is seen, or None.
 
-    The part and all other objects stand in the placement file's `[[object]]` tables; a border of two pixels is left out.
+    The part and all other objects stand in the placement file's `[[object]]` tables; two pixels of border are left out.
     """
     beside = scene_path.with_suffix(".toml")
     objects = tomllib.loads(beside.read_text()).get("object", [])

@@ -50,6 +50,12 @@ class Backend(Protocol):
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         """Repeat `state = body(*state)` for the elements where `active(*state)`, until there are none."""
 
+    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
+        """Return `rough` with its doubtful elements replaced by `work(backend, *inputs)` in double precision.
+
+        `inputs` are double. A backend that works in double precision anyway returns `rough`.
+        """
+
 
 class NumpyBackend:
     """float64 throughout."""
@@ -91,6 +97,9 @@ class NumpyBackend:
             index = index[active(*part)]
         return state
 
+    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
+        return rough
+
 
 class DrJitBackend:
     """float32, or float64 on request, on CPU threads ("llvm") or on an NVIDIA GPU ("cuda")."""
@@ -100,6 +109,8 @@ class DrJitBackend:
 
         module = getattr(dr, device).ad
         self._dr = dr
+        self._device = device
+        self._precise = precise
         self.Double = module.Float64
         self.Real = module.Float64 if precise else module.Float
         self.Int = module.Int
@@ -133,4 +144,15 @@ class DrJitBackend:
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         result: State = self._dr.while_loop(state, active, body, mode="symbolic")
+        return result
+
+    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
+        if self._precise:
+            return rough
+        precise = DrJitBackend(self._device, precise=True)
+
+        def again(inputs: State, rough: State) -> State:
+            return tuple(type(old)(new) for old, new in zip(rough, work(precise, *inputs), strict=True))
+
+        result: State = self._dr.if_stmt((inputs, rough), doubtful, again, lambda inputs, rough: rough, mode="symbolic")
         return result

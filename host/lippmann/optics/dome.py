@@ -149,8 +149,8 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     -------
     ray
         The refracted rays; those totally reflected keep their direction.
-    reflected
-        Where total internal reflection left no refracted ray.
+    square
+        Squared cosine behind the dome; not positive where the ray is totally reflected.
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
@@ -166,7 +166,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     dx, dy, dz = unit(b, dx, dy, dz)
     return ray._replace(
         dx=b.where(reflected, ray.dx, dx), dy=b.where(reflected, ray.dy, dy), dz=b.where(reflected, ray.dz, dz)
-    ), reflected
+    ), square
 
 
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:

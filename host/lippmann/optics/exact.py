@@ -78,9 +78,10 @@ def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
         ray = transported(ray, -system.dome.sag_mm)
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=True)
-    out, reflected = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True)
+    out, square = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True)
+    reflected = square <= 0.0
     blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
-    return _exit(b, out, start, crossing, reflected, blocked)
+    return _exit(b, out, start, crossing, reflected, blocked, square)
 
 
 def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
@@ -95,9 +96,11 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     passes = ~crossing.missed & ~blocked
     at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
     at_flat = at_flat._replace(dz=inside.dz)
-    out, reflected = refract_flat(b, at_flat, system.index)
+    out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    return _exit(b, out, start, crossing, passes & reflected, blocked)
+    # A ray that grazes the dome on its way in is as delicate as one that grazes the flat face on its way out.
+    grazing = b.minimum(square, crossing.cosine * crossing.cosine)
+    return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr, Arr, Arr]]:
@@ -113,6 +116,7 @@ def _exit(
     crossing: Crossing,
     reflected: Arr,
     blocked: Arr,
+    grazing: Arr,
 ) -> Exit:
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
@@ -120,4 +124,4 @@ def _exit(
     status = b.where(blocked, int(Status.BLOCKED), status)
     status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
     status = b.where(crossing.missed, int(Status.MISSED), status)
-    return Exit(ray, di, dj, start[2] + crossing.cx, start[3] + crossing.cy, b.integer(status))
+    return Exit(ray, di, dj, start[2] + crossing.cx, start[3] + crossing.cy, b.integer(status), grazing)

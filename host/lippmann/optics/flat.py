@@ -26,8 +26,8 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     -------
     ray
         The refracted rays; those totally reflected keep their direction.
-    reflected
-        Where total internal reflection left no refracted ray.
+    square
+        Squared cosine behind the face; not positive where the ray is totally reflected.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -40,5 +40,5 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
             dy=b.where(reflected, ray.dy, ky),
             dz=b.where(reflected, ray.dz, b.where(ray.dz < 0.0, -cosine, cosine)),
         ),
-        reflected,
+        square,
     )

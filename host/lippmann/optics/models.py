@@ -58,7 +58,7 @@ def leave_panel(
     dx, dy, dz = unit(b, sx, sy, zero + 1.0)
     other = (di != 0.0) | (dj != 0.0)
     status = b.integer(b.where(other, int(Status.CROSSTALK), int(Status.OK)))
-    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status)
+    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status, zero + 1.0)
 
 
 def reach_panel(b: Backend, system: System, ray: Ray, model: str) -> Landing:

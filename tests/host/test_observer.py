@@ -1,0 +1,330 @@
+"""The observer: panels painted so that what an eye must see is known."""
+
+import dataclasses
+import itertools
+import math
+
+import lippmann
+import numpy as np
+import pytest
+from lippmann.errors import InputError
+from lippmann.images import Picture
+from lippmann.observe import Eye, View, check_identity, observe, whole_window
+from lippmann.optics.trace import MODELS
+from lippmann.render.sources import Window
+from optics_cases import GRIDS, SIDES, random_display
+from scene_cases import centres, focused_display, generator
+
+SEED = 1201
+#: Pixels under a lenslet of 1 mm, odd, on panels of an odd number of lenslets: centres stand on pixels' centres.
+UNDER = 21
+PIXEL = 1.0 / UNDER
+ACROSS, DOWN = 19, 11
+FAR = 1.0e6
+FOCAL = 6.0
+
+
+def display_for(grid="square", **others):
+    """19 x 11 lenslets of f/6; the panel in focus; own images out to atan(p / 2f) = 4.76 degrees."""
+    return focused_display(
+        grid, focal=FOCAL, width_px=ACROSS * UNDER, height_px=DOWN * UNDER, pixel_pitch=PIXEL, **others
+    )
+
+
+def painted(display):
+    """Red is the column, green the row, blue 1: exact in float32."""
+    panel = display.panel
+    row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
+    return np.stack([column, row, np.ones_like(row)], axis=2).astype(np.float32)
+
+
+def see(mi, radiance, display, eye=(0.0, 0.0, FAR), window=None, **others) -> View:
+    one = eye if isinstance(eye, Eye) else Eye(eye)
+    return observe(mi, radiance, display, one, window or whole_window(display), **others)
+
+
+# --- which pixel is seen --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_far_eye_on_the_axis_sees_the_pixel_under_each_centre(mi, model):
+    """All rays of a lenslet meet in its focus; by aberration (exact) within 0.5 pixel even from its corners."""
+    display = display_for()
+    seen = see(mi, painted(display), display, model=model)
+    i, j = np.arange(ACROSS), np.arange(DOWN)
+    column, row = np.meshgrid(i * UNDER + UNDER // 2, j * UNDER + UNDER // 2)
+    np.testing.assert_array_equal(seen.radiance[:, :, 0], column)
+    np.testing.assert_array_equal(seen.radiance[:, :, 1], row)
+    assert seen.status_share["ok"] == 1.0
+
+
+@pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
+@pytest.mark.parametrize("eye", [(30.0, 0.0, 900.0), (-25.0, 18.0, 600.0), (0.0, -40.0, 800.0)])
+def test_an_eye_sees_the_pixel_on_its_line_through_each_centre(mi, eye, model):
+    """The line from the eye through the lenslet's centre goes on to the panel, D behind it. Rays that pass the lenslet off
+    its centre land D p / (2 ez) off, 0.1 pixel; columns nearer to a border than that are left out.
+    """
+    display = display_for()
+    seen = see(mi, painted(display), display, eye, model=model).radiance
+    x, y = centres(whole_window(display))
+    u = (x + (x - eye[0]) * FOCAL / eye[2]) / PIXEL + 0.5 * display.panel.width_px
+    v = 0.5 * display.panel.height_px - (y + (y - eye[1]) * FOCAL / eye[2]) / PIXEL
+    spread = 0.5 * FOCAL / eye[2] / PIXEL + 0.01
+    sure = np.ones_like(x, bool)
+    for w, size in ((u, display.panel.width_px), (v, display.panel.height_px)):
+        sure &= (np.abs(w - np.round(w)) > spread) & (w > 1.0) & (w < size - 1.0)
+    assert sure.mean() > 0.3
+    np.testing.assert_array_equal(seen[sure, 0], np.floor(u)[sure])
+    np.testing.assert_array_equal(seen[sure, 1], np.floor(v)[sure])
+
+
+@pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+def test_one_ray_against_golden(mi, grid, side):
+    """A view through a window of nearly no size is one known ray; golden traces it back to its pixel."""
+    rng = generator(SEED, grid, side)
+    decided = 0
+    for _ in range(4):
+        display = random_display(rng, grid, side, steepest=1.5, widest_mm=40.0)
+        panel = display.panel
+        noise = rng.random((panel.height_px, panel.width_px, 3), np.float32)
+        eye = np.array([*rng.uniform(-60.0, 60.0, 2), 500.0])
+        model = MODELS[int(rng.integers(4))]
+        window = Window(1e-9, 1e-9, 1, 1)
+        seen = see(mi, noise, display, tuple(eye.tolist()), window, samples=1, model=model)
+        hit = lippmann.trace_to_panel(display, eye[None], -eye[None] / np.linalg.norm(eye), model)
+        # Half a thousandth of a pixel is more than float32's part in it.
+        u, v = hit.pixel[0]
+        if min(abs(u - round(u)), abs(v - round(v))) < 5e-4:
+            continue
+        decided += 1
+        status = lippmann.Status(int(hit.status[0]))
+        assert seen.status_share[status.name.lower()] == 1.0
+        lit = status in (lippmann.Status.OK, lippmann.Status.CROSSTALK)
+        expected = noise[int(v), int(u)] if lit else np.zeros(3)
+        np.testing.assert_array_equal(seen.radiance[0, 0], expected)
+    assert decided >= 2
+
+
+# --- crosstalk ------------------------------------------------------------------------------------
+
+
+def test_the_view_flips_beyond_the_viewing_angle(mi):
+    """|C - ex| D / ez < p / 2 decides: 50 mm at 600 mm. Beyond it the other end of the neighbour's image is seen."""
+    display = display_for()
+    column = (np.arange(display.panel.width_px) % UNDER).astype(np.float32)
+    image = np.broadcast_to(column[None, :, None], (display.panel.height_px, display.panel.width_px, 3))
+    window = Window(5.0, 3.0, 5, 3)
+    own = see(mi, image, display, (44.0, 0.0, 600.0), window, model="thin")
+    other = see(mi, image, display, (56.0, 0.0, 600.0), window, model="thin")
+    assert own.status_share["ok"] == 1.0
+    assert other.status_share["crosstalk"] == 1.0
+    # An eye at the right sees the left end of each elemental image; then the right end of the left neighbour's.
+    assert own.radiance.max() < UNDER / 4
+    assert other.radiance.min() > 3 * UNDER / 4
+    # Between the two the border wanders over the lenslets: some see their own, some their neighbour's.
+    share = see(mi, image, display, (50.0, 0.0, 600.0), window, model="thin").status_share
+    assert 0.2 < share["ok"] < 0.8
+
+
+def test_without_crosstalk_it_is_black_there(mi):
+    display = display_for()
+    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    window = Window(5.0, 3.0, 5, 3)
+    for x, with_it, without in ((44.0, 1.0, 1.0), (56.0, 1.0, 0.0)):
+        eye = (x, 0.0, 600.0)
+        assert (see(mi, ones, display, eye, window, model="thin").radiance == with_it).all()
+        assert (see(mi, ones, display, eye, window, model="thin", crosstalk=False).radiance == without).all()
+    # In between exactly the rays that land in their own cell are seen.
+    view = see(mi, ones, display, (50.0, 0.0, 600.0), window, crosstalk=False)
+    assert view.radiance[:, :, 0].mean(dtype=np.float64) == pytest.approx(view.status_share["ok"], abs=1e-6)
+
+
+# --- misalignment ---------------------------------------------------------------------------------
+
+
+def test_an_array_moved_by_one_pixel_shifts_the_view_by_one_pixel(mi):
+    display = display_for()
+    moved = display.misaligned(offset_mm=(PIXEL, -2.0 * PIXEL))
+    # A view as fine as the panel, so that the lenslets' new borders fall between its pixels.
+    window = whole_window(display, ACROSS * UNDER)
+    before = see(mi, painted(display), display, window=window, model="thin", samples=4).radiance
+    after = see(mi, painted(display), moved, window=window, model="thin", samples=4).radiance
+    # Moved by a pixel to the right and two down: so is the picture, and each lenslet shows the next pixel in both ways.
+    inner = after[2 * UNDER : -2 * UNDER, 2 * UNDER : -2 * UNDER]
+    old = before[2 * UNDER - 2 : -2 * UNDER - 2, 2 * UNDER - 1 : -2 * UNDER - 1]
+    same = np.isclose(inner[:, :, 0], old[:, :, 0] + 1) & np.isclose(inner[:, :, 1], old[:, :, 1] + 2)
+    # Rays on a border may round to either side: it runs along the view's pixels' edges.
+    assert same.mean() > 0.99
+
+
+def test_an_array_turned_by_a_quarter_looks_the_same(mi):
+    """On the square lattice. Turned by a third of it, it must not."""
+    display = display_for()
+    rng = generator(SEED, "turn")
+    noise = rng.random((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    eye = (20.0, 13.0, 600.0)
+    straight = see(mi, noise, display, eye).radiance
+    turned = see(mi, noise, display.misaligned(rotation_deg=90.0), eye).radiance
+    # Sums of other order: a ray in a million lands beside a pixel's border, one of 16 of its view pixel.
+    assert np.abs(turned - straight).max() <= 2.5 / 16
+    assert (turned != straight).mean() < 0.01
+    skew = see(mi, noise, display.misaligned(rotation_deg=30.0), eye).radiance
+    assert (np.abs(skew - straight) > 0.05).mean() > 0.3
+
+
+def test_gap_and_pitch_errors_magnify(mi):
+    """An eye at the angle a sees D tan(a) beside the centre: a gap longer by 10 % sees 10 % farther."""
+    display = display_for()
+    eye = (30.0, 0.0, 600.0)
+    window = Window(1e-9, 1e-9, 1, 1)
+    for gap, scale in ((0.0, 1.0), (0.6, 1.0), (1.2, 1.0), (0.0, 0.98)):
+        built = display.misaligned(gap_mm=gap, pitch_scale=scale, offset_mm=(0.3 * PIXEL, 0.0))
+        seen = see(mi, painted(display), built, eye, window, model="pinhole", samples=1).radiance[0, 0, 0]
+        # The pinhole stands on the lenslet's centre; the ray through the axis keeps its direction.
+        u = 0.5 * display.panel.width_px + 0.3 - (FOCAL + gap) * eye[0] / eye[2] / PIXEL
+        assert seen == math.floor(u)
+    with pytest.raises(InputError, match=r"gap_mm.*negative"):
+        display.misaligned(gap_mm=-2.0 * FOCAL)
+
+
+# --- the eye's pupil ------------------------------------------------------------------------------
+
+
+def test_focus_on_the_display_keeps_it_sharp(mi):
+    """Lenslets right of the middle are white. A ray of the pupil's point P crosses z = 0 at P zf / (ez - zf) from
+    where the central one does: an edge seen through a disk, whose profile is (t sqrt(1 - t^2) + asin t) / pi + 1/2.
+    """
+    display = display_for()
+    i = np.arange(display.panel.width_px) // UNDER
+    image = np.broadcast_to(
+        (i >= ACROSS // 2).astype(np.float32)[None, :, None], (display.panel.height_px, display.panel.width_px, 3)
+    )
+    window = Window(12.0, 6.0, 60, 30)
+    x = centres(window)[0][0]
+    edge = -0.5
+    distance, pupil = 600.0, 8.0
+    for focus in (0.0, 150.0, -300.0):
+        eye = Eye((0.0, 0.0, distance), pupil, focus)
+        seen = see(mi, image, display, eye, window, model="thin", samples=64).radiance[:, :, 0].mean(axis=0)
+        radius = 0.5 * pupil * abs(focus) / (distance - focus)
+        t = np.clip((x - edge) / max(radius, 1e-9), -1.0, 1.0)
+        profile = 0.5 + (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / math.pi
+        # 30 rows of 64 rays of a low-discrepancy sequence: 0.002 of noise; pixels of 0.2 mm on slopes of 0.5 per mm.
+        assert np.abs(seen - profile).max() < 0.015, focus
+    # A pupil of no size has no focus.
+    sharp = see(mi, image, display, Eye((0.0, 0.0, distance), 0.0, 150.0), window, model="thin").radiance
+    clear = np.abs(x - edge) > 0.11
+    assert set(np.unique(sharp[:, clear])) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0.0, 0.0, -600.0),), "behind the display"),
+        (((0.0, 0.0, 0.0),), "behind the display"),
+        (((math.nan, 0.0, 600.0),), "not finite"),
+        (((0.0, 0.0, math.inf),), "not finite"),
+        (((0.0, 0.0, 600.0), -1.0), "negative"),
+        (((0.0, 0.0, 600.0), math.nan), "not finite"),
+        (((0.0, 0.0, 600.0), 1.0, 600.0), "behind the eye"),
+    ],
+)
+def test_impossible_eyes_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Eye(*arguments)
+
+
+# --- colour stripes -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("layout", "order"), [("rgb", "rgb"), ("bgr", "bgr")])
+def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout, order):
+    """The array stands a third of a pixel beside: the far eye looks at the left, middle or right stripe."""
+    display = display_for(subpixels=layout)
+    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    window = Window(9.0, 5.0, 9, 5)
+    for stripe, step in enumerate((-1.0 / 3.0, 0.0, 1.0 / 3.0)):
+        built = display.misaligned(offset_mm=(step * PIXEL, 0.0))
+        # Rays through the outer strip of a lenslet's cell belong to its neighbour; both stand alike.
+        seen = see(mi, ones, built, window=window, model="thin").radiance
+        expected = [3.0 if name == order[stripe] else 0.0 for name in "rgb"]
+        np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
+
+
+@pytest.mark.parametrize("layout", ["rgb", "bgr"])
+def test_stripes_keep_the_mean(mi, layout):
+    """Thirty eyes look at thirty places across one pixel: ten see each stripe, so the mean is the pixel's own colour."""
+    display = display_for(subpixels=layout)
+    colour = np.array([0.25, 0.5, 0.75], np.float32)
+    image = np.broadcast_to(colour, (display.panel.height_px, display.panel.width_px, 3))
+    window = Window(3.0, 3.0, 3, 3)
+    places = (np.arange(30) + 0.5) / 30 - 0.5
+    total = sum(
+        see(mi, image, display, (-place * PIXEL * FAR / FOCAL, 0.0, FAR), window, model="thin", samples=4).radiance
+        for place in places
+    )
+    np.testing.assert_allclose(total / 30, np.broadcast_to(colour, total.shape), rtol=1e-6)
+
+
+# --- bookkeeping ----------------------------------------------------------------------------------
+
+
+def test_identity_is_checked():
+    display = display_for()
+    other = dataclasses.replace(display, gap_mm=display.gap_mm + 0.1)
+    pixels = np.zeros((1, 1, 3), np.float32)
+    good = Picture(pixels, {"identity": display.identity, "display": display.name})
+    check_identity(good, display, "a.exr")
+    with pytest.raises(InputError, match=rf"a\.exr.*{display.identity}.*{other.identity}.*--force"):
+        check_identity(good, other, "a.exr")
+    with pytest.raises(InputError, match=r"a\.png: carries no display identity.*--force"):
+        check_identity(Picture(pixels, {}), display, "a.png")
+    check_identity(good, other, "a.exr", force=True)
+    check_identity(Picture(pixels, {}), display, "a.png", force=True)
+
+
+@pytest.mark.parametrize("shape", [(10, 10, 3), (DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])
+def test_a_picture_of_another_size_is_refused(mi, shape):
+    with pytest.raises(InputError, match=rf"{shape[1]} x {shape[0]}.*{ACROSS * UNDER} x {DOWN * UNDER}"):
+        see(mi, np.ones(shape, np.float32), display_for())
+
+
+@pytest.mark.parametrize("samples", [0, -1, 65537])
+def test_samples_out_of_range_are_refused(mi, samples):
+    display = display_for()
+    with pytest.raises(InputError, match="samples"):
+        see(mi, painted(display), display, samples=samples)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("grid", GRIDS)
+def test_furnace(mi, grid, model):
+    """A panel of radiance 1 looks 1 wherever rays reach it, and the view's mean is the share of rays that do."""
+    display = display_for(grid)
+    ones = np.ones((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    inside = see(mi, ones, display, (12.0, -9.0, 600.0), Window(14.0, 7.0, 40, 20), model=model)
+    assert inside.status_share["ok"] + inside.status_share["crosstalk"] == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(inside.radiance - 1.0).max() <= 1e-6
+    # From near and aside, past the border, at angles where lenses fail.
+    whole = see(mi, ones, display, (60.0, 10.0, 40.0), Window(24.0, 14.0, 48, 28), model=model)
+    share = whole.status_share
+    assert set(share) == {status.name.lower() for status in lippmann.Status}
+    assert sum(share.values()) == pytest.approx(1.0, abs=1e-12)
+    assert share["blocked"] > 0.0
+    assert whole.radiance.min() >= 0.0
+    assert whole.radiance.max() <= 1.0 + 1e-6
+    assert whole.radiance.mean(dtype=np.float64) == pytest.approx(share["ok"] + share["crosstalk"], abs=1e-6)
+
+
+def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
+    display = display_for()
+    rng = generator(SEED, "chunks")
+    noise = rng.random((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    eye = (20.0, 13.0, 600.0)
+    first = see(mi, noise, display, eye, seed=3)
+    np.testing.assert_array_equal(see(mi, noise, display, eye, seed=3).radiance, first.radiance)
+    assert (see(mi, noise, display, eye, seed=4).radiance != first.radiance).any()
+    monkeypatch.setattr("lippmann.observe.CHUNK_RAYS", 16 * 37)
+    pieces = see(mi, noise, display, eye, seed=3)
+    np.testing.assert_array_equal(pieces.radiance, first.radiance)
+    assert pieces.status_share == first.status_share

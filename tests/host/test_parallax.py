@@ -1,0 +1,172 @@
+"""The claim of integral photography: eyes that move see depth.
+
+Small bright spheres before and behind the display are rendered and looked at from a row of places; each must appear
+where the line from the eye to the sphere's centre crosses the display.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from lippmann.choose import choose_model
+from lippmann.observe import Eye, observe, whole_window
+from lippmann.render.placement import Placement
+from lippmann.render.renderer import Settings, render_integral
+from lippmann.render.scene import load_scene
+from scene_cases import centres, focused_display, glowing_sphere, on_screen, write_scene
+
+#: Depth of each sphere, mm, and the row that it has for itself.
+ROW_OF_DEPTH = {-60.0: -14.5, -20.0: -4.5, 20.0: 4.5, 60.0: 12.5}
+RADIUS = 2.5
+DISTANCE = 600.0
+SWEEP = np.linspace(-100.0, 100.0, 9)
+NARROW_SWEEP = np.linspace(-28.0, 28.0, 9)
+PITCH = 1.0
+#: The issue's figure: 2 % of theory or a quarter lenslet.
+SHARE, QUARTER = 0.02, 0.25 * PITCH
+
+
+def display_for(grid, side="panel", rotation=0.0):
+    """36 x 36 mm; a viewing half-angle of atan(p / 2D) = 14 degrees: eyes at 100 mm see every lenslet's own image.
+
+    With its plano side to the viewer a lenslet's coma draws the mean of what it shows outwards, 3.5 h^2 / f^2 with
+    h^2 = p^2 / 6 the cell's mean squared height (traced: 2.8 % at f/4.5). There f = 6.5 mm, 1.4 %, and a narrower sweep.
+    """
+    focal, pixel = (2.0, 0.025) if side == "panel" else (6.5, 0.05)
+    side_px = round(36.0 / pixel)
+    return focused_display(
+        grid,
+        side,
+        focal=focal,
+        pitch=PITCH,
+        width_px=side_px,
+        height_px=side_px,
+        pixel_pitch=pixel,
+        rotation=rotation,
+    )
+
+
+@pytest.fixture(scope="session")
+def spheres(mi, tmp_path_factory):
+    shapes = [glowing_sphere((0.0, y, z), RADIUS) for z, y in ROW_OF_DEPTH.items()]
+    return write_scene(tmp_path_factory.mktemp("parallax") / "spheres.xml", *shapes)
+
+
+def centroid(light, x, y, row):
+    """Centre of the light in one sphere's row, mm."""
+    there = light * (np.abs(y - row) < 4.0)
+    assert there.sum() > 0.0
+    return float((x * there).sum() / there.sum())
+
+
+def test_the_viewing_angle_is_wide_enough():
+    display = display_for("square")
+    half = math.degrees(math.atan2(0.5 * PITCH, display.aperture_distance_mm))
+    worst = math.degrees(math.atan2(SWEEP[-1] + 0.5 * display.panel.width_mm, DISTANCE))
+    assert half > 12.0
+    assert worst < half
+
+
+@pytest.mark.parametrize(
+    ("grid", "side", "rotation", "model", "axis"),
+    [
+        ("square", "panel", 0.0, "exact", "x"),
+        ("hex", "panel", 0.0, "exact", "x"),
+        ("square", "panel", 0.0, "auto", "x"),
+        ("hex", "panel", 0.0, "auto", "x"),
+        ("square", "panel", 0.0, "exact", "y"),
+        ("hex", "panel", 0.0, "exact", "y"),
+        ("square", "panel", 11.0, "exact", "x"),
+        ("hex", "viewer", 0.0, "exact", "x"),
+        ("square", "viewer", 0.0, "exact", "x"),
+    ],
+)
+def test_apparent_shift(mi, spheres, grid, side, rotation, model, axis):
+    """Seen through exact lenslets whatever model rendered it. A sphere's outline is a conic whose centre parts from
+    the centre's image by (r / distance)^2 = 2e-5 of the offset: nothing beside the tolerance.
+    """
+    display = display_for(grid, side, rotation)
+    sweep = SWEEP if side == "panel" else NARROW_SWEEP
+    # Turned by 90 degrees the rows become columns, for eyes that move up and down.
+    scene = load_scene(mi, spheres, Placement(rotation_deg=(0.0, 0.0, 90.0)) if axis == "y" else None)
+    if model == "auto":
+        model = choose_model(display, scene.depth_range_mm).model
+    picture = render_integral(mi, scene, display, model, Settings()).radiance
+    window = whole_window(display, 144)
+    x, y = centres(window)
+    along, across = (x, y) if axis == "x" else (y, -x)
+    found = {z: [] for z in ROW_OF_DEPTH}
+    for step in sweep:
+        eye = (step, 0.0, DISTANCE) if axis == "x" else (0.0, step, DISTANCE)
+        light = observe(mi, picture, display, Eye(eye), window).radiance.mean(axis=2)
+        for z, row in ROW_OF_DEPTH.items():
+            row_seen = on_screen((0.0, row, z), (0.0, 0.0, DISTANCE))[1]
+            found[z].append(centroid(light, along, across, row_seen))
+    worst_shift = worst_place = worst_slope = 0.0
+    for z, places in found.items():
+        theory = np.array([on_screen((0.0, 0.0, z), (step, 0.0, DISTANCE))[0] for step in sweep])
+        seen = np.array(places)
+        shift = seen - seen[len(sweep) // 2]
+        allowed = np.maximum(SHARE * np.abs(theory), QUARTER)
+        slope, slope_theory = np.polyfit(sweep, seen, 1)[0], -z / (DISTANCE - z)
+        worst_shift = max(worst_shift, float(np.abs(shift - theory).max()))
+        worst_place = max(worst_place, float(np.abs(seen - theory).max()))
+        worst_slope = max(worst_slope, abs(slope / slope_theory - 1.0))
+        assert (np.abs(shift - theory) <= allowed).all(), (z, shift - theory)
+        assert (np.abs(seen - theory) <= allowed).all(), (z, seen - theory)
+        # A line through nine eyes: 2 %, or 0.2 mm over the sweep, for lenslets of 1 mm sample a sphere of 5 mm and let
+        # its centre jitter by 0.1 mm; coma with the plano side to the viewer.
+        rel = SHARE if side == "panel" else 2 * SHARE
+        assert slope == pytest.approx(slope_theory, rel=rel, abs=0.2 / np.ptp(sweep))
+        # Real things (z > 0) move against the eye, virtual ones with it, at every step.
+        assert (np.diff(seen) * -math.copysign(1.0, z) > 0.0).all(), (z, seen)
+    print(
+        f"{grid} {side} {rotation:g} deg {model} {axis}: shift off by {worst_shift:.3f} mm at most, "
+        f"place {worst_place:.3f} mm, slope {100 * worst_slope:.2f} %"
+    )
+
+
+# --- hiding ---------------------------------------------------------------------------------------
+
+#: (depth of the near sphere, depth of the far one): both before, astride and both behind the display; and its row.
+PAIRS = {(60.0, 20.0): -10.0, (20.0, -20.0): 0.0, (-20.0, -60.0): 10.0}
+NEAR_RADIUS, FAR_RADIUS = 3.0, 1.5
+
+
+@pytest.fixture(scope="session")
+def pairs(mi, tmp_path_factory):
+    """Red spheres that, seen from (0, 0, 600), stand exactly before smaller green ones."""
+    shapes = []
+    for (near, far), row in PAIRS.items():
+        for z, radius, colour in ((near, NEAR_RADIUS, (1, 0, 0)), (far, FAR_RADIUS, (0, 1, 0))):
+            shapes.append(glowing_sphere((0.0, row * (DISTANCE - z) / DISTANCE, z), radius, colour))
+    return load_scene(mi, write_scene(tmp_path_factory.mktemp("parallax") / "pairs.xml", *shapes))
+
+
+@pytest.mark.parametrize("model", ["exact", "thin"])
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_nearer_spheres_hide_farther_ones(mi, pairs, grid, model):
+    display = display_for(grid)
+    picture = render_integral(mi, pairs, display, model, Settings()).radiance
+    window = whole_window(display, 144)
+    x, y = centres(window)
+    pixel_mm2 = (window.width_mm / window.width_px) ** 2
+    for step in (-100.0, 0.0, 100.0):
+        view = observe(mi, picture, display, Eye((step, 0.0, DISTANCE)), window).radiance
+        for (near, far), row in PAIRS.items():
+            here = np.abs(y - row) < 4.5
+            red, green = ((view[:, :, k] * here).sum() * pixel_mm2 for k in (0, 1))
+            full = math.pi * (FAR_RADIUS * DISTANCE / (DISTANCE - far)) ** 2
+            # The near one is never hidden; lenslets of 1 mm know its area of 29 mm^2 to some parts of a hundred.
+            assert red == pytest.approx(math.pi * (NEAR_RADIUS * DISTANCE / (DISTANCE - near)) ** 2, rel=0.12)
+            if step == 0.0:
+                # Its rim overlaps the far one's by 1.5 mm, more than a lenslet. Only the corners of lenslets of f/1.4,
+                # which see two pixels amiss by spherical aberration, may look past it (0.7 % measured).
+                assert green < 0.02 * full
+                assert red > 0.0
+            else:
+                assert green == pytest.approx(full, rel=0.25)
+                for channel, z in ((0, near), (1, far)):
+                    seen = centroid(view[:, :, channel], x, y, row)
+                    theory = on_screen((0.0, 0.0, z), (step, 0.0, DISTANCE))[0]
+                    assert abs(seen - theory) <= max(QUARTER, SHARE * abs(theory))

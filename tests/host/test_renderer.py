@@ -1,0 +1,528 @@
+"""The renderer: furnaces, golden rays, hand-computed light, Mitsuba's own integrators and sensor."""
+
+import itertools
+import math
+from pathlib import Path
+
+import lippmann
+import numpy as np
+import pytest
+from lippmann.errors import InputError
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.trace import MODELS
+from lippmann.render import renderer
+from lippmann.render.placement import Placement, load_placement
+from lippmann.render.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
+from lippmann.render.sampling import points_in_square, square_to_cell
+from lippmann.render.scene import load_scene
+from lippmann.render.sources import STRIPES, Window
+from optics_cases import GRIDS, SIDES, display_of
+from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
+from scipy.spatial.transform import Rotation
+
+SEED = 7301
+SKY = '<emitter type="constant"><rgb name="radiance" value="1 1 1"/></emitter>'
+ROOT = Path(__file__).parents[2]
+
+
+def display_for(grid="square", side="panel", **others):
+    """A small display with a viewing half-angle of 14 degrees."""
+    sizes = {"width_px": 90, "height_px": 70, "pixel_pitch": 0.1} | others
+    return focused_display(grid, side, **sizes)
+
+
+def pixel_centres(display):
+    panel = display.panel
+    v, u = np.mgrid[0 : panel.height_px, 0 : panel.width_px] + 0.5
+    return np.stack([u.ravel(), v.ravel()], axis=1)
+
+
+def luminaire(corners: float, z: float, radiance=(1.0, 1.0, 1.0), x: float = 0.0) -> str:
+    """A glowing square of half side `corners` at depth z, centred on x, that faces the viewer."""
+    return (
+        f'<shape type="rectangle"><transform name="to_world"><scale value="{corners}"/>'
+        f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
+    )
+
+
+# --- furnace --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def sky(mi, tmp_path_factory):
+    path = tmp_path_factory.mktemp("sky") / "sky.xml"
+    return load_scene(mi, write_scene(path, SKY, placement="near_mm = 10.0\nfar_mm = -10.0"))
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb", "bgr"])
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("grid", GRIDS)
+def test_furnace(mi, sky, grid, model, subpixels):
+    display = display_for(grid, subpixels=subpixels)
+    rendered = render_integral(mi, sky, display, model, Settings(samples=3))
+    assert rendered.radiance.shape == (70, 90, 3)
+    assert rendered.radiance.dtype == np.float32
+    assert np.abs(rendered.radiance - 1.0).max() <= 1e-5
+    assert rendered.samples_traced == 90 * 70 * 3 * (1 if subpixels == "none" else 3)
+
+
+@pytest.mark.parametrize(("model", "side"), [("thin", "panel"), ("exact", "panel"), ("exact", "viewer")])
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_furnace_of_whole_lenslets_loses_what_golden_loses(mi, sky, grid, model, side):
+    """Full aperture: rays that totally reflect or are blocked bring no light; all others bring 1."""
+    display = display_of(grid, side, radius=0.75, index=1.9, thickness=None, gap=0.6, width_px=16, height_px=12)
+    rng = generator(SEED, grid, model, side)
+    samples = 1024
+    seen = render_integral(mi, sky, display, model, Settings(samples=samples, aperture="full")).radiance[:, :, 0]
+    pixels = np.repeat(np.floor(pixel_centres(display)), 400, axis=0) + rng.random((16 * 12 * 400, 2))
+    reach = display.array.half_diagonal_mm
+    points = rng.uniform(-reach, reach, (len(pixels) * 2, 2))
+    points = points[Lattice(grid, 1.0).holds(points[:, 0], points[:, 1])][: len(pixels)]
+    pixels = pixels[: len(points)]
+    status = lippmann.trace(display, pixels, points, model).status
+    share = np.isin(status, (lippmann.Status.OK, lippmann.Status.CROSSTALK)).mean()
+    if model == "exact":
+        assert share < 0.98
+    # 77,000 random rays of golden: a standard error of 0.002.
+    assert seen.mean() == pytest.approx(share, abs=0.008)
+
+
+# --- where pixels are lit -------------------------------------------------------------------------
+
+#: Real and virtual, one before the other, colours told apart.
+SPHERES = np.array([(0.5, 0.2, 18.0), (-0.6, 0.1, 6.0), (0.0, -0.4, -15.0), (1.8, 1.2, -30.0), (-2.0, 0.6, -45.0)])
+RADII = np.array([1.0, 0.8, 2.5, 3.0, 7.0])
+COLOURS = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1)], float)
+
+
+@pytest.fixture(scope="session")
+def spheres(mi, tmp_path_factory):
+    shapes = [glowing_sphere(*sphere) for sphere in zip(SPHERES.tolist(), RADII.tolist(), COLOURS, strict=True)]
+    return load_scene(mi, write_scene(tmp_path_factory.mktemp("spheres") / "spheres.xml", *shapes))
+
+
+def expected_colours(display, model, pixels):
+    """The colour that each ray of golden meets first, seen from the viewer; and which are sure in float32."""
+    rays = lippmann.trace(display, pixels, None, model)
+    which, clear = first_sphere(rays.origin_mm, rays.direction, SPHERES, RADII)
+    alive = np.isin(rays.status, (lippmann.Status.OK, lippmann.Status.CROSSTALK))
+    colours = np.concatenate([COLOURS, np.zeros((1, 3))])[np.where(alive, which, -1)]
+    return colours, clear & alive
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+def test_each_pixel_shows_the_first_sphere_on_its_ray(mi, spheres, grid, side, model):
+    """One sample goes through the pixel's centre; spheres before the display hide those behind it."""
+    display = display_for(grid, side, rotation=7.0, offset=(0.23, -0.31))
+    seen = render_integral(mi, spheres, display, model, Settings()).radiance.reshape(-1, 3)
+    colours, sure = expected_colours(display, model, pixel_centres(display))
+    assert sure.mean() > 0.98
+    np.testing.assert_array_equal(seen[sure], colours[sure])
+    # All five are seen, and nothing at all somewhere.
+    assert len(np.unique(colours[sure], axis=0)) == 6
+
+
+@pytest.mark.parametrize("subpixels", ["rgb", "bgr"])
+def test_each_stripe_looks_along_its_own_ray(mi, spheres, subpixels):
+    display = display_for(subpixels=subpixels)
+    seen = render_integral(mi, spheres, display, "exact", Settings()).radiance.reshape(-1, 3)
+    plain = render_integral(mi, spheres, display_for(), "exact", Settings()).radiance.reshape(-1, 3)
+    places = dict(zip(subpixels, (-1.0 / 3.0, 0.0, 1.0 / 3.0), strict=True))
+    for k, name in enumerate("rgb"):
+        assert STRIPES[subpixels][k] == pytest.approx(places[name])
+        colours, sure = expected_colours(display, "exact", pixel_centres(display) + (places[name], 0.0))
+        np.testing.assert_array_equal(seen[sure, k], colours[sure, k])
+    assert (seen != plain).any()
+
+
+def test_more_samples_average_the_pixel(mi, spheres):
+    """Against a dense grid of golden's rays in each pixel."""
+    display = display_for("hex", width_px=24, height_px=16, offset=(0.1, 0.2))
+    seen = render_integral(mi, spheres, display, "exact", Settings(samples=256)).radiance.reshape(-1, 3)
+    steps = (np.arange(16) + 0.5) / 16 - 0.5
+    total = np.zeros_like(seen, dtype=float)
+    for dx, dy in itertools.product(steps, steps):
+        total += expected_colours(display, "exact", pixel_centres(display) + (dx, dy))[0] / 256
+    # An outline through a pixel: 256 points of either pattern find the area to about 1 / 64.
+    assert np.abs(seen - total).max() < 0.05
+    assert np.abs(seen.mean(axis=0) - total.mean(axis=0)).max() < 0.002
+
+
+def test_samples_spread_evenly(mi):
+    """Points stay in the square and in the cell; equal areas get equal numbers."""
+    import drjit as dr
+
+    n = 4096
+    index = dr.arange(mi.UInt32, n)
+    for seed, stream in ((0, 0), (0, 1), (77, 0)):
+        s, t = points_in_square(mi, mi.UInt32(5), index, seed, stream)
+        s, t = np.array(s), np.array(t)
+        assert 0.0 <= min(s.min(), t.min())
+        assert max(s.max(), t.max()) < 1.0
+        counts, *_ = np.histogram2d(s, t, bins=16, range=[[0, 1], [0, 1]])
+        # 16 in each of 256 boxes; random points would scatter by 4.
+        assert counts.std() < 2.0
+        for grid in GRIDS:
+            x, y = (np.array(c) for c in square_to_cell(mi, mi.Float(s), mi.Float(t), grid, 2.0))
+            inside = Lattice(grid, 2.0 * (1.0 + 1e-6)).holds(x, y)
+            assert inside.all()
+            # Second moments of a square and of a hexagon about their axes: a^2/12, and 5/24 of the side^2.
+            moment = 4.0 / 12.0 if grid == "square" else 5.0 / 24.0 * (4.0 / 3.0)
+            for w in (x, y):
+                assert w.mean() == pytest.approx(0.0, abs=0.01)
+                assert (w * w).mean() == pytest.approx(moment, rel=0.01)
+
+
+# --- repeatability --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def lit(mi, tmp_path_factory):
+    """A grey floor and a ball under an area light."""
+    parts = [
+        '<shape type="rectangle"><transform name="to_world"><scale value="40"/><translate z="-20"/></transform>'
+        f'<bsdf type="diffuse">{rgb("reflectance", (0.5, 0.5, 0.5))}</bsdf></shape>',
+        '<shape type="sphere"><point name="center" x="1" y="1" z="-5"/><float name="radius" value="3"/>'
+        f'<bsdf type="roughplastic">{rgb("diffuse_reflectance", (0.6, 0.2, 0.1))}</bsdf></shape>',
+        glowing_sphere((15.0, 25.0, 60.0), 6.0, (40.0, 30.0, 20.0)),
+    ]
+    path = tmp_path_factory.mktemp("lit") / "lit.xml"
+    return load_scene(mi, write_scene(path, *parts, placement="near_mm = 20.0\nfar_mm = -20.0"))
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "lights"])
+def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
+    display = display_for()
+    pictures = [
+        render_integral(mi, lit, display, "exact", Settings(2, integrator=integrator, seed=seed)).radiance
+        for seed in (5, 5, 6)
+    ]
+    assert pictures[0].max() > 0.01
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert (pictures[0] != pictures[2]).mean() > 0.3
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, monkeypatch):
+    display = display_for("hex", subpixels="rgb")
+    settings = Settings(samples, seed=9)
+    whole = render_integral(mi, points, display, "exact", settings).radiance
+    done = []
+    monkeypatch.setattr(renderer, "CHUNK_SAMPLES", 64 * 7 * samples)
+    pieces = render_integral(mi, points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
+    np.testing.assert_array_equal(whole, pieces)
+    # 12 x 9 tiles of 8 x 8 pixels, seven at a time.
+    assert done == [(min(k, 108), 108) for k in range(7, 113, 7)]
+
+
+# --- integrator lights ----------------------------------------------------------------------------
+
+FLOOR_Z = -10.0
+ALBEDO = np.array((0.6, 0.4, 0.2))
+LIGHTS = {(30.0, 5.0, 40.0): (9000.0, 8000.0, 7000.0), (-25.0, -20.0, 60.0): (3000.0, 9000.0, 1000.0)}
+#: Centre and half side of a square that stands parallel to the floor in the first light's way, beside the eye's view.
+SCREEN, SCREEN_HALF = (20.0, 3.0, 20.0), 2.5
+SUN, SUN_WAY = (0.5, 0.25, 0.125), np.array((0.6, 0.0, -0.8))
+EYE = (0.0, 0.0, 600.0)
+VIEW = Window(16.0, 12.0, 64, 48)
+
+
+@pytest.fixture(scope="session")
+def points(mi, tmp_path_factory):
+    parts = [
+        '<shape type="rectangle"><transform name="to_world"><scale value="30"/>'
+        f'<translate z="{FLOOR_Z}"/></transform><bsdf type="diffuse">{rgb("reflectance", ALBEDO)}</bsdf></shape>',
+        f'<shape type="rectangle"><transform name="to_world"><scale value="{SCREEN_HALF}"/>'
+        f'<translate x="{SCREEN[0]}" y="{SCREEN[1]}" z="{SCREEN[2]}"/></transform>'
+        f'<bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>',
+        f'<emitter type="directional"><vector name="direction" x="{SUN_WAY[0]}" y="{SUN_WAY[1]}" z="{SUN_WAY[2]}"/>'
+        f"{rgb('irradiance', SUN)}</emitter>",
+    ]
+    for (x, y, z), intensity in LIGHTS.items():
+        parts.append(
+            f'<emitter type="point"><point name="position" x="{x}" y="{y}" z="{z}"/>'
+            f"{rgb('intensity', intensity)}</emitter>"
+        )
+    return load_scene(mi, write_scene(tmp_path_factory.mktemp("points") / "points.xml", *parts))
+
+
+def test_light_of_points_by_hand(mi, points):
+    """Lambert: radiance = albedo / pi * sum of I cos / r^2 over the lights that are seen, and E cos of the sun."""
+    seen = render_view(mi, points, EYE, VIEW, Settings()).radiance
+    x, y = centres(VIEW)
+    reach = (EYE[2] - FLOOR_Z) / EYE[2]
+    floor = np.stack([x * reach, y * reach, np.full_like(x, FLOOR_Z)], axis=2)
+
+    def shadowed(way, to_light):
+        """Whether the line towards a light crosses the screen, and how far that is from its edges."""
+        at = floor + way * ((SCREEN[2] - FLOOR_Z) / way[..., 2:])
+        side = np.abs(at[..., :2] - SCREEN[:2]).max(axis=2) - SCREEN_HALF
+        return (side < 0.0) & to_light, np.abs(side)
+
+    irradiance = np.zeros((*x.shape, 3))
+    sure = np.ones_like(x, bool)
+    dark = 0
+    for light, intensity in LIGHTS.items():
+        way = np.array(light) - floor
+        r = np.linalg.norm(way, axis=2)
+        shadow, edge = shadowed(way, light[2] > SCREEN[2])
+        sure &= edge > 0.01
+        dark += shadow.sum()
+        irradiance += np.where(shadow[..., None], 0.0, np.array(intensity) * (way[..., 2] / r**3)[..., None])
+    shadow, edge = shadowed(np.broadcast_to(-SUN_WAY, floor.shape), True)
+    sure &= edge > 0.01
+    irradiance += np.where(shadow[..., None], 0.0, np.array(SUN) * -SUN_WAY[2])
+    assert 100 < dark < 0.5 * x.size
+    assert sure.mean() > 0.95
+    np.testing.assert_allclose(seen[sure], (ALBEDO / math.pi * irradiance)[sure], rtol=2e-5)
+
+
+def test_point_lights_leave_no_noise(mi, points):
+    """At one sample through the pixel's centre no seed matters; Mitsuba's own `direct` picks lights at random."""
+    display = display_for()
+    quiet = [render_integral(mi, points, display, "exact", Settings(seed=s)).radiance for s in (1, 2)]
+    np.testing.assert_array_equal(*quiet)
+    noisy = [
+        render_integral(mi, points, display, "exact", Settings(seed=s, integrator="direct")).radiance for s in (1, 2)
+    ]
+    assert (noisy[0] != noisy[1]).mean() > 0.5
+
+
+@pytest.mark.parametrize("name", ["points", "lit"])
+def test_against_the_mean_of_mitsubas_direct(mi, name, request):
+    """Both estimate the same: emitters, and their light after one reflection."""
+    scene = request.getfixturevalue(name)
+    window = Window(12.0, 10.0, 24, 20)
+    samples = 2048
+    ours = render_view(mi, scene, EYE, window, Settings(samples, seed=1)).radiance
+    theirs = render_view(mi, scene, EYE, window, Settings(samples, seed=1, integrator="direct")).radiance
+    assert ours.mean() > 0.05
+    # Noise of `direct`: about the light itself at one sample, so 1 / sqrt(2048) = 2 % in a pixel, 0.1 % in the mean.
+    relative = (ours - theirs) / ours.mean(axis=(0, 1))
+    assert np.abs(relative.mean(axis=(0, 1))).max() < 0.005
+    assert relative.std() < 0.03
+
+
+def mirror(half: float, origin: str, target: str, share: float) -> str:
+    """A square mirror at `origin` that faces `target`."""
+    return (
+        f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/>'
+        f'<lookat origin="{origin}" target="{target}" up="0, 1, 0"/></transform>'
+        f'<bsdf type="conductor"><string name="material" value="none"/>'
+        f"{rgb('specular_reflectance', (share, share, share))}</bsdf></shape>"
+    )
+
+
+def test_mirrors_are_followed_to_the_depth_allowed(mi, tmp_path):
+    """A corner of two mirrors sends every ray back after two reflections: seen with three surfaces, at 0.5 x 0.25."""
+    path = write_scene(
+        tmp_path / "corner.xml",
+        mirror(20.0, "-10, 0, -20", "0, 0, -10", 0.5),
+        mirror(20.0, "10, 0, -20", "0, 0, -10", 0.25),
+        SKY,
+        placement="near_mm = 10.0\nfar_mm = -60.0",
+    )
+    scene = load_scene(mi, path)
+    window = Window(8.0, 8.0, 16, 16)
+    for integrator, depth in itertools.product(("lights", "path"), (1, 2, 3, 6)):
+        seen = render_view(mi, scene, EYE, window, Settings(integrator=integrator, max_depth=depth)).radiance
+        np.testing.assert_allclose(seen, 0.125 if depth >= 3 else 0.0, rtol=1e-5)
+    one = write_scene(
+        tmp_path / "one.xml", mirror(20.0, "0, 0, -20", "0, 0, 0", 0.5), SKY, placement="near_mm = 10\nfar_mm = -60"
+    )
+    for depth, light in ((1, 0.0), (2, 0.5)):
+        seen = render_view(mi, load_scene(mi, one), EYE, window, Settings(max_depth=depth)).radiance
+        np.testing.assert_allclose(seen, light, rtol=1e-5)
+
+
+def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
+    """A diffuse floor seen in a mirror, lit by a point: the light by hand, the same for every seed."""
+    floor_z, mirror_z = 30.0, -20.0
+    path = write_scene(
+        tmp_path / "mirror.xml",
+        mirror(200.0, f"0, 0, {mirror_z}", "0, 0, 0", 0.5),
+        # Faces the mirror, off the eye's own way.
+        f'<shape type="rectangle"><transform name="to_world"><scale value="100"/><rotate y="1" angle="180"/>'
+        f'<translate x="-105" z="{floor_z}"/></transform><bsdf type="diffuse">{rgb("reflectance", ALBEDO)}</bsdf></shape>',
+        f'<emitter type="point"><point name="position" x="-20" y="0" z="-10"/>{rgb("intensity", (1e3, 1e3, 1e3))}</emitter>',
+        placement="near_mm = 100.0\nfar_mm = -60.0",
+    )
+    scene = load_scene(mi, path)
+    eye, window = (200.0, 0.0, 600.0), Window(10.0, 10.0, 20, 20)
+    seen = [render_view(mi, scene, eye, window, Settings(seed=s)).radiance for s in (1, 2)]
+    np.testing.assert_array_equal(*seen)
+    x, y = centres(window)
+    # The mirror image of the floor stands at 2 mirror_z - floor_z.
+    reach = (eye[2] - (2 * mirror_z - floor_z)) / eye[2]
+    hit = np.stack([eye[0] + (x - eye[0]) * reach, y * reach, np.full_like(x, floor_z)], axis=2)
+    assert hit[..., 0].max() < -5.0
+    way = np.array((-20.0, 0.0, -10.0)) - hit
+    r = np.linalg.norm(way, axis=2)
+    expected = 0.5 * ALBEDO / math.pi * (1e3 * -way[..., 2] / r**3)[..., None]
+    # The mirror lights the floor too, but no integrator that stops at the light's shadow ray sees that.
+    np.testing.assert_allclose(seen[0], expected, rtol=5e-5)
+
+
+# --- views without a display ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 600.0), (60.0, -35.0, 500.0)])
+def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
+    """Their perspective sensor with its principal point moved, and a box filter; nothing is random but the samples."""
+    window = Window(15.0, 10.0, 90, 60)
+    ours = render_view(mi, spheres, eye, window, Settings(samples=256)).radiance
+    sensor = mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": math.degrees(2.0 * math.atan(0.5 * window.width_mm / eye[2])),
+            "fov_axis": "x",
+            "principal_point_offset_x": eye[0] / window.width_mm,
+            "principal_point_offset_y": -eye[1] / window.height_mm,
+            "near_clip": 1.0,
+            "far_clip": 2000.0,
+            "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=[eye[0], eye[1], 0.0], up=[0, 1, 0]),
+            "film": {
+                "type": "hdrfilm",
+                "width": window.width_px,
+                "height": window.height_px,
+                "rfilter": {"type": "box"},
+                "component_format": "float32",
+            },
+            "sampler": {"type": "independent", "sample_count": 1024},
+        }
+    )
+    theirs = np.array(
+        mi.render(spheres.mitsuba, sensor=sensor, integrator=mi.load_dict({"type": "direct"}), spp=1024, seed=3)
+    )
+    # Pixels on outlines: noise of 0.5 / sqrt(1024) of theirs; a view beside by 0.1 pixel would differ by 0.1.
+    assert np.abs(ours - theirs).max() < 0.08
+    assert np.abs(ours - theirs).mean() < 0.001
+    assert theirs.std() > 0.2
+
+
+def test_near_things_in_a_view_hide_farther_ones(mi, spheres):
+    window = Window(15.0, 10.0, 90, 60)
+    seen = render_view(mi, spheres, EYE, window, Settings()).radiance.reshape(-1, 3)
+    x, y = (c.ravel() for c in centres(window))
+    on_plane = np.stack([x, y, 0 * x], axis=1)
+    way = np.array(EYE) - on_plane
+    which, clear = first_sphere(on_plane, way / np.linalg.norm(way, axis=1)[:, None], SPHERES, RADII)
+    np.testing.assert_array_equal(seen[clear], np.concatenate([COLOURS, np.zeros((1, 3))])[which][clear])
+
+
+# --- placement ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", range(3))
+def test_a_placed_scene_looks_like_the_same_scene_written_in_place(mi, spheres, tmp_path, case):
+    rng = generator(SEED, "placement", case)
+    scale = float(10.0 ** rng.uniform(-2.0, 2.0))
+    angles = rng.uniform(-180.0, 180.0, 3)
+    offset = rng.uniform(-20.0, 20.0, 3)
+    # Turns about the fixed axes x, then y, then z.
+    turn = Rotation.from_euler("xyz", angles, degrees=True)
+    moved = turn.inv().apply((SPHERES - offset) / scale)
+    shapes = [
+        glowing_sphere(*sphere) for sphere in zip(moved.tolist(), (RADII / scale).tolist(), COLOURS, strict=True)
+    ]
+    placement = f"""scale = {scale!r}
+rotation_deg = {angles.tolist()}
+offset_mm = {offset.tolist()}"""
+    scene = load_scene(mi, write_scene(tmp_path / "moved.xml", *shapes, placement=placement))
+    display = display_for("hex")
+    seen = render_integral(mi, scene, display, "exact", Settings()).radiance.reshape(-1, 3)
+    colours, sure = expected_colours(display, "exact", pixel_centres(display))
+    np.testing.assert_allclose(seen[sure], colours[sure], atol=1e-6)
+    # Without near and far in the file the depths come from the turned bounding box: they hold all spheres.
+    far, near = scene.depth_range_mm
+    assert near >= (SPHERES[:, 2] + RADII).max()
+    assert far <= (SPHERES[:, 2] - RADII).min()
+
+
+def test_placement_matrices_are_inverse_and_follow_scipy():
+    rng = generator(SEED, "matrix")
+    for _ in range(200):
+        angles = rng.uniform(-360.0, 360.0, 3)
+        placement = Placement(float(10.0 ** rng.uniform(-3, 3)), tuple(angles), tuple(rng.uniform(-99, 99, 3)))
+        forward = placement.display_from_scene
+        turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+        np.testing.assert_allclose(forward[:3, :3], placement.scale * turn, atol=1e-12 * placement.scale)
+        np.testing.assert_allclose(forward[:3, 3], placement.offset_mm)
+        np.testing.assert_allclose(forward @ placement.scene_from_display, np.eye(4), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("scale = 0.0", r"placement\.scale.*more than 0"),
+        ("scale = nan", r"placement\.scale.*not finite"),
+        ("scales = 1.0", r"placement\.scales.*unknown"),
+        ("rotation_deg = [1, 2]", r"placement\.rotation_deg.*\[x, y, z\]"),
+        ("offset_mm = [1, 2, inf]", r"placement\.offset_mm.*not finite"),
+        ("near_mm = -1\nfar_mm = 1", r"near_mm -1 is not in front of far_mm 1"),
+        ("scale = ", r"cannot be read"),
+    ],
+)
+def test_bad_placements_are_refused(tmp_path, text, message):
+    path = tmp_path / "scene.toml"
+    path.write_text(f"[placement]\n{text}\n")
+    with pytest.raises(InputError, match=message):
+        load_placement(path)
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
+    """The picture twice in float32, RGB: 2 x 12 bytes a pixel on top of the base."""
+    pixels = 7680 * 4320
+    needed = renderer.BASE_MEMORY_MB + 24e-6 * pixels
+    check_memory(7680, 4320, Settings(memory_mb=needed + 1.0))
+    with pytest.raises(InputError, match=r"7680 x 4320.*MB.*--memory-mb"):
+        check_memory(7680, 4320, Settings(memory_mb=needed - 1.0))
+    for limit in (math.nan, -1.0, 0.0, 100.0):
+        with pytest.raises(InputError, match="memory"):
+            render_integral(mi, spheres, display_for(), "exact", Settings(memory_mb=limit))
+
+
+def test_free_memory_counts_what_caches_give_back():
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    available = next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")) * 1024 / 1e6
+    assert free_memory_mb() == pytest.approx(available, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"samples": 0}, "samples"),
+        ({"samples": 65537}, "samples"),
+        ({"aperture": "half"}, "aperture"),
+        ({"max_depth": 0}, "max depth"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 2**32}, "seed"),
+    ],
+)
+def test_settings_out_of_range_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Settings(**arguments)
+
+
+@pytest.mark.parametrize("name", ["nonsense", "ptracer", ""])
+def test_integrators_that_cannot_are_refused(mi, spheres, name):
+    with pytest.raises(InputError, match=r"integrator.*choose lights"):
+        render_integral(mi, spheres, display_for(), "exact", Settings(integrator=name))
+
+
+def test_the_scenes_own_integrator(mi, tmp_path):
+    parts = [luminaire(50.0, -10.0), '<integrator type="path"><integer name="max_depth" value="1"/></integrator>']
+    scene = load_scene(mi, write_scene(tmp_path / "own.xml", *parts))
+    seen = render_integral(mi, scene, display_for(), "exact", Settings(integrator="scene")).radiance
+    np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
+
+
+def test_shipped_scenes_load(mi):
+    for name in ("fish", "chart", "knot"):
+        scene = load_scene(mi, ROOT / f"scenes/{name}/{name}.xml")
+        far, near = scene.depth_range_mm
+        assert far < 0.0 < near
