@@ -127,7 +127,10 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
     if not alive.all() or not (truth.lenslet == rays.lenslet).all():
         return float("inf")
     worst = 0.0
-    for z in depth_range_mm:
+    far, near = depth_range_mm
+    # Where a pixel begins to spread beyond the lenslet; between these depths the error has no other peak.
+    kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+    for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = np.linalg.norm(_at_depth(truth, z) - _at_depth(rays, z), axis=1)
         worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))
     return worst

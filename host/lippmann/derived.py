@@ -30,6 +30,8 @@ class Derived:
         Pixels across an elemental image: lenslet pitch over pixel pitch.
     viewing_angle_deg
         Full angle in which a lenslet shows its own elemental image: 2 atan(pitch / 2D).
+    crosstalk_angle_deg
+        Half of it: farther off a lenslet's axis its neighbour's elemental image is seen through it.
     central_depth_plane_mm
         z where the panel is imaged: 1/l = 1/f - 1/D; infinite when the panel is in focus.
     depth_range_mm
@@ -56,6 +58,7 @@ class Derived:
     lenslets: tuple[int, int, int]
     elemental_image_px: float
     viewing_angle_deg: float
+    crosstalk_angle_deg: float
     central_depth_plane_mm: float
     depth_range_mm: tuple[float, float]
     angular_resolution_deg: float
@@ -71,6 +74,7 @@ def derive(display: Display) -> Derived:
     row_pitch = array.pitch_mm * (HALF_SQRT3 if array.grid == "hex" else 1.0)
     across = _whole_lenslets(panel.width_mm / array.pitch_mm)
     down = _whole_lenslets(panel.height_mm / row_pitch)
+    half_field_deg = math.degrees(math.atan2(0.5 * array.pitch_mm, distance))
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus to within what float arithmetic leaves: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
@@ -91,7 +95,8 @@ def derive(display: Display) -> Derived:
         ),
         lenslets=(across, down, across * down),
         elemental_image_px=array.pitch_mm / panel.pixel_pitch_mm,
-        viewing_angle_deg=math.degrees(2.0 * math.atan2(0.5 * array.pitch_mm, distance)),
+        viewing_angle_deg=2.0 * half_field_deg,
+        crosstalk_angle_deg=half_field_deg,
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
         angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),

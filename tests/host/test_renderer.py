@@ -222,7 +222,7 @@ FLOOR_Z = -10.0
 ALBEDO = np.array((0.6, 0.4, 0.2))
 LIGHTS = {(30.0, 5.0, 40.0): (9000.0, 8000.0, 7000.0), (-25.0, -20.0, 60.0): (3000.0, 9000.0, 1000.0)}
 #: Centre and half side of a square that stands parallel to the floor in the first light's way, beside the eye's view.
-SCREEN, SCREEN_HALF = (20.0, 3.0, 20.0), 2.5
+SCREEN, SCREEN_HALF = (20.0, 3.0, 20.0), 1.5
 SUN, SUN_WAY = (0.5, 0.25, 0.125), np.array((0.6, 0.0, -0.8))
 EYE = (0.0, 0.0, 600.0)
 VIEW = Window(16.0, 12.0, 64, 48)
@@ -377,8 +377,8 @@ def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
             "type": "perspective",
             "fov": math.degrees(2.0 * math.atan(0.5 * window.width_mm / eye[2])),
             "fov_axis": "x",
-            "principal_point_offset_x": eye[0] / window.width_mm,
-            "principal_point_offset_y": -eye[1] / window.height_mm,
+            "principal_point_offset_x": -eye[0] / window.width_mm,
+            "principal_point_offset_y": eye[1] / window.height_mm,
             "near_clip": 1.0,
             "far_clip": 2000.0,
             "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=[eye[0], eye[1], 0.0], up=[0, 1, 0]),
@@ -401,12 +401,13 @@ def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
     assert theirs.std() > 0.2
 
 
-def test_near_things_in_a_view_hide_farther_ones(mi, spheres):
+@pytest.mark.parametrize("eye", [EYE, (60.0, -35.0, 500.0)])
+def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
     window = Window(15.0, 10.0, 90, 60)
-    seen = render_view(mi, spheres, EYE, window, Settings()).radiance.reshape(-1, 3)
+    seen = render_view(mi, spheres, eye, window, Settings()).radiance.reshape(-1, 3)
     x, y = (c.ravel() for c in centres(window))
     on_plane = np.stack([x, y, 0 * x], axis=1)
-    way = np.array(EYE) - on_plane
+    way = np.array(eye) - on_plane
     which, clear = first_sphere(on_plane, way / np.linalg.norm(way, axis=1)[:, None], SPHERES, RADII)
     np.testing.assert_array_equal(seen[clear], np.concatenate([COLOURS, np.zeros((1, 3))])[which][clear])
 

@@ -66,6 +66,7 @@ def command(display_path: str, as_json: bool) -> None:
             ("lenslets", f"{across} x {down} = {total}"),
             ("elemental image", f"{derived.elemental_image_px:.6g} px across"),
             ("viewing angle", f"{derived.viewing_angle_deg:.5g} deg"),
+            ("crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"),
             (
                 "central depth plane",
                 "at infinity"

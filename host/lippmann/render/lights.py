@@ -25,6 +25,8 @@ def register_lights(mi: Any) -> None:
         return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
 
     def reflectance_of_all(bsdf: Any, si: Any, ways: list[Any], active: Any) -> list[Any]:
+        if bsdf is None:  # asked in a scene without any surface, such as a sky alone
+            return [mi.Spectrum(0.0) for _ in ways]
         return [bsdf.eval(everything, si, wo, active) for wo in ways]
 
     class Lights(mi.SamplingIntegrator):  # type: ignore[misc]

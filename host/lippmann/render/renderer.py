@@ -35,7 +35,7 @@ CHUNK_SAMPLES = 1 << 22
 #: Side of the square tiles that pixels are taken in, in Morton order, so that rays traced side by side stay close.
 TILE_PX = 8
 #: Memory that the libraries and one chunk take, MB (measured; the output comes on top).
-BASE_MEMORY_MB = 700.0
+BASE_MEMORY_MB = 500.0
 MAX_SAMPLES = 65536
 
 

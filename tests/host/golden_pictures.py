@@ -1,0 +1,54 @@
+"""The golden pictures: small integral images of the shipped scenes. Rendered here, stored under golden/.
+
+A middle part of each scene, 96 x 96 pixels of 0.25 mm behind lenslets of 2 mm: few pixels, all of the optics.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from lippmann.display import Display, Grid
+from lippmann.render.placement import Placement
+from lippmann.render.renderer import Settings, render_integral
+from lippmann.render.scene import Scene
+from lippmann.sheet import to_srgb8
+from scene_cases import focused_display
+
+SCENES = Path(__file__).parents[2] / "scenes"
+GOLDEN = Path(__file__).parent / "golden"
+#: Scene, and where its origin comes to stand (mm): what is of interest comes to the middle.
+STANDS = {"fish": (0.0, 0.0, 0.0), "chart": (2.0, 18.0, 0.0), "knot": (0.0, 0.0, 0.0)}
+SUBPIXELS = {"square": "none", "hex": "rgb"}
+SETTINGS = Settings(samples=16, seed=2005)
+
+
+def display_for(grid: Grid) -> Display:
+    """96 x 96 pixels; the hexagonal one with colour stripes and turned by 11 degrees."""
+    return focused_display(
+        grid,
+        pitch=2.0,
+        focal=5.0,
+        width_px=96,
+        height_px=96,
+        pixel_pitch=0.25,
+        subpixels=SUBPIXELS[grid],
+        rotation=0.0 if grid == "square" else 11.0,
+    )
+
+
+def placement_of(scene: str) -> Placement:
+    """The whole depth of each scene."""
+    return Placement(offset_mm=STANDS[scene], near_mm=90.0, far_mm=-180.0)
+
+
+def path_of(scene: str, grid: Grid) -> Path:
+    """Where a golden picture is stored."""
+    return GOLDEN / f"{scene}-{grid}.png"
+
+
+def render_golden(mi: Any, scene: Scene, grid: Grid) -> npt.NDArray[np.uint8]:
+    """(96, 96, 3), sRGB."""
+    return to_srgb8(render_integral(mi, scene, display_for(grid), "exact", SETTINGS).radiance)

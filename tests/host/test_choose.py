@@ -1,0 +1,144 @@
+"""`auto`: the cheapest model within a tolerance, against brute force over whole panels."""
+
+import dataclasses
+import itertools
+import math
+
+import lippmann
+import numpy as np
+import pytest
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+from lippmann.choose import Choice, choose_model, reconstructed_pixel_mm
+from lippmann.errors import InputError
+from lippmann.optics.status import Status
+from lippmann.optics.trace import MODELS
+from optics_cases import display_of
+from scene_cases import focused_display
+
+SEED = 9107
+COUNTED = (Status.OK, Status.CROSSTALK)
+
+
+@st.composite
+def displays(draw):
+    """Displays of 8 x 6 mm with lenslets that span their cells."""
+    grid, side = draw(st.sampled_from(["square", "hex"])), draw(st.sampled_from(["panel", "viewer"]))
+    radius = draw(st.floats(0.75, 12.0))
+    index = draw(st.floats(1.35, 1.9))
+    focal = radius / (index - 1.0)
+    return display_of(
+        grid,
+        side,
+        radius=radius,
+        index=index,
+        thickness=None if draw(st.booleans()) else draw(st.floats(0.75, 3.0)),
+        gap=focal * draw(st.floats(0.3, 1.2)),
+        rotation=draw(st.sampled_from([0.0, 11.0, 45.0])),
+        offset=(draw(st.floats(-1.0, 1.0)), draw(st.floats(-1.0, 1.0))),
+        width_px=160,
+        height_px=120,
+        pixel_pitch=0.05,
+    )
+
+
+def rays_at(rays, z):
+    """Where rays cross the plane z, panel frame."""
+    t = (z - rays.origin_mm[:, 2]) / rays.direction[:, 2]
+    return rays.origin_mm[:, :2] + t[:, None] * rays.direction[:, :2]
+
+
+def brute_force(display, model, depths):
+    """The largest distance from exact over every pixel's centre, in reconstructed pixels; inf where rays differ."""
+    v, u = np.mgrid[0 : display.panel.height_px, 0 : display.panel.width_px] + 0.5
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    truth, rays = lippmann.trace(display, pixels, None, "exact"), lippmann.trace(display, pixels, None, model)
+    if not np.isin(truth.status, COUNTED).all() or (truth.lenslet != rays.lenslet).any():
+        return math.inf
+    return max(
+        np.linalg.norm(rays_at(truth, z) - rays_at(rays, z), axis=1).max()
+        # A reconstructed pixel: the lenslet, or what a pixel spreads to at that depth.
+        / max(
+            display.array.pitch_mm, abs(z) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
+        )
+        for z in depths
+    )
+
+
+@seed(SEED)
+@settings(max_examples=60, deadline=None, derandomize=True, print_blob=True)
+@given(
+    display=displays(),
+    far=st.floats(-200.0, 0.0),
+    deep=st.floats(0.0, 300.0),
+    tolerance=st.sampled_from([0.02, 0.25, 1.0]),
+)
+def test_the_choice_holds_over_the_whole_panel(display, far, deep, tolerance):
+    """The probe reaches 0.499 of a cell, brute force has pixels up to its edges and corners: a tenth more is allowed."""
+    ends = (far, far + deep)
+    choice = choose_model(display, ends, tolerance=tolerance)
+    # Depths between the ends count too: the error may be largest where a pixel begins to spread beyond the lenslet.
+    depths = np.linspace(*ends, 25)
+    true = {model: brute_force(display, model, depths) for model in MODELS[:-1]}
+    if choice.model != "exact":
+        assert true[choice.model] <= 1.1 * tolerance
+        assert choice.error_px[choice.model] <= tolerance
+    # No cheaper one would have done: its error, found by the probe, is real. Of that at least half must be there in the
+    # few pixels of a small panel and at 25 depths.
+    for cheaper in MODELS[: MODELS.index(choice.model)]:
+        assert choice.error_px[cheaper] > tolerance
+        assert true[cheaper] > 0.5 * tolerance
+
+
+@pytest.mark.parametrize("aperture", ["chief", "full"])
+@pytest.mark.parametrize(("grid", "side"), list(itertools.product(("square", "hex"), ("panel", "viewer"))))
+def test_a_long_focus_needs_little_and_a_steep_dome_needs_exact(grid, side, aperture):
+    gentle = focused_display(grid, side, focal=40.0, width_px=100, height_px=80, pixel_pitch=0.1)
+    choice = choose_model(gentle, (-20.0, 20.0), aperture)
+    # Chief rays of a long lens are straight; the whole lenslet bends them, which the pinhole does not know.
+    assert choice.model != "exact"
+    if aperture == "full":
+        assert choice.error_px["pinhole"] > choice.tolerance
+    steep = display_of(grid, side, radius=0.72, index=1.9, thickness=None, gap=0.5)
+    choice = choose_model(steep, (-100.0, 100.0), "full")
+    assert choice.model == "exact"
+    assert list(choice.error_px) == list(MODELS)
+    assert choice.error_px["exact"] == 0.0
+
+
+def test_tolerance_decides():
+    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
+    chosen = [choose_model(display, (-60.0, 60.0), "full", t).model for t in (1e-9, 0.01, 0.25, 1.0, 10.0, 1e3)]
+    ranks = [MODELS.index(model) for model in chosen]
+    assert ranks == sorted(ranks, reverse=True)
+    assert chosen[0] == "exact"
+    assert chosen[-1] == "pinhole"
+
+
+def test_the_message_says_what_and_why():
+    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
+    choice = choose_model(display, (-60.0, 60.0))
+    assert str(choice).startswith(f"model {choice.model}: the cheapest within 0.25 pixel")
+    for model, error in choice.error_px.items():
+        assert f"{model} {error:.2g}" in str(choice)
+    assert "\n" not in str(Choice("exact", 0.25, {"pinhole": math.inf, "exact": 0.0}))
+
+
+def test_reconstructed_pixel():
+    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
+    # At 80 mm a pixel of 0.05 mm behind D = 2 mm spreads to 2 mm, twice the lenslet.
+    assert reconstructed_pixel_mm(display, -80.0) == pytest.approx(2.0)
+    assert reconstructed_pixel_mm(display, 20.0) == 1.0
+    assert reconstructed_pixel_mm(display, 0.0) == 1.0
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan])
+def test_a_tolerance_that_is_not_positive_is_refused(tolerance):
+    with pytest.raises(InputError, match="tolerance"):
+        choose_model(focused_display("square"), (-1.0, 1.0), tolerance=tolerance)
+
+
+def test_panels_smaller_than_a_lenslet_have_a_choice():
+    display = focused_display("hex", focal=3.0, width_px=3, height_px=2, pixel_pitch=0.1)
+    tiny = dataclasses.replace(display, array=dataclasses.replace(display.array, offset_mm=(0.4, 0.4)))
+    assert choose_model(tiny, (-10.0, 10.0)).model in MODELS

@@ -1,0 +1,57 @@
+"""The shipped scenes still look as they did: small integral images against stored ones."""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from golden_pictures import GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
+from lippmann.render.scene import load_scene
+from PIL import Image
+
+#: dB, of sRGB values with 255 as the peak. Equal code on another processor differs by rounding: a ray on an outline
+#: meets the other side, 1 of 16 samples of that pixel. All outline pixels doing so would still make 40 dB.
+PSNR = 40.0
+#: Levels of 255, of the mean over 4 x 4 pixels: one outline sample each in a row of four makes 4.
+MAX_MEAN = 6.0
+
+
+@pytest.fixture(scope="session")
+def scene_of(mi):
+    return functools.cache(lambda name: load_scene(mi, SCENES / name / f"{name}.xml", placement_of(name)))
+
+
+def blocks(picture):
+    """Means over 4 x 4 pixels."""
+    return picture.astype(float).reshape(24, 4, 24, 4, 3).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize(("name", "grid"), list(itertools.product(STANDS, SUBPIXELS)))
+def test_as_stored(mi, scene_of, name, grid):
+    """Wanted changes: python tests/host/make_golden.py"""
+    stored = np.asarray(Image.open(path_of(name, grid)))
+    now = render_golden(mi, scene_of(name), grid)
+    assert stored.shape == now.shape == (96, 96, 3)
+    error = now.astype(float) - stored
+    psnr = 10.0 * math.log10(255.0**2 / max((error**2).mean(), 1e-9))
+    worst = np.abs(blocks(now) - blocks(stored)).max()
+    print(f"{name} {grid}: PSNR {psnr:.1f} dB, largest difference of 4 x 4 means {worst:.2f}")
+    assert psnr >= PSNR
+    assert worst <= MAX_MEAN
+
+
+def test_the_comparison_can_fail(mi, scene_of):
+    """Another display's picture, or the picture moved by one pixel, is far from the stored one."""
+    for name in STANDS:
+        square = np.asarray(Image.open(path_of(name, "square"))).astype(float)
+        for other in (np.asarray(Image.open(path_of(name, "hex"))).astype(float), np.roll(square, 1, axis=1)):
+            assert 10.0 * math.log10(255.0**2 / ((square - other) ** 2).mean()) < PSNR - 5.0
+
+
+def test_pictures_are_small_and_show_something():
+    paths = sorted(GOLDEN.iterdir())
+    assert paths == sorted(path_of(name, grid) for name, grid in itertools.product(STANDS, SUBPIXELS))
+    assert sum(path.stat().st_size for path in paths) < 300_000
+    for path in paths:
+        assert np.asarray(Image.open(path)).std() > 12.0

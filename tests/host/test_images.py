@@ -1,0 +1,289 @@
+"""Image files: curves, round trips, metadata, and files that appear whole or not at all."""
+
+import math
+import os
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from lippmann.errors import InputError
+from lippmann.images import PREFIX, check_output, decode, encode, read_picture, replacing, write_picture
+from lippmann.sheet import FRAME_MS, write_animation, write_contact_sheet
+from PIL import Image
+from scene_cases import generator
+
+SEED = 4404
+META = {
+    "display": "paper-square",
+    "identity": "79ee8471d40b2533",
+    "model": "exact",
+    "seed": "7",
+    "equation": "a = b; c",
+    "version": "0.1.0",
+}
+
+
+def srgb_by_hand(light: float) -> float:
+    """IEC 61966-2-1, in double."""
+    return 12.92 * light if light <= 0.0031308 else 1.055 * math.pow(light, 1.0 / 2.4) - 0.055
+
+
+def picture(*key, height=13, width=17):
+    return generator(SEED, *key).random((height, width, 3), np.float32)
+
+
+# --- curves ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear"])
+def test_decode_is_the_inverse_of_encode(transfer):
+    light = np.linspace(0.0, 1.0, 20001)
+    # float32: a few roundings; sRGB's own two pieces miss each other by 3e-8 at their seam.
+    np.testing.assert_allclose(decode(encode(light, transfer), transfer), light, atol=5e-7)
+    values = encode(light, transfer)
+    assert values[0] == 0.0
+    assert values[-1] == pytest.approx(1.0, abs=1e-6)
+    assert (np.diff(values) >= 0.0).all()
+
+
+def test_srgb_values():
+    light = np.concatenate([np.linspace(0.0, 0.01, 100), np.linspace(0.0, 1.0, 200)])
+    np.testing.assert_allclose(encode(light, "srgb"), [srgb_by_hand(x) for x in light], atol=3e-7)
+    # Table values everyone knows: 18 % grey is 118, half the light 188.
+    assert [round(float(encode(np.array(x), "srgb")) * 255) for x in (0.18, 0.5, 1.0)] == [118, 188, 255]
+    assert float(encode(np.array(0.5), "gamma2.2")) == pytest.approx(math.pow(0.5, 1.0 / 2.2), rel=1e-6)
+
+
+def test_light_out_of_range_is_clipped():
+    # One rounding of float32 in 1.055 - 0.055.
+    np.testing.assert_allclose(encode(np.array([-1.0, 2.0, math.inf]), "srgb"), [0.0, 1.0, 1.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("curve", [encode, decode])
+def test_unknown_transfer_is_refused(curve):
+    with pytest.raises(InputError, match=r"pq.*srgb"):
+        curve(np.zeros(1), "pq")
+
+
+# --- round trips ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".tiff", ".png", ".EXR"])
+def test_metadata_and_size_come_back(tmp_path, suffix):
+    light = picture(suffix)
+    path = tmp_path / f"picture{suffix}"
+    write_picture(path, light, META)
+    back = read_picture(path, limit=(17, 13))
+    assert {key: back.metadata[key] for key in META} == META
+    assert back.radiance.dtype == np.float32
+    # Half floats keep 11 bits, 8-bit sRGB a step of at most 1 / 255 times the curve's slope 1 / 0.44.
+    tolerance = {".exr": 2.0**-11, ".tif": 0.0, ".tiff": 0.0, ".png": 0.5 / 255 * 2.3}[suffix.lower()]
+    assert np.abs(back.radiance - light).max() <= tolerance
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear"])
+@pytest.mark.parametrize("bits", [1, 5, 8, 10, 16])
+def test_png_holds_the_panels_levels(tmp_path, bits, transfer):
+    """Read by Pillow (8 bits) or raw (16): the nearest of 2^bits levels, spread over the file's range."""
+    light = picture(bits, transfer)
+    path = tmp_path / "panel.png"
+    write_picture(path, light, {}, transfer, bits)
+    levels = 2**bits - 1
+    values = {"linear": light, "gamma2.2": np.power(light.astype(float), 1.0 / 2.2)}.get(
+        transfer, np.vectorize(srgb_by_hand)(light.astype(float))
+    )
+    deep = bits > 8
+    full = 65535 if deep else 255
+    source = oiio.ImageInput.open(str(path))
+    raw = np.asarray(source.read_image(oiio.UINT16 if deep else oiio.UINT8), float)
+    assert source.spec().format == (oiio.UINT16 if deep else oiio.UINT8)
+    source.close()
+    level = raw * levels / full
+    assert np.abs(level - np.rint(level)).max() <= 0.5 * levels / full + 1e-9
+    # float32 may round a value on the border between two levels either way.
+    assert np.abs(np.rint(level) - values * levels).max() <= 0.5 + 0.01
+    if not deep:
+        np.testing.assert_array_equal(np.asarray(Image.open(path)), raw)
+    back = read_picture(path).radiance
+    # Half a level at the panel and half at the file, through the steepest slope of the decoding curve.
+    assert np.abs(back - light).max() <= (0.5 / levels + 0.5 / full) * 2.4 + 1e-6
+
+
+def test_bright_and_negative_light_survives_linear_files(tmp_path):
+    light = np.array([[[-0.5, 100.0, 60000.0]]], np.float32)
+    for suffix, tolerance in ((".exr", 2.0**-11), (".tif", 0.0)):
+        write_picture(tmp_path / f"a{suffix}", light, {})
+        np.testing.assert_allclose(read_picture(tmp_path / f"a{suffix}").radiance, light, rtol=tolerance)
+
+
+def test_grey_and_alpha_files_are_read(tmp_path):
+    grey, alpha = tmp_path / "grey.png", tmp_path / "alpha.png"
+    Image.fromarray(np.full((4, 5), 188, np.uint8)).save(grey)
+    Image.fromarray(np.full((4, 5, 4), (188, 118, 0, 255), np.uint8)).save(alpha)
+    for path, expected in ((grey, (0.5, 0.5, 0.5)), (alpha, (0.5, 0.18, 0.0))):
+        back = read_picture(path)
+        assert back.radiance.shape == (4, 5, 3)
+        np.testing.assert_allclose(back.radiance[0, 0], expected, atol=0.005)
+        assert back.metadata == {}
+
+
+def test_keys_carry_our_prefix(tmp_path):
+    write_picture(tmp_path / "a.exr", picture("keys"), META)
+    source = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    assert source.spec().get_string_attribute(PREFIX + "identity") == META["identity"]
+    source.close()
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a", "a.exr.bak", ".exr"])
+def test_unknown_extensions_are_refused(tmp_path, name):
+    with pytest.raises(InputError, match=r"unknown extension.*choose from \.exr"):
+        check_output(tmp_path / name)
+    with pytest.raises(InputError, match="unknown extension"):
+        write_picture(tmp_path / name, picture("x"), {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_places_that_cannot_be_written_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(InputError, match=r"folder\.png: is a folder"):
+        check_output(tmp_path / "folder.png")
+    with pytest.raises(InputError, match=r"missing does not exist; make it"):
+        check_output(tmp_path / "missing" / "a.png")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="does not exist"):
+        check_output(tmp_path / "file" / "a.png")
+    # Root may write anywhere: ask as one who may not.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(InputError, match=r"a\.png: cannot be written; choose another place"):
+        check_output(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_truncated_files_are_refused(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    write_picture(path, picture("truncated", suffix, height=64, width=64), META)
+    whole = path.read_bytes()
+    for share in (0.0, 0.02, 0.5, 0.9):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError, match=rf"a\{suffix}: is (no image|truncated or broken)") as caught:
+            read_picture(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.exr", "a.png", "a.tif", "a.toml"])
+def test_files_that_are_no_image_are_refused(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("width_px = 3\n" * 50)
+    with pytest.raises(InputError, match=r"is no image.*give an EXR, TIFF or PNG"):
+        read_picture(path)
+    with pytest.raises(InputError, match="no such image"):
+        read_picture(tmp_path / "absent.exr")
+    with pytest.raises(InputError, match="no such image"):
+        read_picture(tmp_path)
+
+
+def test_a_picture_of_another_size_is_refused(tmp_path):
+    write_picture(tmp_path / "a.exr", picture("size"), {})
+    with pytest.raises(InputError, match=r"is 17 x 13 pixels, the panel 13 x 17"):
+        read_picture(tmp_path / "a.exr", limit=(13, 17))
+
+
+# --- whole or not at all --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+@pytest.mark.parametrize("failure", ["replace", "interrupt", "disk full"])
+def test_a_failing_write_leaves_the_old_file_alone(tmp_path, monkeypatch, suffix, failure):
+    path = tmp_path / f"a{suffix}"
+    write_picture(path, picture("old"), {"age": "old"})
+    old = path.read_bytes()
+
+    class Failing:
+        """An output that writes some bytes and then fails."""
+
+        def open(self, name, spec):
+            self.name = name
+            return True
+
+        def write_image(self, pixels):
+            with open(self.name, "wb") as stream:
+                stream.write(b"half")
+            if failure == "interrupt":
+                raise KeyboardInterrupt
+            return False
+
+        def geterror(self):
+            return "No space left on device"
+
+        def close(self):
+            return True
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    if failure == "replace":
+        monkeypatch.setattr(os, "replace", refuse)
+        expected, message = InputError, r"a\.\w+: cannot be written \(Permission denied\); free space"
+    else:
+        monkeypatch.setattr(oiio.ImageOutput, "create", lambda *_: Failing())
+        expected = KeyboardInterrupt if failure == "interrupt" else InputError
+        message = None if failure == "interrupt" else r"cannot be written \(No space left"
+    with pytest.raises(expected, match=message):
+        write_picture(path, picture("new"), {"age": "new"})
+    assert path.read_bytes() == old
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_replacing_moves_only_on_success(tmp_path):
+    path = tmp_path / "a.bin"
+    with replacing(path) as partial:
+        partial.write_bytes(b"one")
+        assert not path.exists()
+    assert path.read_bytes() == b"one"
+
+    def spoil():
+        with replacing(path) as partial:
+            partial.write_bytes(b"two")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        spoil()
+    assert path.read_bytes() == b"one"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+# --- animations and sheets ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".png", ".apng"])
+def test_animations_run_to_and_fro(tmp_path, suffix):
+    views = [np.full((6, 8, 3), light, np.float32) for light in (0.0, 0.2, 0.5, 1.0)]
+    path = tmp_path / f"sweep{suffix}"
+    write_animation(path, views)
+    shown = []
+    with Image.open(path, formats=["GIF" if suffix == ".gif" else "PNG"]) as film:
+        assert film.n_frames == 6
+        for k in range(film.n_frames):
+            film.seek(k)
+            assert film.info["duration"] == FRAME_MS
+            shown.append(int(np.asarray(film.convert("RGB"))[0, 0, 0]))
+    expected = [round(255 * srgb_by_hand(light)) for light in (0.0, 0.2, 0.5, 1.0, 0.5, 0.2)]
+    # A GIF's palette may be a level off.
+    np.testing.assert_allclose(shown, expected, atol=1 if suffix == ".gif" else 0)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_contact_sheets_hold_every_view(tmp_path):
+    views = [np.full((10, 12, 3), light, np.float32) for light in (0.1, 0.4, 0.7, 1.0)]
+    path = tmp_path / "sheet.png"
+    write_contact_sheet(path, views, ["one", "two", "three", "four"], columns=3)
+    sheet = np.asarray(Image.open(path))
+    for light in (0.1, 0.4, 0.7, 1.0):
+        level = round(255 * srgb_by_hand(light))
+        assert (sheet == level).all(axis=2).sum() >= 120
+    with pytest.raises(InputError, match="unknown extension"):
+        write_contact_sheet(tmp_path / "sheet.gif", views, ["a"] * 4)
