@@ -74,8 +74,8 @@ def crop(linear, centre, side, width_px):
     return cut.resize((width_px, width_px), Image.Resampling.NEAREST)
 
 
-def row(pictures, captions, name, colours=160):
-    """Save pictures side by side, each with a caption below, in a palette of few colours to keep the file small."""
+def row(pictures, captions, name):
+    """Save pictures side by side, each with a caption below, in a palette of 256 colours to keep the file small."""
     margin, line = 6, 20
     height = max(p.height for p in pictures)
     sheet = Image.new("RGB", (sum(p.width + margin for p in pictures) + margin, height + line + 2 * margin), BACKGROUND)
@@ -84,7 +84,7 @@ def row(pictures, captions, name, colours=160):
         sheet.paste(one, (x, margin))
         draw.text((x, margin + height + 3), caption, fill=INK, font=FONT)
         x += one.width + margin
-    save(sheet.quantize(colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG), name)
+    save(sheet.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=4, dither=Image.Dither.FLOYDSTEINBERG), name)
 
 
 def save(image, name, **options):
@@ -131,7 +131,7 @@ def make_pictures(mi):
     reach, frames = 30.0, 13
     views = [look(on_square, square, (x, 0.0), 240) for x in np.linspace(-reach, reach, frames)]
     stills = [Image.fromarray(to_srgb8(view)) for view in views]
-    palette = stills[frames // 2].quantize(96, Image.Quantize.MEDIANCUT)
+    palette = stills[frames // 2].quantize(112, Image.Quantize.MAXCOVERAGE, kmeans=4)
     stills = [s.quantize(palette=palette, dither=Image.Dither.NONE) for s in stills]
     stills += stills[-2:0:-1]
     save(stills[0], "sweep.gif", save_all=True, append_images=stills[1:], duration=90, loop=0)

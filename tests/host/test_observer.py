@@ -61,8 +61,8 @@ def test_a_far_eye_on_the_axis_sees_the_pixel_under_each_centre(mi, model):
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
 @pytest.mark.parametrize("eye", [(30.0, 0.0, 900.0), (-25.0, 18.0, 600.0), (0.0, -40.0, 800.0)])
 def test_an_eye_sees_the_pixel_on_its_line_through_each_centre(mi, eye, model):
-    """The line from the eye through the lenslet's centre goes on to the panel, D behind it. Rays that pass the lenslet off
-    its centre land D p / (2 ez) off, 0.1 pixel; columns nearer to a border than that are left out.
+    """The line from the eye through the lenslet's centre goes on to the panel, D behind it. Rays that pass the lenslet
+    off its centre land D p / (2 ez) off, 0.1 pixel; columns nearer to a border than that are left out.
     """
     display = display_for()
     seen = see(mi, painted(display), display, eye, model=model).radiance
@@ -253,7 +253,7 @@ def test_a_stripe_shows_its_colour_three_times_as_bright(mi, layout, order):
 
 @pytest.mark.parametrize("layout", ["rgb", "bgr"])
 def test_stripes_keep_the_mean(mi, layout):
-    """Thirty eyes look at thirty places across one pixel: ten see each stripe, so the mean is the pixel's own colour."""
+    """Thirty eyes look at thirty places across one pixel: ten see each stripe, so the mean is the pixel's colour."""
     display = display_for(subpixels=layout)
     colour = np.array([0.25, 0.5, 0.75], np.float32)
     image = np.broadcast_to(colour, (display.panel.height_px, display.panel.width_px, 3))

@@ -30,7 +30,7 @@ def display_for(grid, side="panel", rotation=0.0):
     """36 x 36 mm; a viewing half-angle of atan(p / 2D) = 14 degrees: eyes at 100 mm see every lenslet's own image.
 
     With its plano side to the viewer a lenslet's coma draws the mean of what it shows outwards, 3.5 h^2 / f^2 with
-    h^2 = p^2 / 6 the cell's mean squared height (traced: 2.8 % at f/4.5). There f = 6.5 mm, 1.4 %, and a narrower sweep.
+    h^2 = p^2 / 6 the cell's mean squared height (traced: 2.8 % at f/4.5). There f = 6.5 mm, 1.4 %, and fewer angles.
     """
     focal, pixel = (2.0, 0.025) if side == "panel" else (6.5, 0.05)
     side_px = round(36.0 / pixel)

@@ -131,7 +131,7 @@ def test_each_stripe_looks_along_its_own_ray(mi, spheres, subpixels):
     places = dict(zip(subpixels, (-1.0 / 3.0, 0.0, 1.0 / 3.0), strict=True))
     for k, name in enumerate("rgb"):
         assert STRIPES[subpixels][k] == pytest.approx(places[name])
-        colours, sure = expected_colours(display, "exact", pixel_centres(display) + (places[name], 0.0))
+        colours, sure = expected_colours(display, "exact", pixel_centres(display) + np.array([places[name], 0.0]))
         np.testing.assert_array_equal(seen[sure, k], colours[sure, k])
     assert (seen != plain).any()
 
@@ -143,7 +143,7 @@ def test_more_samples_average_the_pixel(mi, spheres):
     steps = (np.arange(16) + 0.5) / 16 - 0.5
     total = np.zeros_like(seen, dtype=float)
     for dx, dy in itertools.product(steps, steps):
-        total += expected_colours(display, "exact", pixel_centres(display) + (dx, dy))[0] / 256
+        total += expected_colours(display, "exact", pixel_centres(display) + np.array([dx, dy]))[0] / 256
     # An outline through a pixel: 256 points of either pattern find the area to about 1 / 64.
     assert np.abs(seen - total).max() < 0.05
     assert np.abs(seen.mean(axis=0) - total.mean(axis=0)).max() < 0.002
@@ -158,7 +158,7 @@ def test_samples_spread_evenly(mi):
     for seed, stream in ((0, 0), (0, 1), (77, 0)):
         s, t = points_in_square(mi, mi.UInt32(5), index, seed, stream)
         s, t = np.array(s), np.array(t)
-        assert 0.0 <= min(s.min(), t.min())
+        assert min(s.min(), t.min()) >= 0.0
         assert max(s.max(), t.max()) < 1.0
         counts, *_ = np.histogram2d(s, t, bins=16, range=[[0, 1], [0, 1]])
         # 16 in each of 256 boxes; random points would scatter by 4.
@@ -344,8 +344,10 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
         mirror(200.0, f"0, 0, {mirror_z}", "0, 0, 0", 0.5),
         # Faces the mirror, off the eye's own way.
         f'<shape type="rectangle"><transform name="to_world"><scale value="100"/><rotate y="1" angle="180"/>'
-        f'<translate x="-105" z="{floor_z}"/></transform><bsdf type="diffuse">{rgb("reflectance", ALBEDO)}</bsdf></shape>',
-        f'<emitter type="point"><point name="position" x="-20" y="0" z="-10"/>{rgb("intensity", (1e3, 1e3, 1e3))}</emitter>',
+        f'<translate x="-105" z="{floor_z}"/></transform>'
+        f'<bsdf type="diffuse">{rgb("reflectance", ALBEDO)}</bsdf></shape>',
+        f'<emitter type="point"><point name="position" x="-20" y="0" z="-10"/>'
+        f"{rgb('intensity', (1e3, 1e3, 1e3))}</emitter>",
         placement="near_mm = 100.0\nfar_mm = -60.0",
     )
     scene = load_scene(mi, path)
@@ -424,9 +426,7 @@ def test_a_placed_scene_looks_like_the_same_scene_written_in_place(mi, spheres, 
     # Turns about the fixed axes x, then y, then z.
     turn = Rotation.from_euler("xyz", angles, degrees=True)
     moved = turn.inv().apply((SPHERES - offset) / scale)
-    shapes = [
-        glowing_sphere(*sphere) for sphere in zip(moved.tolist(), (RADII / scale).tolist(), COLOURS, strict=True)
-    ]
+    shapes = [glowing_sphere(*sphere) for sphere in zip(moved.tolist(), (RADII / scale).tolist(), COLOURS, strict=True)]
     placement = f"""scale = {scale!r}
 rotation_deg = {angles.tolist()}
 offset_mm = {offset.tolist()}"""

@@ -46,12 +46,12 @@ def with_lenslets_across(display: Display, across: int) -> Display:
     return replace(display, array=grown, gap_mm=display.gap_mm * factor)
 
 
-def lenslet_growth(mi: Any, scene: Scene, display: Display, samples: int) -> dict[str, float]:
+def lenslet_growth(mi: Any, scene: Scene, display: Display, integrator: str, samples: int) -> dict[str, float]:
     """Time the same window behind 102 x 102 lenslets and behind 11 x 11."""
     many, few = display, with_lenslets_across(display, 11)
     seconds: dict[str, list[float]] = {"many": [], "few": []}
     for number in range(ROUNDS):
-        settings = Settings(samples=samples, seed=number)
+        settings = Settings(samples=samples, integrator=integrator, seed=number)
         for name, one in (("many", many), ("few", few)):
             seconds[name].append(render_integral(mi, scene, one, "exact", settings).seconds)
     pairs = np.array(seconds["many"]) / np.array(seconds["few"])
@@ -149,7 +149,9 @@ def bench_render(mi: Any, scenes: Path, report: Callable[[str, dict[str, Any]], 
     report("fish, uhd-4k, exact, 1 sample", separately(fish, scenes / "displays/uhd-4k.toml", 1, "exact"))
     report("fish, uhd-8k, exact, 1 sample", separately(fish, scenes / "displays/uhd-8k.toml", 1, "exact"))
     scene, display = load_scene(mi, fish), load_display(square)
-    report("10,404 lenslets against 121, lights, 4 samples", lenslet_growth(mi, scene, display, 4))
+    for integrator in ("path", "lights"):
+        row = lenslet_growth(mi, scene, display, integrator, 4)
+        report(f"10,404 lenslets against 121, fish, {integrator}, 4 samples", row)
     report("optics' share, fish, lights, 4 samples", optics_share(mi, scene, display, 4))
     for name in ("fish", "chart", "knot"):
         scene = load_scene(mi, scenes / f"{name}/{name}.xml")

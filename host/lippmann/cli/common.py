@@ -41,6 +41,22 @@ class Vector(click.ParamType[tuple[float, ...]]):
         return ",".join("XYZ"[: self.size])
 
 
+class Finite(click.ParamType[float]):
+    """A finite number."""
+
+    name = "float"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse a number and refuse nan and inf."""
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            self.fail(f"'{value}' is not a finite number", param, ctx)
+        return number
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
 display_option = click.option(
     "--display",

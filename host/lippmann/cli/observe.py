@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from lippmann.cli.common import (
+    Finite,
     Vector,
     device_option,
     display_option,
@@ -54,14 +55,14 @@ MAX_VIEW_PX = 16384
     show_default=True,
     help="Rays for each pixel of the view.",
 )
-@click.option("--pupil", default=0.0, show_default=True, help="Diameter of the pupil, mm.")
-@click.option("--focus", default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
+@click.option("--pupil", type=Finite(), default=0.0, show_default=True, help="Diameter of the pupil, mm.")
+@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
 @click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
 @click.option("--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen.")
-@click.option("--rotation-error", default=0.0, help="Array turned by so many degrees.")
+@click.option("--rotation-error", type=Finite(), default=0.0, help="Array turned by so many degrees.")
 @click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Array moved, mm.")
-@click.option("--gap-error", default=0.0, help="Array lifted, mm.")
-@click.option("--pitch-scale", default=1.0, help="Array stretched by a factor.")
+@click.option("--gap-error", type=Finite(), default=0.0, help="Array lifted, mm.")
+@click.option("--pitch-scale", type=Finite(), default=1.0, help="Array stretched by a factor.")
 @click.option(
     "--sweep",
     type=Vector(2),
@@ -108,6 +109,8 @@ def command(
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
     path = check_output(output, SUFFIXES if sweep is None else ANIMATION_SUFFIXES)
+    if path.exists() and Path(image_path).exists() and path.samefile(image_path):
+        raise InputError(f"{output}: is the image itself; give the view another name")
     if sheet is not None:
         if sweep is None:
             raise InputError("--sheet shows a sweep; give --sweep X0,X1 too")

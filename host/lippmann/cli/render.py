@@ -32,7 +32,7 @@ from lippmann.render.renderer import (
     peak_memory_mb,
     render_integral,
 )
-from lippmann.render.scene import load_scene, placement_beside
+from lippmann.render.scene import check_scene_file, load_scene, placement_beside
 from lippmann.render.sources import APERTURES, Aperture
 from lippmann.render.variant import device_of, start_mitsuba
 
@@ -114,9 +114,11 @@ def command(
         seed=seed,
         memory_mb=memory_mb,
     )
-    check_memory(display.panel.width_px, display.panel.height_px, settings)
-    if not Path(scene_path).is_file():
-        raise InputError(f"{scene_path}: no such scene; give a Mitsuba scene (.xml)")
+    try:
+        check_memory(display.panel.width_px, display.panel.height_px, settings)
+    except InputError as error:
+        raise InputError(f"{display_path}: panel.width_px, panel.height_px: {error}") from None
+    check_scene_file(scene_path)
     placement = _placement(scene_path, scale, rotate, offset, depth, near, far)
     mi = start_mitsuba(device)
     scene = load_scene(mi, scene_path, placement)

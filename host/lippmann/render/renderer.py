@@ -13,7 +13,7 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -325,4 +325,8 @@ def render_view(
 ) -> Rendered:
     """Render the scene as an eye sees it through a window, with no display in between (see `render`)."""
     source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
+    near = scene.placement.near_mm
+    if near is not None and near > eye_mm[2]:
+        # What stands behind the eye is not seen.
+        scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
     return render(mi, scene, source, settings, progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,22 @@ def placement_beside(path: Path) -> Placement:
     return load_placement(beside) if beside.exists() else Placement()
 
 
+def check_scene_file(path: str | Path) -> Path:
+    """Refuse what cannot be a scene file, before any work is done.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or of another kind.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
+    if path.suffix.lower() != ".xml":
+        raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
+    return path
+
+
 def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) -> Scene:
     """Load a scene file.
 
@@ -63,11 +80,7 @@ def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) ->
     InputError
         When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
-    if path.suffix.lower() != ".xml":
-        raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
+    path = check_scene_file(path)
     if placement is None:
         placement = placement_beside(path)
     try:
@@ -82,7 +95,7 @@ def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) ->
 def _first_reason(error: Exception) -> str:
     """Return what Mitsuba says went wrong, in one line and without its source positions."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    text = " ".join(lines) if lines else type(error).__name__
+    text = re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(lines)) if lines else type(error).__name__
     return text[:400]
 
 

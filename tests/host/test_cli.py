@@ -1,0 +1,605 @@
+"""The command line: contracts that scripts lean on, and bad input of every kind."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.cli import COMMANDS, run
+from lippmann.errors import MissingLibraryError
+from lippmann.images import read_picture
+from PIL import Image
+from scene_cases import display_toml, focused_display, glowing_sphere, rgb, write_scene
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted((ROOT / "scenes/displays").glob("*.toml"))
+TINY = display_toml(focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1))
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a display and a scene, and the command line in it."""
+    (tmp_path / "tiny.toml").write_text(TINY)
+    write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def lippmann(capfd, *arguments) -> tuple[int, str, str]:
+    """Run in this process; exit code, stdout, stderr, those of Mitsuba's own code included."""
+    capfd.readouterr()
+    code = run([str(argument) for argument in arguments])
+    out, err = capfd.readouterr()
+    return code, out, err
+
+
+def refused(capfd, *arguments, code: int = 2) -> str:
+    """Run what must be refused: one line on stderr, nothing on stdout, the exit code; return the line."""
+    found, out, err = lippmann(capfd, *arguments)
+    lines = err.splitlines()
+    assert found == code, err
+    assert out == ""
+    # `auto` may have told its choice before.
+    lines = [line for line in lines if not line.startswith("model ")]
+    assert len(lines) == 1, err
+    assert lines[0].startswith("lippmann: ")
+    assert "Traceback" not in err
+    return lines[0]
+
+
+def render(*more) -> list:
+    return ["render", "ball.xml", "--display", "tiny.toml", "--device", "llvm", *more]
+
+
+def child(*arguments, **others) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "lippmann", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        **others,
+    )
+
+
+# --- help and JSON --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_help_has_an_example(capfd, command):
+    code, out, err = lippmann(capfd, command, "--help")
+    assert code == 0
+    assert err == ""
+    assert re.search(rf"Example: lippmann {command}\b", out)
+    assert lippmann(capfd, command, "-h")[1] == out
+
+
+def test_no_command_shows_the_help(capfd):
+    code, out, err = lippmann(capfd)
+    assert code == 2
+    assert out == ""
+    assert all(command in err for command in COMMANDS)
+    assert lippmann(capfd, "--help")[0] == 0
+    assert "0.1.0" in lippmann(capfd, "--version")[1]
+
+
+@pytest.mark.parametrize("display", SHIPPED, ids=lambda path: path.stem)
+def test_inspect_as_json(capfd, display):
+    code, out, err = lippmann(capfd, "inspect", display, "--json")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    array, panel = result["array"], result["panel"]
+    assert result["name"] == display.stem
+    # R = (n - 1) f and half viewing angle atan(p / 2D), computed here.
+    assert result["radius_mm"] == pytest.approx((array["index"] - 1) * result["focal_length_mm"])
+    assert result["elemental_image_px"] == pytest.approx(array["pitch_mm"] / panel["pixel_pitch_mm"])
+    half = np.degrees(np.arctan(0.5 * array["pitch_mm"] / result["aperture_distance_mm"]))
+    assert result["viewing_angle_deg"] == pytest.approx(2 * half)
+    assert isinstance(result["warnings"], list)
+
+
+def test_inspect_prints_units(capfd):
+    code, out, _ = lippmann(capfd, "inspect", SHIPPED[1])
+    assert code == 0
+    for name in ("radius R", "sag", "flat-face distance d", "focal length", "back focal length", "depth range"):
+        assert re.search(rf"^{re.escape(name)} .*mm", out, re.MULTILINE), name
+    for name in ("viewing angle", "angular resolution"):
+        assert re.search(rf"^{name} .*deg", out, re.MULTILINE), name
+
+
+def test_render_and_observe_as_json(place, capfd, mi):
+    """Exactly one object on stdout, whatever is logged; the picture is whole and names its display."""
+    code, out, err = lippmann(capfd, *render("-o", "a.exr", "--samples", 2, "--seed", 5, "--json"))
+    assert code == 0
+    assert len(out.splitlines()) == 1
+    assert err.startswith("model ")
+    result = json.loads(out)
+    assert {"seconds", "samples_per_second", "model", "peak_memory_mb", "identity", "output"} <= set(result)
+    assert result["seconds"] > 0.0
+    assert result["samples_per_second"] == pytest.approx(64 * 48 * 2 / result["seconds"], rel=1e-6)
+    assert 50.0 < result["peak_memory_mb"] < 5000.0
+    assert result["seed"] == 5
+    picture = read_picture("a.exr", limit=(64, 48))
+    assert picture.metadata["identity"] == result["identity"]
+    assert picture.metadata["seed"] == "5"
+    assert picture.metadata["model"] == result["model"]
+    assert picture.radiance.max() == 1.0
+    code, out, err = lippmann(
+        capfd, "observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.png", "--width", 20, "--json"
+    )
+    assert code == 0
+    assert len(out.splitlines()) == 1
+    view = json.loads(out)
+    assert (view["width_px"], view["height_px"]) == (20, 15)
+    assert sum(view["views"][0]["status_share"].values()) == pytest.approx(1.0)
+    # The ball of 2 mm at z = -5 stands in the middle of the view of 6.4 mm.
+    seen = read_picture("v.png").radiance[:, :, 0]
+    assert seen[7, 10] > 0.9
+    assert seen[0, 0] == 0.0
+
+
+def test_sweeps_make_an_animation_and_a_sheet(place, capfd, mi):
+    assert lippmann(capfd, *render("-o", "a.png"))[0] == 0
+    code, out, _ = lippmann(
+        capfd,
+        *("observe", "a.png", "--display", "tiny.toml", "--eye", "0,10,600", "-o", "s.gif", "--width", 20),
+        *("--sweep=-30,30", "--frames", 5, "--sheet", "sheet.png", "--json"),
+    )
+    assert code == 0
+    assert [view["eye_mm"] for view in json.loads(out)["views"]] == [[x, 10, 600] for x in (-30, -15, 0, 15, 30)]
+    with Image.open("s.gif") as film:
+        assert film.n_frames == 8
+    assert (place / "sheet.png").stat().st_size > 0
+    assert sorted(path.name for path in place.iterdir()) == ["a.png", "ball.xml", "s.gif", "sheet.png", "tiny.toml"]
+
+
+def test_doctor(capfd):
+    code, out, _ = lippmann(capfd, "doctor", "--json")
+    result = json.loads(out)
+    assert code == (0 if result["ok"] else 3)
+    assert {"python", "mitsuba", "OpenImageIO", "mitsuba on llvm"} <= {check["check"] for check in result["checks"]}
+
+
+def test_true_processes(place):
+    """The installed command and `python -m lippmann`; stdout is one JSON object, logs are on stderr."""
+    ours = child(*render("-o", "a.exr", "--json"))
+    assert ours.returncode == 0
+    assert json.loads(ours.stdout)["output"] == "a.exr"
+    assert ours.stderr.startswith("model ")
+    plain = child("trace", "--display", "tiny.toml", "--pixels", "5", "-o", "r.npz")
+    assert plain.returncode == 0
+    assert plain.stdout.startswith("5 rays in ")
+    wrong = child("render", "absent.xml", "--display", "tiny.toml", "-o", "b.exr", "--json")
+    assert wrong.returncode == 2
+    assert json.loads(wrong.stdout)["exit_code"] == 2
+    assert len(wrong.stderr.splitlines()) == 1
+    command = Path(sys.executable).with_name("lippmann")
+    assert command.exists()
+    version = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    assert "0.1.0" in version.stdout
+
+
+# --- trace ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["golden", "fast"])
+@pytest.mark.parametrize("aperture", ["chief", "full"])
+def test_trace_contract(place, capfd, engine, aperture):
+    code, out, _ = lippmann(
+        capfd,
+        *("trace", "--display", "tiny.toml", "--engine", engine, "--model", "exact", "--pixels", 500, "--seed", 3),
+        *("--aperture", aperture, "--device", "llvm", "-o", "r.npz", "--json"),
+    )
+    assert code == 0
+    result = json.loads(out)
+    assert result["rays"] == sum(result["status"].values()) == 500
+    with np.load("r.npz") as rays:
+        assert {name: (rays[name].shape, rays[name].dtype.name) for name in rays.files} == {
+            "pixel": ((500, 2), "float64"),
+            "origin_mm": ((500, 3), "float64"),
+            "direction": ((500, 3), "float64"),
+            "status": ((500,), "uint8"),
+            "lenslet": ((500, 2), "int64"),
+            "centre_mm": ((500, 2), "float64"),
+            "local_mm": ((500, 3), "float64"),
+        }
+        pixel, direction = rays["pixel"], rays["direction"]
+        assert (pixel % 1.0 == 0.5).all()
+        assert pixel.min() > 0.0
+        assert (pixel < (64, 48)).all()
+        np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-6)
+        np.testing.assert_allclose(rays["origin_mm"][:, :2], rays["centre_mm"] + rays["local_mm"][:, :2])
+        first = {name: rays[name].copy() for name in rays.files}
+    lippmann(
+        capfd,
+        *("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 500, "--seed", 3, "--device", "llvm"),
+        *("--aperture", aperture, "-o", "again.npz"),
+    )
+    with np.load("again.npz") as again:
+        for name, values in first.items():
+            np.testing.assert_array_equal(again[name], values)
+
+
+def test_trace_reads_pixels_from_files(place, capfd):
+    """Whole numbers mean centres; anything else is taken as it stands."""
+    whole = np.array([[0, 0], [63, 47], [5, 7]])
+    broken = whole + 0.25
+    np.save("whole.npy", whole)
+    np.savez("broken.npz", pixel=broken)
+    np.savetxt("broken.csv", broken, delimiter=",")
+    for name, expected in (("whole.npy", whole + 0.5), ("broken.npz", broken), ("broken.csv", broken)):
+        assert lippmann(capfd, "trace", "--display", "tiny.toml", "--pixels", name, "-o", "r.npz")[0] == 0
+        with np.load("r.npz") as rays:
+            np.testing.assert_array_equal(rays["pixel"], expected)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ([[np.nan, 1.0]], "not finite"),
+        ([[64.5, 1.0]], "outside the panel of 64 x 48"),
+        ([[-1.0, 1.0]], "outside the panel"),
+        ([1.0, 2.0], r"shape \(2,\); give numbers of shape \(N, 2\)"),
+        ([[1.0, 2.0, 3.0]], r"shape \(1, 3\)"),
+        ([["a", "b"]], "give numbers"),
+        (np.zeros((0, 2)), r"\(0, 2\)"),
+    ],
+)
+def test_trace_refuses_bad_pixels(place, capfd, content, message):
+    np.save("p.npy", np.array(content))
+    line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", "p.npy", "-o", "r.npz")
+    assert re.search(rf"p\.npy: .*{message}", line)
+    assert not (place / "r.npz").exists()
+
+
+@pytest.mark.parametrize("count", ["0", "-3", "100000001", "1e3", "none.csv", "tiny.toml"])
+def test_trace_refuses_bad_counts(place, capfd, count):
+    line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
+    assert re.search(r"out of range; give 1 to|no such file; give|unknown extension", line)
+
+
+# --- displays -------------------------------------------------------------------------------------
+
+
+def changed(old: str, new: str) -> str:
+    assert re.search(old, TINY, re.MULTILINE)
+    return re.sub(old, new, TINY, count=1, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("text", "named", "remedy"),
+    [
+        (changed(r"^width_px.*\n", ""), "panel.width_px", "add it"),
+        (changed(r"^gap_mm.*\n", ""), "gap_mm", "add it"),
+        (changed(r"^\[array\]", "[lenses]"), "array", "add it"),
+        (changed(r"^grid", "gridd"), "array.grid", "add it"),
+        (changed(r"^thickness_mm", "thicknes_mm"), "array.thicknes_mm", "known here"),
+        (changed(r"^name", "title"), "title", "known here"),
+        (changed(r"^width_px = 64", "width_px = -64"), "panel.width_px", "from 1 to"),
+        (changed(r"^width_px = 64", "width_px = 64.5"), "panel.width_px", "whole number"),
+        (changed(r"^pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.0"), "panel.pixel_pitch_mm", "more than 0"),
+        (changed(r"^pixel_pitch_mm = 0.1", "pixel_pitch_mm = nan"), "panel.pixel_pitch_mm", "finite number"),
+        (changed(r"^pitch_mm = 1.0", "pitch_mm = inf"), "array.pitch_mm", "finite number"),
+        (changed(r"^gap_mm = .*", "gap_mm = -0.5"), "gap_mm", "at least 0"),
+        (changed(r"^index = .*", 'index = "glass"'), "array.index", "give a number"),
+        (changed(r"^index = .*", 'glass = "jelly"'), "array.glass", ""),
+        (changed(r"^radius_mm = .*", "radius_mm = 0.5"), "array.radius_mm", "larger radius_mm"),
+        (changed(r"^thickness_mm = .*", "thickness_mm = 0.1"), "array.thickness_mm", "leave it out"),
+        (changed(r"^grid = .*", 'grid = "triangle"'), "array.grid", "choose from"),
+        (changed(r"^subpixels = .*", 'subpixels = "pentile"'), "panel.subpixels", "choose from"),
+        (changed(r"^\[panel\]", "[panel"), "not TOML", "mend the syntax"),
+    ],
+)
+def test_bad_displays(place, capfd, text, named, remedy):
+    (place / "bad.toml").write_text(text)
+    for command in (
+        ("inspect", "bad.toml"),
+        ("trace", "--display", "bad.toml", "--pixels", "3", "-o", "r.npz"),
+        ("render", "ball.xml", "--display", "bad.toml", "-o", "a.exr"),
+        ("observe", "a.exr", "--display", "bad.toml", "--eye", "0,0,600", "-o", "v.png"),
+    ):
+        line = refused(capfd, *command)
+        assert line.startswith("lippmann: bad.toml: ")
+        assert named in line
+        assert remedy in line
+    assert sorted(path.name for path in place.iterdir()) == ["bad.toml", "ball.xml", "tiny.toml"]
+
+
+@pytest.mark.parametrize("name", ["absent.toml", "."])
+def test_displays_that_are_not_there(place, capfd, name):
+    line = refused(capfd, "inspect", name)
+    assert re.search(rf"{re.escape(name)}: (no such file|cannot be read).*; give", line)
+
+
+# --- scenes ---------------------------------------------------------------------------------------
+
+BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" value="nowhere.png"/></texture>'
+
+
+@pytest.mark.parametrize(
+    ("body", "named"),
+    [
+        ('<shape type="sphera"/>', "sphera"),
+        ('<shape type="sphere"><bsdf type="velvetine"/></shape>', "velvetine"),
+        ('<integrator type="guesser"/>', "guesser"),
+        (f'<shape type="sphere"><bsdf type="diffuse">{BITMAP}</bsdf></shape>', "nowhere.png"),
+        ('<shape type="ply"><string name="filename" value="gone.ply"/></shape>', "gone.ply"),
+        ('<shape type="obj"><string name="filename" value="gone.obj"/></shape>', "gone.obj"),
+        ('<shape type="sphere"><float name="radius" value="wide"/></shape>', "wide"),
+        ('<shape type="sphere"><float name="radiuss" value="1"/></shape>', "radiuss"),
+        ('<shape type="sphere">', "XML"),
+        ('<shape type="sphere"><float name="radius" value="nan"/></shape>', "bounded extent"),
+        ("", "bounded extent"),
+    ],
+)
+def test_bad_scenes(place, capfd, mi, body, named):
+    write_scene(place / "bad.xml", body)
+    line = refused(capfd, "render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
+    assert line.startswith("lippmann: bad.xml: ")
+    assert named in line
+    assert re.search("; (mend the scene file|give near_mm)", line)
+    # No positions in Mitsuba's own source.
+    assert ".cpp" not in line
+    assert not (place / "a.exr").exists()
+
+
+def test_what_is_no_scene(place, capfd, mi):
+    (place / "shape.xml").write_text('<shape version="3.0.0" type="sphere"/>')
+    for name, message in (
+        ("absent.xml", "no such scene; give"),
+        (".", "no such scene; give"),
+        ("tiny.toml", r"is not a Mitsuba scene; give an \.xml"),
+        ("shape.xml", "holds no scene; make <scene>"),
+    ):
+        line = refused(capfd, "render", name, "--display", "tiny.toml", "-o", "a.exr")
+        assert re.search(rf"{re.escape(name)}: {message}", line)
+
+
+def test_bad_placement_beside_the_scene(place, capfd):
+    (place / "ball.toml").write_text("[placement]\nscale = 1.0\nturn = 3\n")
+    line = refused(capfd, *render("-o", "a.exr"))
+    assert re.search(r"ball\.toml: placement\.turn: the key is unknown; known here: .*scale", line)
+
+
+# --- outputs and options --------------------------------------------------------------------------
+
+
+def test_unknown_extensions(place, capfd):
+    for arguments, suffix in (
+        (render("-o", "a.jpg"), ".exr"),
+        (("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.txt"), ".npz"),
+        (("observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.gif"), ".png"),
+    ):
+        line = refused(capfd, *arguments)
+        assert re.search(rf"unknown extension '\.\w+'; choose from .*{re.escape(suffix)}", line)
+
+
+def test_unwritable_outputs(place, capfd, monkeypatch):
+    assert "no/a.exr: the folder no does not exist; make it first" in refused(capfd, *render("-o", "no/a.exr"))
+    (place / "d.exr").mkdir()
+    assert "d.exr: is a folder; give" in refused(capfd, *render("-o", "d.exr"))
+    # Root may write anywhere: ask as one who may not.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert "a.exr: cannot be written; choose another place" in refused(capfd, *render("-o", "a.exr"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--samples", "0"], "samples 0 .*give 1 to"),
+        (["--samples", "nan"], "samples"),
+        (["--tolerance", "nan"], "tolerance nan .*give"),
+        (["--tolerance", "0"], "tolerance 0 .*give"),
+        (["--max-depth", "0"], "max depth 0 .*give"),
+        (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise --memory-mb or take a smaller panel"),
+        (["--memory-mb", "nan"], "--memory-mb"),
+        (["--scale", "nan"], "not finite; give"),
+        (["--scale", "-1"], "scale -1 is not positive; give"),
+        (["--rotate", "1,2"], "--rotate.*X,Y,Z"),
+        (["--offset", "1,2,nan"], "--offset.*finite"),
+        (["--depth", "inf"], "not finite; give"),
+        (["--near", "-5", "--far", "5"], "near_mm -5 is not in front of far_mm 5"),
+        (["--integrator", "wizard"], "integrator 'wizard'.*choose lights"),
+        (["--integrator", "ptracer"], "integrator 'ptracer'.*choose lights"),
+        (["--model", "wave"], "--model.*exact"),
+        (["--seed", "-1"], "--seed"),
+        (["--bogus"], "--bogus"),
+    ],
+)
+def test_bad_render_options(place, capfd, mi, options, message):
+    line = refused(capfd, *render("-o", "a.exr", *options))
+    assert re.search(message, line)
+    assert not (place / "a.exr").exists()
+
+
+def test_a_panel_too_big_for_memory(place, capfd):
+    (place / "huge.toml").write_text(TINY.replace("= 64\n", "= 65535\n").replace("= 48\n", "= 65535\n"))
+    line = refused(capfd, "render", "ball.xml", "--display", "huge.toml", "-o", "a.exr", "--memory-mb", "16000")
+    assert re.search(r"huge\.toml: panel\.width_px.*65535 x 65535.*needs \d{6} MB, the limit is 16000 MB", line)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--eye", "0,0,-600"], "behind the display; give z > 0"),
+        (["--eye", "0,0"], "--eye.*X,Y,Z"),
+        (["--eye", "0,0,nan"], "--eye.*finite"),
+        (["--eye", "0,0,600", "--pupil", "-1"], "pupil -1 mm is negative"),
+        (["--eye", "0,0,600", "--pupil", "nan"], "--pupil.*finite"),
+        (["--eye", "0,0,600", "--focus", "700"], "focus.*behind the eye"),
+        (["--eye", "0,0,600", "--focus", "inf"], "--focus.*finite"),
+        (["--eye", "0,0,600", "--rotation-error", "nan"], "--rotation-error.*finite"),
+        (["--eye", "0,0,600", "--gap-error", "nan"], "--gap-error.*finite"),
+        (["--eye", "0,0,600", "--gap-error", "-100"], "gap_mm.*negative"),
+        (["--eye", "0,0,600", "--pitch-scale", "nan"], "--pitch-scale.*finite"),
+        (["--eye", "0,0,600", "--pitch-scale", "0"], "pitch_mm"),
+        (["--eye", "0,0,600", "--pitch-scale", "3"], "radius 1 mm is too small"),
+        (["--eye", "0,0,600", "--offset-error", "1,inf"], "--offset-error.*finite"),
+        (["--eye", "0,0,600", "--sheet", "s.png"], "--sweep"),
+        (["--eye", "0,0,600", "--width", "0"], "--width"),
+        (["--eye", "0,0,600", "--samples", "0"], "--samples"),
+        (["--eye", "0,0,600", "--frames", "1"], "--frames"),
+        ([], "--eye"),
+    ],
+)
+def test_bad_observe_options(place, picture, capfd, mi, options, message):
+    line = refused(capfd, "observe", picture, "--display", "tiny.toml", "-o", "v.png", "--device", "llvm", *options)
+    assert re.search(message, line)
+    assert not (place / "v.png").exists()
+
+
+@pytest.fixture(scope="session")
+def picture_for_all(mi, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    (folder / "tiny.toml").write_text(TINY)
+    write_scene(folder / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
+    image = folder / "a.exr"
+    assert run(["render", str(folder / "ball.xml"), "--display", str(folder / "tiny.toml"), "-o", str(image)]) == 0
+    return image
+
+
+@pytest.fixture
+def picture(place, picture_for_all):
+    """A picture that fits tiny.toml."""
+    return Path(shutil.copy(picture_for_all, place / "a.exr"))
+
+
+def test_a_display_that_does_not_match_the_picture(place, picture, capfd):
+    (place / "other.toml").write_text(changed(r"^gap_mm = .*", "gap_mm = 1.5"))
+    (place / "wide.toml").write_text(TINY.replace("= 64\n", "= 65\n"))
+    look = ("observe", "a.exr", "--eye", "0,0,600", "-o", "v.png", "--width", "8", "--device", "llvm")
+    line = refused(capfd, *look, "--display", "other.toml")
+    assert re.search(
+        r"a\.exr: was rendered for display .*; give the display that it was rendered for, or --force", line
+    )
+    assert lippmann(capfd, *look, "--display", "other.toml", "--force")[0] == 0
+    assert re.search(
+        r"a\.exr: is 64 x 48 pixels, the panel 65 x 48; render", refused(capfd, *look, "--display", "wide.toml")
+    )
+    # Another panel curve or depth is the same optics.
+    (place / "deep.toml").write_text(TINY.replace("[array]", "bits = 10\n[array]"))
+    assert lippmann(capfd, *look, "--display", "deep.toml")[0] == 0
+
+
+def test_pictures_that_cannot_be_read(place, picture, capfd):
+    look = ("observe", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.png")
+    assert "absent.exr: no such image; render it first" in refused(capfd, *look, "absent.exr")
+    assert "tiny.toml: is no image" in refused(capfd, *look, "tiny.toml")
+    picture.write_bytes(picture.read_bytes()[:-100])
+    assert "a.exr: is truncated or broken" in refused(capfd, *look, "a.exr")
+
+
+def test_json_errors(place, capfd):
+    """With --json the error is one object on stdout too, the line on stderr stays."""
+    for arguments in (("inspect", "absent.toml", "--json"), (*render("-o", "a.jpg"), "--json"), ("trace", "--json")):
+        code, out, err = lippmann(capfd, *arguments)
+        assert code == 2
+        result = json.loads(out)
+        assert result["exit_code"] == 2
+        assert err == f"lippmann: {result['error']}\n"
+
+
+def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
+    def lacking(_):
+        raise MissingLibraryError("mitsuba cannot be imported (no libLLVM); run make setup")
+
+    monkeypatch.setattr("lippmann.cli.render.start_mitsuba", lacking)
+    assert refused(capfd, *render("-o", "a.exr"), code=3).endswith("run make setup")
+
+
+# --- Ctrl-C ---------------------------------------------------------------------------------------
+
+#: Says "started" after the first chunk of a render that would take minutes, then runs the command as it is.
+SLOW_RENDER = """
+import signal
+import sys
+import lippmann.cli.render as command
+import lippmann.render.renderer as renderer
+from lippmann.cli import main
+# A shell may have told its background jobs to ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+renderer.CHUNK_SAMPLES = 1 << 16
+whole = command.render_integral
+def announced(*arguments):
+    def progress(done, total):
+        print("started", file=sys.stderr, flush=True)
+    return whole(*arguments[:5], progress)
+command.render_integral = announced
+main(sys.argv[1:])
+"""
+
+
+def test_ctrl_c_leaves_nothing_half_written(place):
+    (place / "a.exr").write_bytes(b"of old")
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_RENDER, *render("-o", "a.exr", "--samples", "60000", "--json")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert any("started" in line for line in process.stderr)
+        process.send_signal(signal.SIGINT)
+        since = time.monotonic()
+        out, err = process.communicate(timeout=30)
+        seconds = time.monotonic() - since
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert seconds < 10.0
+    assert "Traceback" not in err
+    assert err.splitlines()[-1] == "lippmann: interrupted; nothing half-written is left"
+    assert json.loads(out)["exit_code"] == 130
+    assert (place / "a.exr").read_bytes() == b"of old"
+    assert sorted(path.name for path in place.iterdir()) == ["a.exr", "ball.xml", "tiny.toml"]
+
+
+def test_ctrl_c_while_the_file_is_written(place, capfd, mi, monkeypatch):
+    """The partial file goes too."""
+
+    def interrupted(source, target):
+        assert Path(source).exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    for arguments in (
+        render("-o", "a.exr"),
+        ("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.npz"),
+    ):
+        code, out, err = lippmann(capfd, *arguments)
+        assert code == 130
+        assert out == ""
+        assert err.splitlines()[-1] == "lippmann: interrupted; nothing half-written is left"
+        assert sorted(path.name for path in place.iterdir()) == ["ball.xml", "tiny.toml"]
+
+
+# --- the scene where the options put it -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options", [["--scale", "2"], ["--offset", "1,0,0"], ["--depth", "15"], ["--rotate", "0,90,0"]]
+)
+def test_placement_options_move_the_scene(place, capfd, mi, options):
+    """A small ball at (1, 0, -5): scaled to (2, 0, -10), moved, drawn near, or turned about y to (-5, 0, -1)."""
+    write_scene(
+        place / "ball.xml",
+        glowing_sphere((1.0, 0.0, -5.0), 0.5),
+        f'<emitter type="constant">{rgb("radiance", (0, 0, 0))}</emitter>',
+    )
+    (place / "tiny.toml").write_text(TINY.replace("= 64\n", "= 160\n"))
+    moved = {"--scale": (2, -10), "--offset": (2, -5), "--depth": (1, 10), "--rotate": (-5, -1)}[options[0]]
+    assert lippmann(capfd, *render("-o", "a.exr", *options))[0] == 0
+    look = ("observe", "a.exr", "--display", "tiny.toml", "--eye", "30,0,600", "-o", "v.tif", "--width", "160")
+    assert lippmann(capfd, *look)[0] == 0
+    seen = read_picture("v.tif").radiance[:, :, 0]
+    x = (np.arange(160) + 0.5) * 0.1 - 8.0
+    expected = 30 + (moved[0] - 30) * 600 / (600 - moved[1])
+    # A ball of one or two lenslets across: half a lenslet.
+    assert (seen * x).sum() / seen.sum() == pytest.approx(expected, abs=0.5)

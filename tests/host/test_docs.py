@@ -1,0 +1,213 @@
+"""What the documentation says works: links lead somewhere, commands parse and run, examples run, the table is current.
+
+Pages are run as a reader would: blocks in their order, in one folder. A ```toml or ```xml block whose first line is a
+comment with a file name (`# mine.toml`) is that file.
+"""
+
+import importlib.util
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from lippmann.cli import COMMANDS, cli, run
+from lippmann.display import load_display
+from lippmann.render.placement import load_placement
+
+TOP = Path(__file__).parents[2]
+PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/**/*.md")])
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
+#: Pages whose commands render the large panels.
+SLOW = ("README.md", "docs/how-to/look-at-it.md")
+
+
+def name_of(page):
+    return str(page.relative_to(TOP))
+
+
+def blocks(page, *languages):
+    """Return (language, text) of a page's fenced blocks."""
+    return [(kind, text) for kind, text in BLOCK.findall(page.read_text()) if kind in languages]
+
+
+def commands(page):
+    """Return the lines of a page's shell blocks that call `lippmann`."""
+    lines = [line for _, text in blocks(page, "sh") for line in text.splitlines()]
+    return [line for line in lines if line.startswith("lippmann ")]
+
+
+def anchors(page):
+    """Return the anchors of a page's headings, made as forges make them."""
+    text = BLOCK.sub("", page.read_text())
+    titles = [re.sub(r"[`*\[\]]", "", title) for title in re.findall(r"^#+ (.+)$", text, re.M)]
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_there_are_pages_with_commands():
+    assert {"README.md", "docs/reference/command-line.md", "docs/how-to/own-scene.md"} <= {name_of(p) for p in PAGES}
+    assert sum(len(commands(page)) for page in PAGES) >= 20
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    for link in LINK.findall(BLOCK.sub("", page.read_text())):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), f"{link}: no such file"
+        assert TOP in target.parents, f"{link} leads out of the repository"
+        if anchor:
+            assert anchor in anchors(target), f"{link}: no such heading"
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=name_of)
+def test_commands_parse(page):
+    for line in commands(page):
+        words = shlex.split(line)[1:]
+        assert words[0] in COMMANDS, line
+        command = cli.get_command(click.Context(cli), words[0])
+        try:
+            command.make_context(words[0], words[1:])
+        except click.ClickException as error:
+            pytest.fail(f"{line}: {error.format_message()}")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_is_documented(command):
+    text = (TOP / "docs/reference/command-line.md").read_text()
+    options = [o for p in cli.get_command(click.Context(cli), command).params for o in p.opts if o.startswith("--")]
+    for option in options:
+        assert re.search(rf"`[^`\n]*{option}\b", text), f"{command} {option} is not in command-line.md"
+
+
+def test_every_display_key_is_documented():
+    """All keys that the reader knows, found by asking for one that it does not."""
+    text = (TOP / "docs/reference/display-file.md").read_text()
+    source = (TOP / "host/lippmann/display.py").read_text()
+    keys = set(re.findall(r"\b(?:table|top)\.\w+\(\"(\w+)\"", source)) | {"pixel_pitch_mm", "dpi", "focal_length_mm"}
+    assert {"name", "gap_mm", "width_px", "grid", "offset_mm"} <= keys
+    assert not [key for key in keys - {"panel", "array"} if f"`{key}`" not in text]
+
+
+SMALL_DISPLAY = """
+gap_mm = 3.3
+[panel]
+width_px = 32
+height_px = 24
+pixel_pitch_mm = 0.1
+[array]
+grid = "square"
+pitch_mm = 1.0
+focal_length_mm = 3.3
+index = 1.5
+"""
+
+
+def json_keys(value):
+    """Return all keys of nested JSON objects."""
+    if isinstance(value, dict):
+        return set(value) | {key for item in value.values() for key in json_keys(item)}
+    if isinstance(value, list):
+        return {key for item in value for key in json_keys(item)}
+    return set()
+
+
+def test_every_json_key_is_documented(tmp_path, capsys):
+    display, image = tmp_path / "small.toml", tmp_path / "small.exr"
+    display.write_text(SMALL_DISPLAY)
+    common = ["--display", str(display), "--json"]
+    pages = "\n".join((TOP / f"docs/reference/{name}.md").read_text() for name in ("command-line", "display-file"))
+    for arguments in (
+        ["inspect", str(display), "--json"],
+        ["trace", *common, "--pixels", "9", "-o", str(tmp_path / "rays.npz")],
+        ["render", str(TOP / "scenes/chart/chart.xml"), *common, "-o", str(image)],
+        ["observe", str(image), *common, "--eye", "0,0,600", "--width", "8", "-o", str(tmp_path / "view.png")],
+        ["doctor", "--json"],
+    ):
+        assert run(arguments) == 0
+        keys = json_keys(json.loads(capsys.readouterr().out))
+        missing = [key for key in keys if f"`{key}`" not in pages]
+        assert keys, arguments
+        assert not missing, f"{arguments[0]}: {missing} in neither reference page"
+
+
+def reader_folder(folder):
+    """Make a folder look like the project's top to a reader's commands."""
+    (folder / "scenes").symlink_to(TOP / "scenes")
+    return folder
+
+
+def run_page(page, folder):
+    """Write a page's files and run its `lippmann` commands, in the page's order."""
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    for kind, text in blocks(page, "sh", "toml", "xml"):
+        if kind != "sh":
+            named = FILE_NAME.match(text)
+            if named:
+                (folder / named[1]).write_text(text)
+            continue
+        lines = [line for line in text.splitlines() if line.startswith(("lippmann ", "mkdir "))]
+        for line in lines:
+            done = subprocess.run(
+                shlex.split(line), check=False, cwd=folder, env=environment, capture_output=True, text=True
+            )
+            assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.full if name_of(page) in SLOW else (), id=name_of(page))
+        for page in PAGES
+        if commands(page)
+    ],
+)
+def test_commands_run(page, tmp_path):
+    run_page(page, reader_folder(tmp_path))
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=name_of)
+def test_toml_blocks_are_valid(page, tmp_path):
+    for _, text in blocks(page, "toml"):
+        file = tmp_path / "block.toml"
+        file.write_text(text)
+        if "[placement]" in text:
+            load_placement(file)
+        else:
+            load_display(file)
+
+
+def test_python_examples_run(tmp_path):
+    """The page's blocks are one program, run in a process of its own."""
+    code = "\n".join(text for _, text in blocks(TOP / "docs/reference/python.md", "python"))
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        check=False,
+        cwd=reader_folder(tmp_path),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "view.png").is_file()
+
+
+def test_table_of_models_is_current():
+    path = TOP / "docs/pictures/make_pictures.py"
+    spec = importlib.util.spec_from_file_location("make_pictures", path)
+    make_pictures = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make_pictures)
+    assert make_pictures.models_table() in (TOP / "docs/models.md").read_text(), "run make pictures"
+
+
+def test_pictures_are_small():
+    sizes = {p.name: p.stat().st_size for p in (TOP / "docs/pictures").iterdir() if p.suffix in (".png", ".gif")}
+    assert sum(sizes.values()) < 2_500_000, sizes
+    assert sizes["sweep.gif"] <= 900_000
