@@ -603,3 +603,10 @@ def test_placement_options_move_the_scene(place, capfd, mi, options):
     expected = 30 + (moved[0] - 30) * 600 / (600 - moved[1])
     # A ball of one or two lenslets across: half a lenslet.
     assert (seen * x).sum() / seen.sum() == pytest.approx(expected, abs=0.5)
+
+
+def test_a_view_may_not_overwrite_its_own_image(place, picture, capfd):
+    before = Path(picture).read_bytes()
+    line = refused(capfd, "observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", "-o", picture)
+    assert "is the image itself" in line
+    assert Path(picture).read_bytes() == before

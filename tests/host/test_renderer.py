@@ -527,3 +527,14 @@ def test_shipped_scenes_load(mi):
         scene = load_scene(mi, ROOT / f"scenes/{name}/{name}.xml")
         far, near = scene.depth_range_mm
         assert far < 0.0 < near
+
+
+def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
+    """A wall at z = 100 hides all from 600 mm; an eye at 50 mm, in front of it, sees the ball at z = -20."""
+    text = glowing_sphere((0.0, 0.0, -20.0), 8.0) + luminaire(200.0, 100.0, radiance=(0.0, 0.0, 0.5))
+    scene = load_scene(mi, write_scene(tmp_path / "behind.xml", text))
+    window = Window(4.0, 4.0, 5, 5)
+    far = render_view(mi, scene, EYE, window, Settings()).radiance
+    near = render_view(mi, scene, (0.0, 0.0, 50.0), window, Settings()).radiance
+    np.testing.assert_allclose(far, np.broadcast_to([0.0, 0.0, 0.5], far.shape), atol=1e-6)
+    np.testing.assert_allclose(near, np.ones_like(near), atol=1e-6)
