@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from lippmann.display import Display
 from lippmann.optics.lattice import HALF_SQRT3
 
+#: Where eyes are taken to be, mm from the display.
+VIEWING_DISTANCE_MM = 600.0
 #: Beats between lenslets and pixels are seen as moire when they are longer than this many lenslets ...
 MOIRE_FROM_LENSLETS = 4.0
 #: ... and their contrast matters while an elemental image has fewer pixels than this.
@@ -32,6 +34,9 @@ class Derived:
         Full angle in which a lenslet shows its own elemental image: 2 atan(pitch / 2D).
     crosstalk_angle_deg
         Half of it: farther off a lenslet's axis its neighbour's elemental image is seen through it.
+    viewing_zone_mm
+        How far an eye at VIEWING_DISTANCE_MM may move off the axis and still see no crosstalk on the whole panel; 0
+        where it cannot anywhere.
     central_depth_plane_mm
         z where the panel is imaged: 1/l = 1/f - 1/D; infinite when the panel is in focus.
     depth_range_mm
@@ -59,6 +64,7 @@ class Derived:
     elemental_image_px: float
     viewing_angle_deg: float
     crosstalk_angle_deg: float
+    viewing_zone_mm: float
     central_depth_plane_mm: float
     depth_range_mm: tuple[float, float]
     angular_resolution_deg: float
@@ -97,6 +103,7 @@ def derive(display: Display) -> Derived:
         elemental_image_px=array.pitch_mm / panel.pixel_pitch_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
+        viewing_zone_mm=max(0.0, 0.5 * (VIEWING_DISTANCE_MM * array.pitch_mm / distance - panel.width_mm)),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
         angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),

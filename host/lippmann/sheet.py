@@ -36,7 +36,19 @@ def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], 
         frames += frames[-2:0:-1]
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     with replacing(path) as partial:
-        frames[0].save(partial, format=kind, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0)
+        if kind == "GIF":
+            # One palette for all frames and no dither: what does not move costs nothing, and nothing flickers.
+            palette = frames[len(views) // 2].quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
+            frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+        frames[0].save(
+            partial,
+            format=kind,
+            save_all=True,
+            append_images=frames[1:],
+            duration=FRAME_MS,
+            loop=0,
+            optimize=True,
+        )
 
 
 def write_contact_sheet(

@@ -73,9 +73,10 @@ def test_commands_parse(page):
     for line in commands(page):
         words = shlex.split(line)[1:]
         assert words[0] in COMMANDS, line
-        command = cli.get_command(click.Context(cli), words[0])
+        top = cli.make_context("lippmann", [words[0]])
+        command = cli.get_command(top, words[0])
         try:
-            command.make_context(words[0], words[1:])
+            command.make_context(words[0], words[1:], parent=top)
         except click.ClickException as error:
             pytest.fail(f"{line}: {error.format_message()}")
 

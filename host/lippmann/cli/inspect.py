@@ -8,7 +8,7 @@ import math
 import click
 
 from lippmann.cli.common import emit, json_option
-from lippmann.derived import derive
+from lippmann.derived import VIEWING_DISTANCE_MM, derive
 from lippmann.display import load_display
 
 
@@ -67,6 +67,11 @@ def command(display_path: str, as_json: bool) -> None:
             ("elemental image", f"{derived.elemental_image_px:.6g} px across"),
             ("viewing angle", f"{derived.viewing_angle_deg:.5g} deg"),
             ("crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"),
+            (
+                "viewing zone",
+                f"eyes at {VIEWING_DISTANCE_MM:g} mm see the whole panel without crosstalk within "
+                f"{derived.viewing_zone_mm:.3g} mm of the axis",
+            ),
             (
                 "central depth plane",
                 "at infinity"

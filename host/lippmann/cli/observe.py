@@ -59,10 +59,12 @@ MAX_VIEW_PX = 16384
 @click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
 @click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
 @click.option("--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen.")
-@click.option("--rotation-error", type=Finite(), default=0.0, help="Array turned by so many degrees.")
+@click.option(
+    "--rotation-error", type=Finite(), default=0.0, show_default=True, help="Array turned by so many degrees."
+)
 @click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Array moved, mm.")
-@click.option("--gap-error", type=Finite(), default=0.0, help="Array lifted, mm.")
-@click.option("--pitch-scale", type=Finite(), default=1.0, help="Array stretched by a factor.")
+@click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Array lifted, mm.")
+@click.option("--pitch-scale", type=Finite(), default=1.0, show_default=True, help="Array stretched by a factor.")
 @click.option(
     "--sweep",
     type=Vector(2),

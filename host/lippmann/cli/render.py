@@ -32,9 +32,12 @@ from lippmann.render.renderer import (
     peak_memory_mb,
     render_integral,
 )
-from lippmann.render.scene import check_scene_file, load_scene, placement_beside
+from lippmann.render.scene import Scene, check_scene_file, load_scene, placement_beside
 from lippmann.render.sources import APERTURES, Aperture
 from lippmann.render.variant import device_of, start_mitsuba
+
+#: Widths of a scene, in widths of the panel, that raise no question.
+SIZE_SHARE = (0.02, 1000.0)
 
 
 @click.command("render")
@@ -52,9 +55,9 @@ from lippmann.render.variant import device_of, start_mitsuba
     "--tolerance",
     default=TOLERANCE,
     show_default=True,
-    help="Error that auto allows, pixels of the reconstructed view.",
+    help="Error that auto allows, pixels of the reconstructed view; above 0.",
 )
-@click.option("--samples", default=4, show_default=True, help="Samples for each pixel.")
+@click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536.")
 @click.option(
     "--aperture",
     type=click.Choice(APERTURES),
@@ -68,7 +71,7 @@ from lippmann.render.variant import device_of, start_mitsuba
     show_default=True,
     help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
 )
-@click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet.")
+@click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet, 1 to 1000.")
 @click.option("--scale", type=float, help="mm for each scene unit.")
 @click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z.")
 @click.option("--offset", type=Vector(3), help="Where the scene's origin comes to stand, mm.")
@@ -122,6 +125,7 @@ def command(
     placement = _placement(scene_path, scale, rotate, offset, depth, near, far)
     mi = start_mitsuba(device)
     scene = load_scene(mi, scene_path, placement)
+    _note_odd_size(scene, display)
     if model == "auto":
         choice = choose_model(display, scene.depth_range_mm, aperture, tolerance)
         log(str(choice))
@@ -162,6 +166,17 @@ def command(
         )
 
     emit(result, as_json, text)
+
+
+def _note_odd_size(scene: Scene, display: Display) -> None:
+    """Warn of a scene whose size suggests that its units are not what its placement says."""
+    width = scene.width_mm
+    share = width / display.panel.width_mm
+    if width > 0.0 and not SIZE_SHARE[0] <= share <= SIZE_SHARE[1]:
+        log(
+            f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
+            "if its units are not millimetres give --scale, such as 1000 for metres"
+        )
 
 
 def image_metadata(display: Display, model: str, settings: Settings, scene_path: str) -> dict[str, str]:

@@ -33,6 +33,13 @@ class Scene:
     placement: Placement
 
     @property
+    def width_mm(self) -> float:
+        """Largest side of the scene's bounding box as it stands before the display, mm; 0 without any surface."""
+        box = self.mitsuba.bbox()
+        size = np.array(box.max).ravel() - np.array(box.min).ravel()
+        return float(self.placement.scale * size.max()) if np.isfinite(size).all() else 0.0
+
+    @property
     def depth_range_mm(self) -> tuple[float, float]:
         """(far, near) z, mm."""
         near, far = self.placement.near_mm, self.placement.far_mm
