@@ -18,7 +18,7 @@ from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
-from lippmann.optics.status import Status
+from lippmann.optics.status import gets_through
 from lippmann.optics.trace import MODELS, Model, Rays, trace
 
 #: Default tolerance, pixels of the reconstructed view.
@@ -123,8 +123,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
 
     Infinite when the models disagree on which rays there are.
     """
-    alive = (truth.status == Status.OK) | (truth.status == Status.CROSSTALK)
-    if not alive.all() or not (truth.lenslet == rays.lenslet).all():
+    if not gets_through(truth.status).all() or not (truth.lenslet == rays.lenslet).all():
         return float("inf")
     worst = 0.0
     far, near = depth_range_mm

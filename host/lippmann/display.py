@@ -27,6 +27,8 @@ Transfer = Literal["srgb", "linear", "gamma2.2"]
 MM_PER_INCH = 25.4
 #: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
 MAX_SIDE_PX = 65535
+#: Lengths that are accepted (mm): far beyond what can be built, well within what squares and quotients survive.
+LENGTHS = {"at_least": 1e-9, "at_most": 1e9}
 #: Indices that are accepted: above air, up to the densest optical materials.
 INDEX_RANGE = (1.0, 4.0)
 
@@ -207,7 +209,7 @@ def load_display(path: str | Path) -> Display:
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode()
+        text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
         raise input_error(str(path), "no such file", "give the path of a display file (.toml)") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -228,7 +230,7 @@ def parse_display(text: str, source: str = "display") -> Display:
         name=top.text("name", Path(source).stem),
         panel=panel,
         array=array,
-        gap_mm=top.number("gap_mm", at_least=0.0),
+        gap_mm=top.number("gap_mm", at_least=0.0, at_most=LENGTHS["at_most"]),
     )
     top.refuse_leftovers()
     _check(display, source)
@@ -241,9 +243,9 @@ def _read_panel(table: Table) -> Panel:
         width_px=table.integer("width_px", 1, MAX_SIDE_PX),
         height_px=table.integer("height_px", 1, MAX_SIDE_PX),
         pixel_pitch_mm=(
-            table.number(pitch, above=0.0)
+            table.number(pitch, above=0.0, **LENGTHS)
             if pitch == "pixel_pitch_mm"
-            else MM_PER_INCH / table.number(pitch, above=0.0)
+            else MM_PER_INCH / table.number(pitch, above=0.0, **LENGTHS)
         ),
         subpixels=cast(Subpixels, table.choice("subpixels", get_args(Subpixels), "none")),
         bits=table.integer("bits", 1, 16, default=8),
@@ -255,7 +257,7 @@ def _read_panel(table: Table) -> Panel:
 
 def _read_array(table: Table) -> Array:
     grid = cast(Grid, table.choice("grid", get_args(Grid)))
-    pitch_mm = table.number("pitch_mm", above=0.0)
+    pitch_mm = table.number("pitch_mm", above=0.0, **LENGTHS)
     glass: str | None = None
     if table.one_of("index", "glass") == "glass":
         glass = table.text("glass")
@@ -266,9 +268,9 @@ def _read_array(table: Table) -> Array:
     else:
         index = table.number("index", above=INDEX_RANGE[0], at_most=INDEX_RANGE[1])
     if table.one_of("focal_length_mm", "radius_mm") == "radius_mm":
-        radius_mm = table.number("radius_mm", above=0.0)
+        radius_mm = table.number("radius_mm", above=0.0, **LENGTHS)
     else:
-        radius_mm = table.number("focal_length_mm", above=0.0) * (index - 1.0)
+        radius_mm = table.number("focal_length_mm", above=0.0, **LENGTHS) * (index - 1.0)
     array = Array(
         grid=grid,
         pitch_mm=pitch_mm,
@@ -281,7 +283,7 @@ def _read_array(table: Table) -> Array:
         offset_mm=table.pair("offset_mm", (0.0, 0.0)),
     )
     _check_radius(array, table.source)
-    thickness_mm = table.number("thickness_mm", default=array.sag_mm, above=0.0)
+    thickness_mm = table.number("thickness_mm", default=array.sag_mm, above=0.0, **LENGTHS)
     table.refuse_leftovers()
     return replace(array, thickness_mm=thickness_mm)
 

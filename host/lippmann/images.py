@@ -22,6 +22,10 @@ from lippmann.errors import InputError, MissingLibraryError, input_error
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
+#: Longest file name: file systems end at 255 bytes, and the partial file's name is longer.
+MAX_NAME_BYTES = 220
+#: Largest half float.
+HALF_MAX = 65504.0
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
 
@@ -71,9 +75,14 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         For an unknown extension, a missing or read-only folder, a path that is a folder.
     """
     path = Path(path)
+    if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
+        raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
     if path.suffix.lower() not in suffixes:
         known = ", ".join(suffixes)
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {known}")
+    if path.suffix.lower() in SUFFIXES:
+        # Found missing now rather than after the render.
+        _openimageio()
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give a file name")
     folder = path.parent
@@ -148,6 +157,8 @@ def write_picture(
     else:
         pixels = np.asarray(radiance, np.float32)
         kind = oiio.HALF if suffix == ".exr" else oiio.FLOAT
+        if suffix == ".exr":
+            pixels = np.minimum(pixels, np.float32(HALF_MAX))
         entries["transfer"] = "linear"
     spec = oiio.ImageSpec(width, height, 3, kind)
     if suffix == ".exr":
@@ -213,6 +224,8 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
     finally:
         source.close()
     values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
+    if not np.isfinite(values).all():
+        raise input_error(str(path), "holds pixels that are not finite", "render it again")
     if values.shape[2] < 3:
         values = np.repeat(values[:, :, :1], 3, axis=2)
     values = np.ascontiguousarray(values[:, :, :3])

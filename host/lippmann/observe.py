@@ -147,6 +147,8 @@ def observe(
         )
     if not 1 <= samples <= 65536:
         raise InputError(f"samples {samples} is out of range; give 1 to 65536")
+    if 3 * panel.width_px * panel.height_px >= 2**32:
+        raise InputError(f"the panel of '{display.name}' has more values than 32 bits count; take a smaller one")
     b = DrJitBackend(device_of(mi))
     system = System.of(display)
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())

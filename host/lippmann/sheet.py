@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.images import check_output, encode, replacing
+
+if TYPE_CHECKING:
+    import PIL.Image
 
 ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
 #: Time that each view stands, ms.
@@ -38,7 +42,7 @@ def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], 
     with replacing(path) as partial:
         if kind == "GIF":
             # One palette for all frames and no dither: what does not move costs nothing, and nothing flickers.
-            palette = frames[len(views) // 2].quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
+            palette = _common_palette(frames[: len(views)])
             frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
         frames[0].save(
             partial,
@@ -49,6 +53,17 @@ def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], 
             loop=0,
             optimize=True,
         )
+
+
+def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
+    """Return an image whose palette of 256 colours suits all frames, from a small copy of each."""
+    from PIL import Image
+
+    side = 96
+    strip = Image.new("RGB", (side * len(frames), side))
+    for k, frame in enumerate(frames):
+        strip.paste(frame.resize((side, side), Image.Resampling.NEAREST), (k * side, 0))
+    return strip.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
 
 
 def write_contact_sheet(

@@ -25,10 +25,6 @@ class Table:
         """Name a key for an error message."""
         return f"{self.source}: {self._name + '.' if self._name else ''}{key}"
 
-    def has(self, key: str) -> bool:
-        """Tell whether a key is there."""
-        return key in self._raw
-
     def _take(self, key: str, default: Any = None) -> Any:
         self._read.add(key)
         if key not in self._raw:
@@ -69,6 +65,11 @@ class Table:
     ) -> float:
         """Return a finite number within bounds."""
         return self._number(key, self._take(key, default), above, at_least, at_most)
+
+    def optional_number(self, key: str) -> float | None:
+        """Return a finite number, or None where the key is left out."""
+        self._read.add(key)
+        return self.number(key) if key in self._raw else None
 
     def _number(
         self,

@@ -401,7 +401,7 @@ def test_unwritable_outputs(place, capfd, monkeypatch):
         (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise --memory-mb or take a smaller panel"),
         (["--memory-mb", "nan"], "--memory-mb"),
         (["--scale", "nan"], "not finite; give"),
-        (["--scale", "-1"], "scale -1 is not positive; give"),
+        (["--scale", "-1"], "scale -1 is out of range; give"),
         (["--rotate", "1,2"], "--rotate.*X,Y,Z"),
         (["--offset", "1,2,nan"], "--offset.*finite"),
         (["--depth", "inf"], "not finite; give"),

@@ -456,7 +456,7 @@ def test_placement_matrices_are_inverse_and_follow_scipy():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("scale = 0.0", r"placement\.scale.*more than 0"),
+        ("scale = 0.0", r"placement\.scale.*at least 1e-09"),
         ("scale = nan", r"placement\.scale.*not finite"),
         ("scales = 1.0", r"placement\.scales.*unknown"),
         ("rotation_deg = [1, 2]", r"placement\.rotation_deg.*\[x, y, z\]"),

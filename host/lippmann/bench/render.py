@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.display import Array, Display, load_display
+from lippmann.display import Display, load_display
 from lippmann.render.renderer import Settings, make_integrator, render_integral
 from lippmann.render.scene import Scene, load_scene
+from lippmann.render.variant import device_of
 
 ROUNDS = 3
 #: Distance and field of the plain perspective camera that rates are compared with: it sees what the display shows.
@@ -35,13 +36,11 @@ def with_lenslets_across(display: Display, across: int) -> Display:
     """Return the display with fewer, larger lenslets of the same shape behind the same window."""
     array = display.array
     factor = display.panel.width_mm / (across - 0.4) / array.pitch_mm
-    grown = Array(
-        grid=array.grid,
+    grown = replace(
+        array,
         pitch_mm=array.pitch_mm * factor,
         radius_mm=array.radius_mm * factor,
-        index=array.index,
         thickness_mm=array.thickness_mm * factor,
-        plano_side=array.plano_side,
     )
     return replace(display, array=grown, gap_mm=display.gap_mm * factor)
 
@@ -59,6 +58,8 @@ def lenslet_growth(mi: Any, scene: Scene, display: Display, integrator: str, sam
         "seconds_10404_lenslets": float(np.median(seconds["many"])),
         "seconds_121_lenslets": float(np.median(seconds["few"])),
         "ratio": float(np.median(pairs)),
+        "ratio_least": float(pairs.min()),
+        "ratio_most": float(pairs.max()),
     }
 
 
@@ -129,12 +130,12 @@ def optics_share(mi: Any, scene: Scene, display: Display, samples: int) -> dict[
     return {"render_seconds": whole, "optics_seconds": optics, "share": optics / whole}
 
 
-def separately(scene_path: Path, display_path: Path, samples: int, model: str) -> dict[str, Any]:
+def separately(device: str, scene_path: Path, display_path: Path, samples: int, model: str) -> dict[str, Any]:
     """Render with the command line in a process of its own, whose memory is then the render's alone."""
     with TemporaryDirectory() as folder:
         command = [
             *(sys.executable, "-m", "lippmann", "render", str(scene_path), "--display", str(display_path)),
-            *("--model", model, "--samples", str(samples), "-o", f"{folder}/out.exr", "--json"),
+            *("--model", model, "--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
         ]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
     result: dict[str, Any] = json.loads(done.stdout)
@@ -143,18 +144,21 @@ def separately(scene_path: Path, display_path: Path, samples: int, model: str) -
 
 def bench_render(mi: Any, scenes: Path, report: Callable[[str, dict[str, Any]], None]) -> None:
     """Measure all rows; `report` is called with each row's name and figures as they come."""
+    device = device_of(mi)
     fish, square = scenes / "fish/fish.xml", scenes / "displays/paper-square.toml"
-    report("fish, paper-square, exact, 4 samples", separately(fish, square, 4, "exact"))
-    report("fish, paper-hex, exact, 4 samples", separately(fish, scenes / "displays/paper-hex.toml", 4, "exact"))
-    report("fish, uhd-4k, exact, 1 sample", separately(fish, scenes / "displays/uhd-4k.toml", 1, "exact"))
-    report("fish, uhd-8k, exact, 1 sample", separately(fish, scenes / "displays/uhd-8k.toml", 1, "exact"))
+    report("fish, paper-square, exact, 4 samples", separately(device, fish, square, 4, "exact"))
+    report(
+        "fish, paper-hex, exact, 4 samples", separately(device, fish, scenes / "displays/paper-hex.toml", 4, "exact")
+    )
+    report("fish, uhd-4k, exact, 1 sample", separately(device, fish, scenes / "displays/uhd-4k.toml", 1, "exact"))
+    report("fish, uhd-8k, exact, 1 sample", separately(device, fish, scenes / "displays/uhd-8k.toml", 1, "exact"))
     scene, display = load_scene(mi, fish), load_display(square)
-    for integrator in ("path", "lights"):
-        row = lenslet_growth(mi, scene, display, integrator, 4)
-        report(f"10,404 lenslets against 121, fish, {integrator}, 4 samples", row)
     report("optics' share, fish, lights, 4 samples", optics_share(mi, scene, display, 4))
     for name in ("fish", "chart", "knot"):
         scene = load_scene(mi, scenes / f"{name}/{name}.xml")
+        for integrator in ("path", "lights"):
+            row = lenslet_growth(mi, scene, display, integrator, 4)
+            report(f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", row)
         for integrator in ("path", "direct", "lights"):
             row = against_perspective(mi, scene, display, integrator, 4)
             report(f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", row)

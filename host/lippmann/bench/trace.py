@@ -10,7 +10,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.status import Status
+from lippmann.optics.status import gets_through
 from lippmann.optics.system import System
 from lippmann.optics.trace import MODELS, Model, rays_from_pixels, trace
 from lippmann.render.sampling import points_in_square, square_to_cell
@@ -57,7 +57,7 @@ def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -
     golden = trace(display, pixels, points, model)
     fast = trace(display, pixels, points, model, "fast", device_of(mi))
     same = golden.status == fast.status
-    alive = same & ((golden.status == Status.OK) | (golden.status == Status.CROSSTALK))
+    alive = same & gets_through(golden.status)
     turn = np.linalg.norm(golden.direction - fast.direction, axis=1)[alive] * 1e6
     shift = np.linalg.norm(golden.local_mm - fast.local_mm, axis=1)[alive] * 1e6
 
@@ -103,7 +103,7 @@ def _fast_seconds(mi: Any, display: Display, model: Model, aperture: str) -> flo
         out = rays_from_pixels(b, system, u, v, points, model)
         origin = mi.Float(out.centre_x + out.centre_y) + out.ray.x + out.ray.y + out.ray.z
         value = origin + out.ray.dx + out.ray.dy + out.ray.dz
-        return dr.sum(dr.select((out.status == 0) | (out.status == 4), mi.Float(value), 0.0))
+        return dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0))
 
     times = []
     for number in range(LAUNCHES + 1):

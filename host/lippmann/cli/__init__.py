@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
 from importlib import import_module
+from types import FrameType
 
 import click
 
 from lippmann import __version__
 from lippmann.cli.common import EXIT_INTERRUPTED
-from lippmann.errors import InputError, LippmannError
+from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = ("inspect", "trace", "render", "observe", "demo", "bench", "doctor")
+
+#: Signals received; see `was_interrupted`.
+_interrupts: list[int] = []
 
 
 class _Commands(click.Group):
@@ -42,29 +48,65 @@ def cli() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with the code of its outcome."""
+    signal.signal(signal.SIGINT, _note_interrupt)
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
 def run(arguments: list[str]) -> int:
     """Run the command line and return the exit code."""
-    as_json = "--json" in arguments
     try:
         code = cli.main(args=arguments, prog_name="lippmann", standalone_mode=False)
-    except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.ctx.get_help(), err=True)
-        return InputError.exit_code
-    except click.ClickException as error:
-        return _fail(f"{error.format_message()} (see --help)", InputError.exit_code, as_json)
-    except (click.Abort, KeyboardInterrupt):
-        return _fail("interrupted; nothing half-written is left", EXIT_INTERRUPTED, as_json)
-    except LippmannError as error:
-        return _fail(str(error), error.exit_code, as_json)
-    except MemoryError:
-        return _fail("out of memory; take a smaller panel or fewer samples", InputError.exit_code, as_json)
+    except SystemExit:
+        raise
+    except BrokenPipeError:
+        # Whoever read our output has enough of it: no failure. Python must not flush into the pipe at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except BaseException as error:
+        message, failure = _explain(error)
+        return _fail(message, failure, "--json" in arguments)
     return code if isinstance(code, int) else 0
 
 
+def _explain(error: BaseException) -> tuple[str, int]:
+    """Return the line and the exit code for an error."""
+    if was_interrupted(error):
+        return "interrupted; nothing half-written is left", EXIT_INTERRUPTED
+    if isinstance(error, click.ClickException):
+        no_arguments = isinstance(error, click.exceptions.NoArgsIsHelpError)
+        return error.format_message() + ("" if no_arguments else " (see --help)"), InputError.exit_code
+    if isinstance(error, LippmannError):
+        return str(error), error.exit_code
+    if isinstance(error, MemoryError):
+        return "out of memory; take a smaller panel or fewer samples", InputError.exit_code
+    if os.environ.get("LIPPMANN_TRACEBACK"):
+        raise error
+    if isinstance(error, ImportError):
+        return f"{error}; run make setup", MissingLibraryError.exit_code
+    what = f"{type(error).__name__}: {error}"
+    return f"{what}; check the input (LIPPMANN_TRACEBACK=1 shows where this came from)", InputError.exit_code
+
+
+def was_interrupted(error: BaseException | None) -> bool:
+    """Tell whether Ctrl-C is behind an error: libraries may wrap it, or fail to load because of it."""
+    if _interrupts:
+        return True
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt | click.Abort):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _note_interrupt(number: int, frame: FrameType | None) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
 def _fail(message: str, code: int, as_json: bool) -> int:
+    if message.startswith("Usage:"):
+        click.echo(message, err=True)
+        return code
     line = " ".join(message.split())
     click.echo(f"lippmann: {line}", err=True)
     if as_json:

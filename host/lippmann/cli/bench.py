@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli.common import device_option, emit, json_option, log, seed_option
+from lippmann.cli.common import device_option, emit, json_option, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.machine import provenance
@@ -20,7 +20,13 @@ WHAT = ("trace", "render", "observe")
 @click.command("bench")
 @click.argument("what", type=click.Choice(WHAT))
 @click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes.")
-@seed_option
+@click.option(
+    "--seed",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0, 2**32 - 1),
+    help="Seed of the rays that `trace` compares.",
+)
 @device_option
 @json_option
 def command(what: str, scenes: str, seed: int, device: str, as_json: bool) -> None:
@@ -32,7 +38,7 @@ def command(what: str, scenes: str, seed: int, device: str, as_json: bool) -> No
     if not (folder / "displays/paper-square.toml").is_file():
         raise InputError(f"{folder}: the project's scenes are not there; run in the project's top folder")
     mi = start_mitsuba(device)
-    origin = provenance(f"lippmann bench {what} --seed {seed}")
+    origin = provenance(f"lippmann bench {what} --scenes {scenes} --seed {seed} --device {device}")
     if not as_json:
         for key, value in origin.items():
             click.echo(f"{key}: {value}")

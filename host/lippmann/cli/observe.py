@@ -24,6 +24,7 @@ from lippmann.errors import InputError
 from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
 from lippmann.observe import Eye, check_identity, observe, whole_window
 from lippmann.optics.trace import MODELS, Model
+from lippmann.render.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
 from lippmann.render.variant import start_mitsuba
 from lippmann.sheet import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
 
@@ -50,7 +51,7 @@ MAX_VIEW_PX = 16384
 )
 @click.option(
     "--samples",
-    type=click.IntRange(1, 65536),
+    type=click.IntRange(1, MAX_SAMPLES),
     default=16,
     show_default=True,
     help="Rays for each pixel of the view.",
@@ -111,8 +112,11 @@ def command(
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
     path = check_output(output, SUFFIXES if sweep is None else ANIMATION_SUFFIXES)
-    if path.exists() and Path(image_path).exists() and path.samefile(image_path):
-        raise InputError(f"{output}: is the image itself; give the view another name")
+    for written in filter(None, (output, sheet)):
+        if Path(written).exists() and Path(image_path).exists() and Path(written).samefile(image_path):
+            raise InputError(f"{written}: is the image itself; give the view another name")
+    if sheet is not None and Path(sheet).resolve() == path.resolve():
+        raise InputError(f"{sheet}: is the animation too; give the sheet another name")
     if sheet is not None:
         if sweep is None:
             raise InputError("--sheet shows a sweep; give --sweep X0,X1 too")
@@ -125,6 +129,14 @@ def command(
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
     built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
+    # The panel's light on the host and on the device, and each view as numbers and as a frame.
+    values = 2 * panel.width_px * panel.height_px + 2 * len(eyes) * window.width_px * window.height_px
+    check_memory_mb(
+        BASE_MEMORY_MB + 3 * 4 * values / 1e6,
+        None,
+        f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
+        "give a smaller --width or fewer --frames",
+    )
     picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
     check_identity(picture, display, image_path, force)
     mi = start_mitsuba(device)

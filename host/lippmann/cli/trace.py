@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import time
+import zipfile
 from pathlib import Path
 from typing import cast
 
@@ -110,7 +112,7 @@ def command(
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDArray[np.float64]:
     """Return pixel coordinates (N, 2) from a count or a file."""
     panel = display.panel
-    if spec.lstrip("+-").isdigit():
+    if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):
         count = int(spec)
         if not 1 <= count <= MAX_RAYS:
             raise input_error("--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file")
@@ -128,9 +130,15 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
             table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
         else:
             raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
-    except (ValueError, OSError, KeyError, EOFError) as error:
+    except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
-    if table.ndim != 2 or table.shape[1] != 2 or len(table) == 0 or table.dtype.kind not in "iuf":
+    if (
+        not isinstance(table, np.ndarray)
+        or table.ndim != 2
+        or table.shape[1] != 2
+        or len(table) == 0
+        or table.dtype.kind not in "iuf"
+    ):
         raise input_error(spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)")
     values = np.asarray(table, np.float64)
     if not np.isfinite(values).all():

@@ -11,7 +11,7 @@ from lippmann.optics.aim import Ray, mirrored, transported, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.dome import Crossing, blocked_above, blocked_below, meet, refract_dome
 from lippmann.optics.flat import refract_flat
-from lippmann.optics.status import Status
+from lippmann.optics.status import Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 
@@ -39,9 +39,11 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
-        return _upward(b, system, ray, strays)
-    exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
-    return exit_._replace(ray=mirrored(exit_.ray))
+        exit_ = _upward(b, system, ray, strays)
+    else:
+        exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
+        exit_ = exit_._replace(ray=mirrored(exit_.ray))
+    return exit_._replace(grazing=b.minimum(exit_.grazing, dz * dz))
 
 
 def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
@@ -58,7 +60,7 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
         inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
         exit_ = _upward(b, system, inside, strays=True)
         panel_z = system.gap_mm
-    alive = (exit_.status == int(Status.OK)) | (exit_.status == int(Status.CROSSTALK))
+    alive = gets_through(exit_.status)
     last = exit_.ray
     t = b.where(alive, (panel_z - last.z) / b.where(alive, last.dz, 1.0), 0.0)
     x, y = last.x + t * last.dx, last.y + t * last.dy

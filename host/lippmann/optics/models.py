@@ -46,6 +46,7 @@ def leave_panel(
         sy = (aperture[1] - y) * (1.0 / system.aperture_distance_mm)
         di, dj, hx, hy = system.lattice.locate(b, *aperture)
         cx, cy = aperture[0] - hx, aperture[1] - hy
+    launch = 1.0 / (1.0 + sx * sx + sy * sy)
     if model == "thin":
         power = 1.0 / system.focal_length_mm
         sx, sy = sx - hx * power, sy - hy * power
@@ -56,9 +57,10 @@ def leave_panel(
         hy, sy = m00 * py + m01 * sy, m10 * py + m11 * sy
         z = system.last_face_mm
     dx, dy, dz = unit(b, sx, sy, zero + 1.0)
+    grazing = b.minimum(launch, dz * dz)
     other = (di != 0.0) | (dj != 0.0)
     status = b.integer(b.where(other, int(Status.CROSSTALK), int(Status.OK)))
-    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status, zero + 1.0)
+    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status, grazing)
 
 
 def reach_panel(b: Backend, system: System, ray: Ray, model: str) -> Landing:

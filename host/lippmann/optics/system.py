@@ -58,7 +58,7 @@ class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
     `cx`, `cy` is that lenslet's centre from the own one's, mm. `grazing` is the smallest squared cosine to a face's
-    normal, on the air's side: rounding turns the ray by about epsilon over its root.
+    normal, on the air's side, launch and exit included: rounding turns the ray by about epsilon over its root.
     """
 
     ray: Ray

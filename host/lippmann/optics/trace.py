@@ -17,7 +17,7 @@ from lippmann.errors import InputError, MissingLibraryError
 from lippmann.optics import exact, models
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
-from lippmann.optics.status import Status
+from lippmann.optics.status import Status, gets_through
 from lippmann.optics.system import Exit, System
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
@@ -59,10 +59,7 @@ def rays_from_pixels(
     frame = system.frame
     x, y = frame.array_from_panel(*frame.panel_from_pixel(u, v))
     i, j, x, y = system.lattice.locate(b, x, y)
-    if model == "exact":
-        out = _leave_panel_exactly(b, system, x, y, aperture)
-    else:
-        out = models.leave_panel(b, system, b.real(x), b.real(y), aperture, model)
+    out = _leave_panel(b, system, x, y, aperture, model)
     i, j = i + b.double(out.di), j + b.double(out.dj)
     centre_x, centre_y = frame.panel_from_array(*system.lattice.centre(i, j))
     ray = out.ray
@@ -78,11 +75,15 @@ def rays_from_pixels(
     )
 
 
-def _leave_panel_exactly(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
+def _leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     """Trace rays from lens-local panel points (double); those that graze a face are traced in double throughout."""
 
     def work(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
-        out = exact.leave_panel(b, system, x, y, (aim[0], aim[1]) if aim else None)
+        points = (aim[0], aim[1]) if aim else None
+        if model == "exact":
+            out = exact.leave_panel(b, system, x, y, points)
+        else:
+            out = models.leave_panel(b, system, x, y, points, model)
         return *out.ray, *out[1:]
 
     aim = aperture or ()
@@ -127,7 +128,7 @@ def pixels_from_rays(
     px, py = frame.panel_from_array(cx + b.double(landing.x), cy + b.double(landing.y))
     u, v = frame.pixel_from_panel(px, py)
     on_panel = (u >= 0.0) & (u < system.width_px) & (v >= 0.0) & (v < system.height_px)
-    arrived = (landing.status == int(Status.OK)) | (landing.status == int(Status.CROSSTALK))
+    arrived = gets_through(landing.status)
     status = b.where(arrived & ~on_panel, int(Status.BLOCKED), landing.status)
     status = b.where(heads_there, status, int(Status.MISSED))
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))

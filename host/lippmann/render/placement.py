@@ -15,6 +15,8 @@ from lippmann.optics.panel import exact_rotation
 from lippmann.toml_table import Table
 
 Matrix = npt.NDArray[np.float64]
+#: Scales that float32 scenes survive.
+SCALE_RANGE = (1e-9, 1e9)
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,11 @@ class Placement:
         )
         if not all(math.isfinite(x) for x in numbers):
             raise InputError("placement: a value is not finite; give finite numbers")
-        if self.scale <= 0.0:
-            raise InputError(f"placement: scale {self.scale:g} is not positive; give mm per scene unit")
+        if not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
+            raise InputError(
+                f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
+                f"{SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g}"
+            )
         if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
             raise InputError(
                 f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
@@ -91,16 +96,16 @@ def load_placement(path: Path) -> Placement:
         Naming file, key and remedy.
     """
     try:
-        raw = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
         raise input_error(str(path), f"cannot be read ({error})", "give a placement file (.toml)") from None
     table = Table(raw, str(path), "").table("placement")
-    placement = Placement(
-        scale=table.number("scale", default=1.0, above=0.0),
-        rotation_deg=table.triple("rotation_deg", (0.0, 0.0, 0.0)),
-        offset_mm=table.triple("offset_mm", (0.0, 0.0, 0.0)),
-        near_mm=table.number("near_mm") if table.has("near_mm") else None,
-        far_mm=table.number("far_mm") if table.has("far_mm") else None,
-    )
+    scale = table.number("scale", default=1.0, at_least=SCALE_RANGE[0], at_most=SCALE_RANGE[1])
+    rotation_deg = table.triple("rotation_deg", (0.0, 0.0, 0.0))
+    offset_mm = table.triple("offset_mm", (0.0, 0.0, 0.0))
+    near_mm, far_mm = table.optional_number("near_mm"), table.optional_number("far_mm")
     table.refuse_leftovers()
-    return placement
+    try:
+        return Placement(scale, rotation_deg, offset_mm, near_mm, far_mm)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

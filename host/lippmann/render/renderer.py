@@ -277,14 +277,23 @@ def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
     InputError
         Naming the size that is needed and the limit.
     """
-    limit = settings.memory_mb if settings.memory_mb is not None else 0.8 * free_memory_mb()
     # Radiance in float32, and as much again where a file format wants a copy.
     needed = BASE_MEMORY_MB + 2.0 * width_px * height_px * 3 * 4 / 1e6
+    what = f"a picture of {width_px} x {height_px} pixels"
+    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
+
+
+def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
+    """Refuse work that needs more memory (MB) than a limit; None: four fifths of what the machine can give.
+
+    Raises
+    ------
+    InputError
+        Naming what it is, the need, the limit and the remedy.
+    """
+    limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
-        raise InputError(
-            f"a picture of {width_px} x {height_px} pixels needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; "
-            f"raise --memory-mb or take a smaller panel"
-        )
+        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def free_memory_mb() -> float:

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 from lippmann.display import Display
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.status import Status
+from lippmann.optics.status import gets_through
 from lippmann.optics.system import System
 from lippmann.optics.trace import Model, rays_from_pixels
 from lippmann.render.sampling import points_in_square, square_to_cell
@@ -113,7 +113,7 @@ class IntegralSource:
             mi.Float(out.centre_y + b.double(out.ray.y)),
             mi.Float(out.ray.z),
         )
-        alive = (out.status == int(Status.OK)) | (out.status == int(Status.CROSSTALK))
+        alive = gets_through(out.status)
         return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), alive)
 
 
