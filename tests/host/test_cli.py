@@ -610,3 +610,41 @@ def test_a_view_may_not_overwrite_its_own_image(place, picture, capfd):
     line = refused(capfd, "observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", "-o", picture)
     assert "is the image itself" in line
     assert Path(picture).read_bytes() == before
+
+
+def test_a_sheet_may_not_overwrite_image_or_animation(place, picture, capfd):
+    before = Path(picture).read_bytes()
+    options = ("--display", "tiny.toml", "--eye", "0,0,600", "--sweep", "-3,3", "--frames", 2)
+    assert "is the image itself" in refused(capfd, "observe", picture, *options, "-o", "g.gif", "--sheet", picture)
+    assert "is the animation too" in refused(capfd, "observe", picture, *options, "-o", "b.png", "--sheet", "b.png")
+    assert Path(picture).read_bytes() == before
+    assert not (place / "g.gif").exists()
+
+
+@pytest.mark.parametrize("pixels", ["+-5", "\u00b2", "9" * 30, "broken.npz"])
+def test_odd_pixels_are_refused_in_one_line(place, capfd, pixels):
+    Path("broken.npz").write_bytes(b"PK\x03\x04 and nothing of use")
+    assert pixels[:20] in refused(capfd, "trace", "--display", "tiny.toml", "--pixels", pixels, "-o", "r.npz")
+    assert not (place / "r.npz").exists()
+
+
+def test_many_views_that_do_not_fit_are_refused(place, picture, capfd):
+    options = ("--sweep", "-3,3", "--frames", 1000, "--width", 16384, "-o", "g.gif")
+    line = refused(capfd, "observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", *options)
+    assert re.search(r"1000 views .* needs \d+ MB.*--width", line)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.4])
+def test_ctrl_c_at_any_moment_is_exit_code_130(place, delay):
+    """While libraries load and kernels are recorded, too, where they turn Ctrl-C into errors of their own."""
+    arguments = ["render", "ball.xml", "--display", "tiny.toml", "-o", "late.exr", "--samples", "65536"]
+    process = subprocess.Popen([sys.executable, "-m", "lippmann", *arguments], stderr=subprocess.PIPE, text=True)
+    # The command is under way once it loads numpy.
+    while "numpy" not in Path(f"/proc/{process.pid}/maps").read_text():
+        time.sleep(0.005)
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert err.splitlines()[-1].startswith("lippmann: interrupted")
+    assert not list(place.glob("*late*"))

@@ -162,6 +162,39 @@ def test_any_display_within_four_roundings(grid, side, model):
     assert rays > n
 
 
+@pytest.mark.parametrize("aimed", [False, True])
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    ("grid", "pitch", "radius", "thickness", "index", "turn"),
+    [("hex", 3.6, 30.3, 28.4, 1.5, 0.0), ("square", 0.42, 0.5687, None, 1.9736, 33.0)],
+)
+def test_domes_on_the_panel(grid, pitch, radius, thickness, index, turn, model, aimed):
+    """The hardest that may be asked: a panel in contact with domes that face it, where all rays start near grazing."""
+    rng = generator(6, grid, model)
+    display = display_of(
+        grid,
+        "viewer",
+        pitch=pitch,
+        radius=radius,
+        thickness=thickness,
+        index=index,
+        gap=0.0,
+        rotation=turn,
+        width_px=1500,
+        height_px=1000,
+        pixel_pitch=0.2,
+    )
+    n = 50_000
+    pixels = random_pixels(rng, display, n)
+    aperture = random_in_cell(rng, display, n) if aimed else None
+    golden = lippmann.trace(display, pixels, aperture, model)
+    fast = lippmann.trace(display, pixels, aperture, model, "fast")
+    good = both_counted(golden, fast)
+    assert good.sum() > 1000
+    assert np.linalg.norm(fast.direction - golden.direction, axis=1)[good].max() <= 2 * MICRORADIAN
+    assert np.linalg.norm(fast.local_mm - golden.local_mm, axis=1)[good].max() <= 50 * NANOMETRE
+
+
 # --- statuses -------------------------------------------------------------------------------------
 
 
@@ -201,8 +234,8 @@ def test_statuses_right_at_the_edges(grid, side):
     fast = lippmann.trace(display, low, aperture, engine="fast").status
     assert len(low) > 500
     assert {(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)} >= {(0, 2), (2, 0)}
-    # There it is left to rounding, and rounding does fall on either side.
-    assert 0.1 < np.mean(fast == first) < 0.95
+    # There it is left to rounding; but rays that graze a face are traced in double, and those go golden's way.
+    assert np.mean(fast == first) > 0.4
     odd = (fast != first) & (fast != last)
     # Corners where three fates meet are rare, and then golden finds the third within rounding.
     assert np.mean(odd) < 0.01

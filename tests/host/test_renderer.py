@@ -509,7 +509,7 @@ def test_settings_out_of_range_are_refused(arguments, message):
         Settings(**arguments)
 
 
-@pytest.mark.parametrize("name", ["nonsense", "ptracer", ""])
+@pytest.mark.parametrize("name", ["nonsense", "ptracer", "prb", ""])
 def test_integrators_that_cannot_are_refused(mi, spheres, name):
     with pytest.raises(InputError, match=r"integrator.*choose lights"):
         render_integral(mi, spheres, display_for(), "exact", Settings(integrator=name))

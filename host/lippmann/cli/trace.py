@@ -123,9 +123,11 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
         raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
     try:
         if path.suffix == ".npy":
-            table = np.load(path)
+            with path.open("rb") as stream:
+                table = np.load(stream)
         elif path.suffix == ".npz":
-            table = np.load(path)["pixel"]
+            with path.open("rb") as stream:
+                table = np.load(stream)["pixel"]
         elif path.suffix in (".csv", ".txt"):
             table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
         else:

@@ -28,7 +28,7 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 #: Squared cosine below which the fast engine traces a ray again in double precision: float32 turns a ray by about 0.2
 #: microradian over its cosine to the face's normal, which stays below 1 microradian above it.
-GRAZING_SQUARE = 0.06
+GRAZING_SQUARE = 0.15
 
 Floats = npt.NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def _leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
         return *out.ray, *out[1:]
 
     aim = aperture or ()
-    rough = work(b, b.real(x), b.real(y), *aim)
+    rough = work(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
     inputs = (x, y, *(b.double(a) for a in aim))
     done = b.redo(rough[-1] < GRAZING_SQUARE, work, inputs, rough)
     return Exit(Ray(*done[:6]), *done[6:])
@@ -259,7 +259,7 @@ def trace(
         chosen = _columns("aperture", aperture, 2)
         if len(chosen) != len(pixel):
             raise InputError(f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each")
-        points = (b.real(chosen[:, 0]), b.real(chosen[:, 1]))
+        points = (b.double(chosen[:, 0]), b.double(chosen[:, 1]))
     out = rays_from_pixels(b, System.of(display), u, v, points, model)
     n = len(pixel)
     return Rays(

@@ -132,7 +132,9 @@ def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
                 raise InputError(
                     f"integrator '{settings.integrator}' cannot be had ({reason}); choose lights, direct, path or scene"
                 ) from None
-    if not isinstance(integrator, mi.SamplingIntegrator):
+    # Mitsuba's differentiable integrators (prb, ...) count as sampling ones but want more than a ray.
+    differentiable = ".ad." in type(integrator).__module__
+    if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
             f"integrator '{settings.integrator}' does not sample single rays; choose lights, direct or path"
         )
