@@ -55,7 +55,7 @@ class Settings:
     max_depth
         Surfaces that a ray may meet.
     seed
-        The same seed gives the same picture, bit for bit, on the same machine and versions.
+        The same seed gives the same pixels, bit for bit, on the same machine and versions.
     memory_mb
         Limit; None: four fifths of what the machine has free.
     """
@@ -279,8 +279,8 @@ def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
     InputError
         Naming the size that is needed and the limit.
     """
-    # Radiance in float32, and as much again where a file format wants a copy.
-    needed = BASE_MEMORY_MB + 2.0 * width_px * height_px * 3 * 4 / 1e6
+    # Radiance in float32: as planes, as a picture, and once more as what a file format wants.
+    needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     what = f"a picture of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
