@@ -28,7 +28,7 @@ MM_PER_INCH = 25.4
 #: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
 MAX_SIDE_PX = 65535
 #: Lengths that are accepted (mm): far beyond what can be built, well within what squares and quotients survive.
-LENGTHS = {"at_least": 1e-9, "at_most": 1e9}
+LENGTHS = {"at_least": 1e-9, "at_most": 1e12}
 #: Indices that are accepted: above air, up to the densest optical materials.
 INDEX_RANGE = (1.0, 4.0)
 
