@@ -18,12 +18,12 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 # first, and the build is not isolated, for that would fetch a setuptools that nothing pins.
 $(READY): pyproject.toml constraints.txt host/setup.sh
 	@PYTHON=$(PYTHON) host/setup.sh system
-	@echo "setup: installing Python packages into .venv (half a minute)"
+	@echo "setup: installing Python packages into .venv (a minute)"
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
 	  --no-deps setuptools rayoptics
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
-	  --no-build-isolation -e '.[test,lint]'
+	  --no-build-isolation -e '.[rtl,test,lint]'
 	@host/setup.sh check
 	@touch $@
 	@echo "setup: ready"

@@ -55,6 +55,8 @@ missing_one_a_line() {
   has_library libatomic.so.1 || echo libatomic1  # Dr.Jit's threads
   has_library libstdc++.so.6 || echo libstdc++6  # Dr.Jit, Mitsuba, OpenImageIO
   has_library libz.so.1 || echo zlib1g           # Mitsuba
+  command -v perl >/dev/null || echo perl        # Verilator
+  command -v g++ >/dev/null || echo g++          # what Verilator writes
 }
 
 # The package of the first wanted libLLVM that apt knows; nothing where it knows none.

@@ -1,0 +1,15 @@
+"""Sum of two products, k x + l a (rtl/optics/blend.sv)."""
+
+from __future__ import annotations
+
+from lippmann.fixed.multiplier import multiplier
+from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
+
+
+def blend(k: int, x: Ints, l: int, a: Ints | None, f: int) -> Ints:  # noqa: E741
+    """Return round(k x + l a), the products with 3 guard bits; without `a` the first alone. F fraction bits."""
+    word = f + 2
+    total = multiplier(x, k, word, word, f - GUARD)
+    if a is not None:
+        total = total + multiplier(a, l, word, word, f - GUARD)
+    return wrapped(guarded(total), word + 1)

@@ -1,0 +1,38 @@
+"""Step 5: whether the point on the dome is in its own cell, and else which is next (rtl/optics/cell_step.sv)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Grid
+from lippmann.fixed.multiplier import multiplier
+from lippmann.fixed.words import GUARD, Ints, guarded
+
+HALF_SQRT3 = 0.8660254037844386468
+
+
+def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, Ints, npt.NDArray[np.bool_]]:
+    """Return the step (di, dj) and whether the point is inside; near words, `half` is p / (2 R).
+
+    Square: the sign of each coordinate that is outside [-half, half). Hexagonal: across the flat with the largest of
+    |q0|, |q1|, |q2|, where q0 = nx, q1 = round(nx / 2 + (sqrt(3)/2) ny), q2 = q1 - nx, and |q| is q or -q - 1.
+    """
+
+    def side(q: Ints) -> Ints:
+        return (q >= half).astype(np.int64) - (q < -half).astype(np.int64)
+
+    if grid == "square":
+        di, dj = side(nx), side(ny)
+        return di, dj, (di == 0) & (dj == 0)
+    word = f + 2
+    rise = multiplier(ny, int(HALF_SQRT3 * (1 << (f + 1)) + 0.5), word, word, f + 1 - GUARD)
+    q = np.stack([nx, guarded(rise + (nx << (GUARD - 1))), np.zeros_like(nx)])
+    q[2] = q[1] - nx
+    inside = (np.stack([side(k) for k in q]) == 0).all(axis=0)
+    size = np.where(q < 0, ~q, q)
+    sign = np.where(q < 0, -1, 1)
+    first = np.where((size[0] >= size[1]) & (size[0] >= size[2]), 0, np.where(size[1] >= size[2], 1, 2))
+    di = np.where(first == 0, sign[0], np.where(first == 2, -sign[2], 0))
+    dj = np.where(first == 1, sign[1], np.where(first == 2, sign[2], 0))
+    return np.where(inside, 0, di), np.where(inside, 0, dj), inside

@@ -1,0 +1,38 @@
+"""Step 6, plano side to the panel: refraction out of the glass (rtl/optics/leave_dome.sv)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.multiplier import multiplier
+from lippmann.fixed.saturate import saturate
+from lippmann.fixed.sqrt import sqrt
+from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
+
+
+def leave_dome(
+    met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
+) -> tuple[Ints, Ints, Ints, npt.NDArray[np.bool_]]:
+    """Return the direction in the air (near words) and where there is none, total internal reflection.
+
+    C' = 1 - s n^2 with F + 3 fraction bits, k = round(sqrt(C') - n cos), d = saturate(round((e, n dz) + k N)).
+    """
+    near = f + 2
+    c, cos_air = cosine_behind(met.s, index_square, f)
+    glass = multiplier(met.cos, index, near, near + 1, f - 2)
+    bend = wrapped(guarded((cos_air << 2) - glass), near)
+    drop = f - GUARD
+    kx, ky, kz = (multiplier(bend, n, near, near, drop) for n in (met.nx, met.ny, met.nz))
+    axial = multiplier(dz, index, near, near + 1, drop)
+    dx = saturate(guarded((ex << GUARD) + kx), near)
+    dy = saturate(guarded((ey << GUARD) + ky), near)
+    return dx, dy, saturate(guarded(axial + kz), near), c <= 0
+
+
+def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
+    """Return C' = 1 - s r^2 (F + 3 fraction bits) of a squared sine s, and the cosine behind a face, a near word."""
+    far = f + 4
+    c = (1 << (f + 3)) - multiplier(s, ratio_square, far, far, f)
+    return c, sqrt(np.clip(c, 0, (1 << (f + 3)) - 1), f)

@@ -1,0 +1,54 @@
+"""Step 6, plano side to the viewer: to the flat face and out of it (rtl/optics/leave_flat.sv)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.fixed.enter_flat import left_of_unit
+from lippmann.fixed.leave_dome import cosine_behind
+from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.multiplier import multiplier
+from lippmann.fixed.rsqrt import rsqrt
+from lippmann.fixed.saturate import saturate
+from lippmann.fixed.words import GUARD, Ints, guarded, halved, wrapped
+
+
+class FlatExit(NamedTuple):
+    """Point on the flat face (F + 1 fraction bits, far words' width), direction (near words), reflected."""
+
+    x: Ints
+    y: Ints
+    dx: Ints
+    dy: Ints
+    dz: Ints
+    reflected: npt.NDArray[np.bool_]
+
+
+def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_square: int, f: int) -> FlatExit:
+    """Carry rays in the glass from the dome to the flat face and refract them; the formulas are the RTL module's."""
+    near, far = f + 2, f + 4
+    rest = left_of_unit(dx, dy, f)
+    half_inverse = rsqrt(rest, f)
+    to_go = wrapped((met.nz + (1 - 2 * depth)) >> 1, far)
+    path = wrapped(halved(multiplier(to_go, half_inverse, far, near, f - 1)), far)
+    drop = f - GUARD
+    x = wrapped(guarded((met.nx << GUARD) + multiplier(path, dx, far, near, drop)), far)
+    y = wrapped(guarded((met.ny << GUARD) + multiplier(path, dy, far, near, drop)), far)
+
+    g = ((1 << (f + 3)) - 1) - rest
+    c, dz_air = cosine_behind(g, index_square, f)
+    dx_air = saturate(guarded(multiplier(dx, index, near, near + 1, drop)), near)
+    dy_air = saturate(guarded(multiplier(dy, index, near, near + 1, drop)), near)
+    dz_glass = wrapped(halved(multiplier(rest, half_inverse, far, near, f + 1)), near)
+    reflected = c <= 0
+    return FlatExit(
+        x,
+        y,
+        np.where(reflected, dx, dx_air),
+        np.where(reflected, dy, dy_air),
+        np.where(reflected, dz_glass, dz_air),
+        reflected,
+    )

@@ -1,0 +1,12 @@
+"""Step 2, square grid: the lenslet whose cell a point is in (rtl/optics/lenslet_square.sv)."""
+
+from __future__ import annotations
+
+from lippmann.fixed.words import INDEX_BITS, Ints, wrapped
+
+
+def lenslet_square(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return indices i = floor(x + 1/2), j, and the point from that centre; lattice coordinates, F fraction bits."""
+    half = 1 << (f - 1)
+    i, j = (x + half) >> f, (y + half) >> f
+    return wrapped(i, INDEX_BITS), wrapped(j, INDEX_BITS), x - (i << f), y - (j << f)

@@ -1,0 +1,133 @@
+"""The way of a ray from pixel to exit ray, in integers (rtl/optics/ray_pipeline.sv)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.fixed.aim import aim
+from lippmann.fixed.blend import blend
+from lippmann.fixed.build import Build
+from lippmann.fixed.cell_step import cell_step
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.enter_dome import enter_dome
+from lippmann.fixed.enter_flat import enter_flat
+from lippmann.fixed.leave_dome import leave_dome
+from lippmann.fixed.leave_flat import leave_flat
+from lippmann.fixed.lenslet_hex import lenslet_hex
+from lippmann.fixed.lenslet_square import lenslet_square
+from lippmann.fixed.meet_dome import meet_dome
+from lippmann.fixed.move_lenslet import move_lenslet
+from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.unit_slope import unit_slope
+from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
+from lippmann.optics.status import Status
+
+
+class FixedRays(NamedTuple):
+    """Exit rays as the RTL gives them: lenslet, origin in radii (F + 1 fraction bits), direction (near), status."""
+
+    i: Ints
+    j: Ints
+    x: Ints
+    y: Ints
+    z: Ints
+    dx: Ints
+    dy: Ints
+    dz: Ints
+    status: Ints
+
+
+def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
+    """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words."""
+    f, grid = build.fraction_bits, build.grid
+    near = build.near
+    lattice_x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    lattice_y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    locate = lenslet_hex if grid == "hex" else lenslet_square
+    own_i, own_j, x, y = locate(lattice_x, lattice_y, f)
+    i, j = own_i, own_j
+    stray = beyond = np.zeros(x.shape, np.bool_)
+    if build.aims:
+        i, j, x, y, a, b, stray, beyond = aim(i, j, x, y, a, b, grid, f)
+    else:
+        a = b = np.zeros_like(x)
+
+    exact = build.model == "exact"
+    from_x, from_y = (a - x, b - y) if exact else (x, y)
+    beyond = beyond | ~fits(a - x, near) | ~fits(b - y, near)
+    from_x, from_y = wrapped(from_x, near), wrapped(from_y, near)
+    slope_aims = build.aims and build.model == "paraxial"
+    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, a if slope_aims else None, f), near)
+    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, b if slope_aims else None, f), near)
+    hx = hy = np.zeros_like(x)
+    if build.model != "pinhole":
+        hx = blend(config.point_x, x, config.point_aim_x, a if build.aims else None, f)
+        hy = blend(config.point_y, y, config.point_aim_y, b if build.aims else None, f)
+    ex, ey, ez = unit_slope(mx, my, f)
+
+    if not exact:
+        status = np.where(stray, int(Status.CROSSTALK), int(Status.OK))
+        if build.aims:
+            status = np.where(beyond, int(Status.MISSED), status)
+        return FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, status)
+
+    out = _through_lenslet(_Met(i, j, hx, hy, ex, ey, ez), config, build)
+    crosstalk = (out.i != own_i) | (out.j != own_j) if build.walk else stray
+    missed = out.status == int(Status.MISSED)
+    if build.aims:
+        missed = missed | beyond
+    reflected = out.status == int(Status.INTERNAL_REFLECTION)
+    return out._replace(status=_status(missed, reflected, out.dz <= 0, crosstalk))
+
+
+class _Met(NamedTuple):
+    """A ray in the air before the first face: its lenslet, point (radii) and unit direction."""
+
+    i: Ints
+    j: Ints
+    hx: Ints
+    hy: Ints
+    ex: Ints
+    ey: Ints
+    ez: Ints
+
+
+def _through_lenslet(ray: _Met, config: Configuration, build: Build) -> FixedRays:
+    """Trace rays through both faces, exact model; their status is missed, reflected or ok."""
+    f, grid = build.fraction_bits, build.grid
+    i, j, hx, hy, ex, ey, ez = ray
+    dx, dy, dz = (ex, ey, ez) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
+    met = meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
+    for _ in range(build.walk):
+        di, dj, _ = cell_step(met.nx, met.ny, config.cell_half, grid, f)
+        hx, hy = move_lenslet(hx, hy, di, dj, config.cell_pitch_x, config.cell_pitch_y, grid, f)
+        i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)
+        met = meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
+    missed = met.missed
+    if build.aims or build.viewer:
+        missed = missed | ~cell_step(met.nx, met.ny, config.cell_half, grid, f)[2]
+
+    if build.viewer:
+        glass_dx, glass_dy = enter_dome(met, ex, ey, config.index_inverse, config.index_inverse_square, f)
+        out = leave_flat(met, glass_dx, glass_dy, config.depth, config.index, config.index_square, f)
+        x, y, dx, dy, dz, reflected = out
+        z = np.full_like(x, config.exit_z)
+    else:
+        air_dx, air_dy, air_dz, reflected = leave_dome(met, ex, ey, dz, config.index, config.index_square, f)
+        keeps = reflected | met.missed
+        dx, dy, dz = np.where(keeps, dx, air_dx), np.where(keeps, dy, air_dy), np.where(keeps, dz, air_dz)
+        x, y, z = met.nx, met.ny, met.nz - (1 << (f + 1))
+    fate = _status(missed, reflected, np.zeros_like(missed), np.zeros_like(missed))
+    return FixedRays(i, j, x, y, z, dx, dy, dz, fate)
+
+
+def _status(*fates: npt.NDArray[np.bool_]) -> Ints:
+    """Return the status of rays that are missed, reflected, blocked or crosstalk, in this order."""
+    return np.select(
+        fates,
+        [int(s) for s in (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)],
+        int(Status.OK),
+    )

@@ -1,0 +1,12 @@
+"""Narrows a signed word (rtl/optics/saturate.sv)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lippmann.fixed.words import Ints
+
+
+def saturate(x: Ints, bits: int) -> Ints:
+    """Return the nearest number that a signed word of some bits holds."""
+    return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)

@@ -1,0 +1,23 @@
+"""Square root, faithfully rounded (rtl/optics/sqrt.sv)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lippmann.fixed.quadratic import quadratic
+from lippmann.fixed.words import Ints, guarded
+
+
+def sqrt(x: Ints, f: int, normalise: bool = True) -> Ints:
+    """Return sqrt(x), a near word, of x in [0, 1) with F + 3 fraction bits; [1/4, 1) unless `normalise`.
+
+    4^k x is brought up to [1/4, 1), k at most 15, and its root shifted back by k; 0 gives 0.
+    """
+    k = np.zeros_like(x)
+    if normalise:
+        for step in (8, 4, 2, 1):
+            clear = (x >> (f + 3 - 2 * step)) == 0
+            x = np.where(clear, (x << 2 * step) & ((1 << (f + 3)) - 1), x)
+            k = k + np.where(clear, step, 0)
+    root = np.where(x == 0, 0, quadratic(x, "square", f) >> k)
+    return np.minimum(guarded(root), (1 << (f + 1)) - 1)

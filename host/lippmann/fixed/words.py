@@ -1,0 +1,50 @@
+"""Formats of the fixed-point words, and the few integer operations that all steps share.
+
+F is the number of fraction bits of a configuration, W = F + 2 its word: `near` words have F + 1 fraction bits and span
+[-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Ints = npt.NDArray[np.int64]
+
+#: Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
+PIXEL_BITS = 18
+PIXEL_FRACTION = 4
+#: Affine coefficients and offsets: signed, with 36 and 40 fraction bits.
+SLOPE_BITS = 35
+SLOPE_FRACTION = 36
+OFFSET_BITS = 52
+OFFSET_FRACTION = 40
+#: Lenslet indices: signed.
+INDEX_BITS = 12
+#: Operands of one hardware multiplier: signed.
+MUL_BITS = 18
+#: Bits kept below the last place until the final rounding of a step.
+GUARD = 3
+#: Fraction bits that the RTL can be built with.
+FRACTIONS = range(14, 24)
+
+
+def guarded(x: Ints) -> Ints:
+    """Round the guard bits away: floor((x + 4) / 8)."""
+    return (x + (1 << (GUARD - 1))) >> GUARD
+
+
+def halved(x: Ints) -> Ints:
+    """Round one bit away: floor((x + 1) / 2)."""
+    return (x + 1) >> 1
+
+
+def wrapped(x: Ints, bits: int) -> Ints:
+    """Keep the lowest bits of a word as a signed number, as a register does."""
+    half = 1 << (bits - 1)
+    return ((x + half) & ((1 << bits) - 1)) - half
+
+
+def fits(x: Ints, bits: int) -> npt.NDArray[np.bool_]:
+    """Tell which numbers a signed word of some bits holds."""
+    return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))

@@ -1,0 +1,1 @@
+"""Around Verilator: the RTL compiled and run from Python."""

@@ -1,0 +1,152 @@
+"""The batch harness: a build of the RTL under Verilator, arrays in, arrays out (sim/batch/batch.cpp)."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import hashlib
+import os
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
+from lippmann.sim.tools import MAKE_FLAGS, optics_sources, repository, verilator_environment
+
+#: Output words of a ray.
+OUT_WORDS = len(FixedRays._fields)
+
+
+class Harness:
+    """A compiled build.
+
+    Raises
+    ------
+    MissingLibraryError
+        When a tool is missing, or the compilation fails.
+    """
+
+    def __init__(self, build: Build) -> None:
+        self.build = build
+        self._library = ctypes.CDLL(str(_compiled(build)))
+        self._trace = self._library.lippmann_trace
+        self._trace.restype = ctypes.c_int64
+        pointer = ctypes.c_void_p
+        self._trace.argtypes = [
+            ctypes.c_int64, pointer, pointer, pointer, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32,
+        ]  # fmt: skip
+        #: Clocks that the last trace took.
+        self.clocks = 0
+
+    def trace(
+        self,
+        u: Ints,
+        v: Ints,
+        a: Ints,
+        b: Ints,
+        config: Configuration,
+        seed: int = 0,
+        idle: float = 0.0,
+        stall: float = 0.0,
+    ) -> FixedRays:
+        """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
+
+        Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them.
+
+        Raises
+        ------
+        LippmannError
+            When rays stop coming out.
+        """
+        rays = np.ascontiguousarray(np.stack([u, v, a, b], axis=1).astype(np.int32))
+        out = np.zeros((len(rays), OUT_WORDS), np.int32)
+        words = np.frombuffer(packed(config), np.uint32)
+        self.clocks = self._trace(
+            len(rays), rays.ctypes.data, words.ctypes.data, out.ctypes.data, seed, _share(idle), _share(stall)
+        )
+        if self.clocks < 0:
+            raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
+        return FixedRays(*out.astype(np.int64).T)
+
+
+def _share(chance: float) -> int:
+    """Return a chance in 256ths; 1 would never let a ray pass."""
+    return min(round(chance * 256.0), 255)
+
+
+@cache
+def harness(build: Build) -> Harness:
+    """Return the harness of a build, compiled at first use and kept under build/sim/."""
+    return Harness(build)
+
+
+def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
+    """Trace through the RTL, in the place of `lippmann.fixed.ray_pipeline.ray_pipeline`."""
+    return harness(build).trace(u, v, a, b, config)
+
+
+def packed(config: Configuration) -> bytes:
+    """Return the bits of `optics_config_t`, padded to 32-bit words, least significant first."""
+    bits = 0
+    length = 0
+    # A packed struct's first field is the most significant.
+    for field in reversed(dataclasses.fields(config)):
+        width = {"x_offset": OFFSET_BITS, "y_offset": OFFSET_BITS}.get(
+            field.name, SLOPE_BITS if "_from_" in field.name else 32
+        )
+        bits |= (getattr(config, field.name) & ((1 << width) - 1)) << length
+        length += width
+    return bits.to_bytes((length + 31) // 32 * 4, "little")
+
+
+def parameters(build: Build) -> dict[str, int]:
+    """Return the RTL's parameters of a build."""
+    return {
+        "F": build.fraction_bits,
+        "Grid": int(build.grid == "hex"),
+        "Model": ("pinhole", "paraxial", "exact").index(build.model),
+        "Viewer": int(build.viewer),
+        "Aims": int(build.aims),
+        "Walk": build.walk,
+    }
+
+
+def _compiled(build: Build) -> Path:
+    """Compile a build unless its library is there; return the library."""
+    top = repository()
+    sources = optics_sources(top)
+    main = top / "sim" / "batch" / "batch.cpp"
+    environment = verilator_environment()
+    text = b"".join(path.read_bytes() for path in (*sources, main, Path(__file__)))
+    key = hashlib.sha256(text + repr(build).encode()).hexdigest()[:16]
+    values = parameters(build)
+    folder = top / "build" / "sim"
+    library = folder / f"rays-{build.grid}-{build.model}-{build.fraction_bits}-{key}.so"
+    if library.exists():
+        return library
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        command = [
+            "verilator", "--cc", "--build", "-Mdir", work, "-O3", "--x-assign", "fast", "--x-initial", "fast",
+            "--noassert", "--top-module", "ray_lenslet", "--lib-create", "rays",
+            *(f"-G{name}={value}" for name, value in values.items()),
+            "-CFLAGS", f"-fPIC -std=gnu++17 -Wall -Wextra -DLIPPMANN_NEAR={build.near}",
+            *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
+            "-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
+            *map(str, sources), str(main),
+        ]  # fmt: skip
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        built = Path(work) / "librays.so"
+        if result.returncode or not built.exists():
+            lines = (result.stderr + result.stdout).strip().splitlines()
+            wrong = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
+            raise MissingLibraryError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
+        os.replace(built, library)
+    return library

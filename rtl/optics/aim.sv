@@ -1,0 +1,72 @@
+/// Step 3: the lenslet that a ray aims at.
+///
+/// The aperture point (a, b) is measured from the centre of the pixel's lenslet (in pitches and, on
+/// a hexagonal grid, rows). The lenslet whose cell it is in becomes the ray's own: with its step
+/// (di, dj), the pixel's point and the aperture point are measured from its centre,
+///
+///   x' = x - di (hexagonal: x - di - dj/2),   y' = y - dj,   a', b' likewise (all exact).
+///
+/// stray_o tells that it is another than the pixel's; beyond_o that x' or y' leaves [-2, 2).
+/// Latency aim_latency(Grid).
+module aim #(
+  parameter int F = 23,
+  parameter int Grid = optics_pkg::GridSquare
+) (
+  input  logic                                    clk_i,
+  input  logic signed [optics_pkg::IndexBits-1:0] i_i,
+  input  logic signed [optics_pkg::IndexBits-1:0] j_i,
+  input  logic signed [F+1:0]                     x_i,
+  input  logic signed [F+1:0]                     y_i,
+  input  logic signed [F+1:0]                     a_i,
+  input  logic signed [F+1:0]                     b_i,
+  output logic signed [optics_pkg::IndexBits-1:0] i_o,
+  output logic signed [optics_pkg::IndexBits-1:0] j_o,
+  output logic signed [F+1:0]                     x_o,
+  output logic signed [F+1:0]                     y_o,
+  output logic signed [F+1:0]                     a_o,
+  output logic signed [F+1:0]                     b_o,
+  output logic                                    stray_o,
+  output logic                                    beyond_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int L = IndexBits + F;
+  localparam int Wait = lenslet_latency(Grid);
+
+  logic signed [IndexBits-1:0] di, dj, i_late, j_late;
+  logic signed [W-1:0] a, b, x_late, y_late;
+  if (Grid == GridHex) begin : gen_hex
+    lenslet_hex #(.F(F)) i_lenslet (
+      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b)
+    );
+  end else begin : gen_square
+    lenslet_square #(.F(F)) i_lenslet (
+      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b)
+    );
+  end
+  delay #(.Width(2 * IndexBits + 2 * W), .Cycles(Wait)) i_match (
+    .clk_i, .d_i({i_i, j_i, x_i, y_i}), .q_o({i_late, j_late, x_late, y_late})
+  );
+
+  // A step is at most 3 lenslets: aims lie within [-2, 2).
+  localparam int Ws = W + 3;
+  logic signed [Ws-1:0] x_d, y_d;
+  logic signed [Ws-1:0] step_x, step_y;
+  assign step_y = Ws'(dj) <<< F;
+  assign step_x = (Ws'(di) <<< F) + (Grid == GridHex ? Ws'(dj) <<< (F - 1) : '0);
+  assign x_d = Ws'(x_late) - step_x;
+  assign y_d = Ws'(y_late) - step_y;
+
+  always_ff @(posedge clk_i) begin
+    i_o <= i_late + di;
+    j_o <= j_late + dj;
+    x_o <= W'(x_d);
+    y_o <= W'(y_d);
+    a_o <= a;
+    b_o <= b;
+    stray_o <= di != '0 || dj != '0;
+    beyond_o <= x_d != Ws'($signed(x_d[W-1:0])) || y_d != Ws'($signed(y_d[W-1:0]));
+  end
+
+endmodule

@@ -1,0 +1,39 @@
+/// Sum of two products, one coordinate of a point or slope in the aperture plane:
+/// y = k x + l a.
+///
+///   y = round((floor(k x 2^3 / 2^F) + floor(l a 2^3 / 2^F)) / 2^3), products as `multiplier`'s
+///
+/// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 leaves the
+/// second product out. Latency blend_latency(F).
+module blend #(
+  parameter int F = 23,
+  parameter bit Second = 1'b1
+) (
+  input  logic                clk_i,
+  input  logic signed [F+1:0] k_i,
+  input  logic signed [F+1:0] x_i,
+  input  logic signed [F+1:0] l_i,
+  input  logic signed [F+1:0] a_i,
+  output logic signed [F+2:0] y_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int Drop = F - Guard;
+  localparam int Wp = 2 * W - Drop;
+
+  logic signed [Wp-1:0] kx, la, sum_q;
+  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
+  if (Second) begin : gen_second
+    multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la));
+  end else begin : gen_alone
+    assign la = '0;
+    logic unused_second;
+    assign unused_second = ^{l_i, a_i};
+  end
+  always_ff @(posedge clk_i) begin
+    sum_q <= kx + la;
+    y_o <= (F + 3)'((sum_q + Wp'(4)) >>> Guard);
+  end
+
+endmodule

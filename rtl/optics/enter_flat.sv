@@ -1,0 +1,64 @@
+/// Step 4, plano side to the panel: refraction into the glass at the flat face.
+///
+/// The tangential part of n d is kept: t = e / n, and dz = sqrt(1 - t_x^2 - t_y^2).
+///
+///   t  = round(e (1/n)), 3 guard bits
+///   g  = floor(max(0, floor(t_x^2 2^(F+5)) + floor(t_y^2 2^(F+5))) / 2^2) / 2^(F+3)
+///   x  = 1 - 2^-(F+3) - g             (a small square may be cut to less than 0)
+///   dz = sqrt(x)
+///
+/// Words: near. 1/n is at most sqrt(3)/2 of what |e| < sqrt(3)/2 leaves: x >= 1/4.
+/// Latency enter_flat_latency(F).
+module enter_flat #(
+  parameter int F = 23
+) (
+  input  logic                clk_i,
+  input  logic signed [F+1:0] ex_i,
+  input  logic signed [F+1:0] ey_i,
+  input  logic signed [F+1:0] index_inverse_i,  // 1/n
+  output logic signed [F+1:0] tx_o,
+  output logic signed [F+1:0] ty_o,
+  output logic signed [F+1:0] dz_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+
+  // ---- e / n ----
+  localparam int Drop = F + 1 - Guard;
+  localparam int Wp = 2 * W - Drop;
+  logic signed [Wp-1:0] tx, ty;
+  logic signed [W-1:0] tx_q, ty_q;
+  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_tx (
+    .clk_i, .a_i(ex_i), .b_i(index_inverse_i), .p_o(tx)
+  );
+  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ty (
+    .clk_i, .a_i(ey_i), .b_i(index_inverse_i), .p_o(ty)
+  );
+  always_ff @(posedge clk_i) begin
+    tx_q <= W'((tx + Wp'(4)) >>> Guard);
+    ty_q <= W'((ty + Wp'(4)) >>> Guard);
+  end
+
+  // ---- the rest of the unit length ----
+  localparam int SquareDrop = F - 3;
+  localparam int Wq = 2 * W - SquareDrop;
+  logic signed [Wq-1:0] tx2, ty2, sum_q;
+  logic [F+2:0] square_q;
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
+    .clk_i, .a_i(tx_q), .b_i(tx_q), .p_o(tx2)
+  );
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
+    .clk_i, .a_i(ty_q), .b_i(ty_q), .p_o(ty2)
+  );
+  always_ff @(posedge clk_i) begin
+    sum_q <= tx2 + ty2;
+    square_q <= ~(F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
+  end
+  sqrt #(.F(F), .Normalise(1'b0)) i_sqrt (.clk_i, .x_i(square_q), .y_o(dz_o));
+
+  delay #(.Width(2 * W), .Cycles(mul_latency(W, W) + 2 + sqrt_latency(1'b0))) i_t (
+    .clk_i, .d_i({tx_q, ty_q}), .q_o({tx_o, ty_o})
+  );
+
+endmodule

@@ -1,0 +1,71 @@
+/// First in, first out, with a valid/ready stream at its output.
+///
+/// Whoever writes must know that there is room: 2^AddressBits words. The output stays valid and
+/// stable until it is taken, and gives a word each clock. A word that comes into an empty FIFO is
+/// at the output after 4 clocks.
+///
+/// The memory answers after two clocks. Words are asked for while fewer than 4 are on the way or in
+/// the 4 places at the output, so that none is without a place when it arrives.
+module fifo #(
+  parameter int Width = 36,
+  parameter int AddressBits = 9
+) (
+  input  logic             clk_i,
+  input  logic             rst_ni,
+  input  logic             write_i,
+  input  logic [Width-1:0] data_i,
+  output logic             valid_o,
+  input  logic             ready_i,
+  output logic [Width-1:0] data_o
+);
+
+  logic [AddressBits-1:0] write_at_q, read_at_q;
+  logic [AddressBits:0] stored_q;  // in the memory, not yet asked for
+  logic [1:0] asked_q;             // on the way
+  logic [2:0] held_q;              // asked for and not yet taken
+  logic ask, take, arrive;
+  logic [Width-1:0] read_data;
+
+  assign ask = stored_q != '0 && held_q < 3'd4;
+  assign arrive = asked_q[1];
+  assign take = valid_o && ready_i;
+
+  fifo_memory #(.Width(Width), .AddressBits(AddressBits)) i_memory (
+    .clk_i, .write_i, .write_at_i(write_at_q), .write_data_i(data_i),
+    .read_at_i(read_at_q), .read_data_o(read_data)
+  );
+
+  // ---- places at the output ----
+  logic [3:0][Width-1:0] place_q;
+  logic [1:0] put_q, get_q;
+  logic [2:0] ready_words_q;
+  assign valid_o = ready_words_q != '0;
+  assign data_o = place_q[get_q];
+
+  always_ff @(posedge clk_i) begin
+    if (arrive) place_q[put_q] <= read_data;
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      write_at_q <= '0;
+      read_at_q <= '0;
+      stored_q <= '0;
+      asked_q <= '0;
+      held_q <= '0;
+      put_q <= '0;
+      get_q <= '0;
+      ready_words_q <= '0;
+    end else begin
+      write_at_q <= write_at_q + AddressBits'(write_i);
+      read_at_q <= read_at_q + AddressBits'(ask);
+      stored_q <= stored_q + (AddressBits + 1)'(write_i) - (AddressBits + 1)'(ask);
+      asked_q <= {asked_q[0], ask};
+      held_q <= held_q + 3'(ask) - 3'(take);
+      put_q <= put_q + 2'(arrive);
+      get_q <= get_q + 2'(take);
+      ready_words_q <= ready_words_q + 3'(arrive) - 3'(take);
+    end
+  end
+
+endmodule

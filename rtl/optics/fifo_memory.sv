@@ -1,0 +1,26 @@
+/// Memory of a FIFO: one port writes, the other reads, with a latency of two.
+///
+/// read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. A memory cell and the
+/// register at its output; synthesis for a family may put its cell in this module's place (sim/synth/).
+module fifo_memory #(
+  parameter int Width = 36,
+  parameter int AddressBits = 9
+) (
+  input  logic                   clk_i,
+  input  logic                   write_i,
+  input  logic [AddressBits-1:0] write_at_i,
+  input  logic [Width-1:0]       write_data_i,
+  input  logic [AddressBits-1:0] read_at_i,
+  output logic [Width-1:0]       read_data_o
+);
+
+  logic [Width-1:0] words[1 << AddressBits];
+  logic [Width-1:0] word_q;
+
+  always_ff @(posedge clk_i) begin
+    if (write_i) words[write_at_i] <= write_data_i;
+    word_q <= words[read_at_i];
+    read_data_o <= word_q;
+  end
+
+endmodule

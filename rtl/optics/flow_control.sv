@@ -1,0 +1,60 @@
+/// Valid and ready around a pipeline that never stops: rays enter only while there is room for all.
+///
+/// A ray accepted at the input is marked valid and comes out Latency clocks later into a FIFO, whose
+/// room was set aside when it was accepted. Nothing in the pipeline needs an enable, and back-pressure
+/// costs no bubble: up to 2^AddressBits rays are on the way or wait, more than Latency.
+///
+/// hold_i closes the input; idle_o tells that no ray is on the way or waits, so that what the
+/// pipeline computes with may change.
+module flow_control #(
+  parameter int Latency = 100,
+  parameter int AddressBits = 9,
+  parameter int Width = 36      // bits of a ray that leaves the pipeline
+) (
+  input  logic             clk_i,
+  input  logic             rst_ni,
+  input  logic             hold_i,
+  output logic             idle_o,
+  input  logic             valid_i,
+  output logic             ready_o,
+  input  logic [Width-1:0] piped_i,  // what the pipeline gives, Latency clocks after its ray went in
+  output logic             valid_o,
+  input  logic             ready_i,
+  output logic [Width-1:0] data_o
+);
+
+  localparam int Room = 1 << AddressBits;
+
+  if (Latency < 1 || Latency > Room - 8) begin : gen_illegal
+    $fatal(1, "flow_control: Latency must be 1 to 8 less than the FIFO's places");
+  end
+
+  logic [AddressBits:0] taken_q, taken_d;  // rays that have a place set aside
+  logic open_q, accept, leave;
+  logic [Latency-1:0] valid_q;
+
+  assign ready_o = open_q && !hold_i;
+  assign accept = valid_i && ready_o;
+  assign leave = valid_o && ready_i;
+  assign taken_d = taken_q + (AddressBits + 1)'(accept) - (AddressBits + 1)'(leave);
+  assign idle_o = taken_q == '0;
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      taken_q <= '0;
+      open_q <= 1'b0;
+      valid_q <= '0;
+    end else begin
+      taken_q <= taken_d;
+      // One place is kept back, for a ray that is accepted while this is being decided.
+      open_q <= taken_q < (AddressBits + 1)'(Room - 1);
+      valid_q <= (valid_q << 1) | Latency'(accept);
+    end
+  end
+
+  fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
+    .clk_i, .rst_ni, .write_i(valid_q[Latency-1]), .data_i(piped_i),
+    .valid_o, .ready_i, .data_o
+  );
+
+endmodule

@@ -1,0 +1,190 @@
+/// Step 6, plano side to the viewer: through the glass to the flat face, and refraction out of it.
+///
+/// From the point N on the dome (z = N_z - 1, the mirrored vertices at z = 0) along d to z = -T:
+///
+///   g    = floor(max(0, floor(dx^2 2^(F+5)) + floor(dy^2 2^(F+5))) / 2^2) / 2^(F+3)
+///   y    = 1 - 2^-(F+3) - g
+///   r    = rsqrt(4 y) = 1 / (2 dz)
+///   u    = floor((N_z 2^(F+1) + 1) / 2) / 2^F - zc,   zc = 1 - T/R      (the depth to go)
+///   l    = floor((floor(2 u r 2^(F+1)) + 1) / 2) / 2^F                  (a far word)
+///   X    = round(N + l d), Y likewise                                   F + 1 fraction bits
+///   d'_x = saturate(round(n dx)), d'_y likewise
+///   C'   = 1 - g n^2;  d'_z = sqrt(C'), clamped as in `leave_dome`
+///
+/// Totally reflected (reflected_o) where C' <= 0; such a ray keeps the direction in the glass,
+/// dz = floor((floor(2 y r 2^(F+2)) + 1) / 2) / 2^(F+1).
+/// Latency leave_flat_latency(F).
+module leave_flat #(
+  parameter int F = 23
+) (
+  input  logic                clk_i,
+  input  logic signed [F+1:0] nx_i,  // near
+  input  logic signed [F+1:0] ny_i,
+  input  logic signed [F+1:0] nz_i,
+  input  logic signed [F+1:0] dx_i,  // near
+  input  logic signed [F+1:0] dy_i,
+  input  logic signed [F+3:0] zc_i,            // far: 1 - T/R
+  input  logic signed [F+2:0] index_i,         // n, F fraction bits
+  input  logic signed [F+3:0] index_square_i,  // n^2, F fraction bits
+  output logic signed [F+3:0] x_o,   // F + 1 fraction bits
+  output logic signed [F+3:0] y_o,
+  output logic signed [F+1:0] dx_o,  // near
+  output logic signed [F+1:0] dy_o,
+  output logic signed [F+1:0] dz_o,
+  output logic                reflected_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int Wf = W + 2;
+  localparam int Total = leave_flat_latency(F);
+
+  // ---- squared slope in the glass ----
+  localparam int SquareDrop = F - 3;
+  localparam int Wq = 2 * W - SquareDrop;
+  localparam int SquareLatency = mul_latency(W, W) + 2;
+  logic signed [Wq-1:0] dx2, dy2, sum_q;
+  logic [F+2:0] rest_q, g_q;
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dx2 (
+    .clk_i, .a_i(dx_i), .b_i(dx_i), .p_o(dx2)
+  );
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dy2 (
+    .clk_i, .a_i(dy_i), .b_i(dy_i), .p_o(dy2)
+  );
+  always_ff @(posedge clk_i) begin
+    sum_q <= dx2 + dy2;
+    rest_q <= ~(F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
+    g_q <= (F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
+  end
+
+  // ---- the way to the flat face ----
+  localparam int PathDrop = F - 2 + 1;
+  localparam int Wl = Wf + W - PathDrop;
+  logic signed [W-1:0] half_inverse;
+  logic signed [Wf-1:0] depth_early_q, depth, path_q;
+  logic signed [Wl-1:0] path;
+  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(half_inverse));
+  // floor((nz + 1) / 2) - zc = floor((nz + (1 - 2 zc)) / 2)
+  logic signed [Wf:0] half_less_zc_q, depth_d;
+  assign depth_d = (Wf + 1)'(nz_i) + half_less_zc_q;
+  always_ff @(posedge clk_i) begin
+    half_less_zc_q <= (Wf + 1)'(1) - ((Wf + 1)'(zc_i) <<< 1);
+    depth_early_q <= Wf'(depth_d >>> 1);
+  end
+  delay #(.Width(Wf), .Cycles(SquareLatency + rsqrt_latency() - 1)) i_depth (
+    .clk_i, .d_i(depth_early_q), .q_o(depth)
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PathDrop)) i_path (
+    .clk_i, .a_i(depth), .b_i(half_inverse), .p_o(path)
+  );
+  always_ff @(posedge clk_i) path_q <= Wf'((path + Wl'(1)) >>> 1);
+
+  // ---- the point on it ----
+  localparam int PathLatency = SquareLatency + rsqrt_latency() + mul_latency(Wf, W) + 1;
+  localparam int PointDrop = F - Guard;
+  localparam int Wx = Wf + W - PointDrop;
+  localparam int PointLatency = PathLatency + mul_latency(Wf, W) + 2;
+  logic signed [W-1:0] dx_late, dy_late, nx_late, ny_late;
+  logic signed [Wx-1:0] lx, ly, x_q, y_q;
+  logic signed [Wf-1:0] x_q2, y_q2;
+  delay #(.Width(2 * W), .Cycles(PathLatency)) i_d (
+    .clk_i, .d_i({dx_i, dy_i}), .q_o({dx_late, dy_late})
+  );
+  delay #(.Width(2 * W), .Cycles(PathLatency + mul_latency(Wf, W))) i_n (
+    .clk_i, .d_i({nx_i, ny_i}), .q_o({nx_late, ny_late})
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
+    .clk_i, .a_i(path_q), .b_i(dx_late), .p_o(lx)
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
+    .clk_i, .a_i(path_q), .b_i(dy_late), .p_o(ly)
+  );
+  always_ff @(posedge clk_i) begin
+    x_q <= ((Wx'(nx_late) <<< Guard) | Wx'(4)) + lx;
+    y_q <= ((Wx'(ny_late) <<< Guard) | Wx'(4)) + ly;
+    x_q2 <= Wf'(x_q >>> Guard);
+    y_q2 <= Wf'(y_q >>> Guard);
+  end
+  delay #(.Width(2 * Wf), .Cycles(Total - PointLatency)) i_point (
+    .clk_i, .d_i({x_q2, y_q2}), .q_o({x_o, y_o})
+  );
+
+  // ---- the direction in the air ----
+  localparam int SineDrop = F;
+  localparam int Ws = 2 * Wf - SineDrop;
+  localparam logic [F+2:0] Most = '1;
+  logic signed [Ws-1:0] sine, c_q;
+  logic [F+2:0] clamped_q;
+  logic reflected_q, reflected;
+  logic signed [W-1:0] dz_air_early, dz_air;
+  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
+    .clk_i, .a_i($signed({1'b0, g_q})), .b_i(index_square_i), .p_o(sine)
+  );
+  always_ff @(posedge clk_i) begin
+    c_q <= (Ws'(1) <<< (F + 3)) - sine;
+    reflected_q <= c_q <= 0;
+    clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
+  end
+  sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(dz_air_early));
+
+  localparam int OutDrop = F - Guard;
+  localparam int Wo = 2 * W + 1 - OutDrop;
+  logic signed [Wo-1:0] ox, oy;
+  logic signed [Wo-1:0] ox_q, oy_q;
+  logic signed [W-1:0] dx_air, dy_air, dx_air_late, dy_air_late;
+  multiplier #(.Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_ox (
+    .clk_i, .a_i(dx_i), .b_i(index_i), .p_o(ox)
+  );
+  multiplier #(.Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_oy (
+    .clk_i, .a_i(dy_i), .b_i(index_i), .p_o(oy)
+  );
+  always_ff @(posedge clk_i) begin
+    ox_q <= ox + Wo'(4);
+    oy_q <= oy + Wo'(4);
+  end
+  saturate #(.From(Wo - Guard), .To(W)) i_dx (
+    .clk_i, .d_i((Wo - Guard)'(ox_q >>> Guard)), .q_o(dx_air)
+  );
+  saturate #(.From(Wo - Guard), .To(W)) i_dy (
+    .clk_i, .d_i((Wo - Guard)'(oy_q >>> Guard)), .q_o(dy_air)
+  );
+
+  // ---- a reflected ray keeps its own ----
+  localparam int GlassDrop = F + 1;
+  localparam int Wg = Wf + W - GlassDrop;
+  logic signed [Wf-1:0] rest_late;
+  logic signed [Wg-1:0] glass;
+  logic signed [W-1:0] dz_glass_q, dz_glass, dx_glass, dy_glass;
+  delay #(.Width(Wf), .Cycles(rsqrt_latency())) i_rest (
+    .clk_i, .d_i({1'b0, rest_q}), .q_o(rest_late)
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(GlassDrop)) i_glass (
+    .clk_i, .a_i(rest_late), .b_i(half_inverse), .p_o(glass)
+  );
+  always_ff @(posedge clk_i) dz_glass_q <= W'((glass + Wg'(1)) >>> 1);
+
+  localparam int Last = Total - 1;
+  delay #(.Width(W), .Cycles(Last - PathLatency)) i_dz_glass (
+    .clk_i, .d_i(dz_glass_q), .q_o(dz_glass)
+  );
+  delay #(.Width(2 * W), .Cycles(Last)) i_d_glass (
+    .clk_i, .d_i({dx_i, dy_i}), .q_o({dx_glass, dy_glass})
+  );
+  delay #(.Width(2 * W), .Cycles(Last - mul_latency(W, W + 1) - 2)) i_d_air (
+    .clk_i, .d_i({dx_air, dy_air}), .q_o({dx_air_late, dy_air_late})
+  );
+  localparam int SineLatency = SquareLatency + mul_latency(Wf, Wf) + 2;
+  delay #(.Width(W), .Cycles(Last - SineLatency - sqrt_latency(1'b1))) i_dz_air (
+    .clk_i, .d_i(dz_air_early), .q_o(dz_air)
+  );
+  delay #(.Width(1), .Cycles(Last - SineLatency)) i_reflected (
+    .clk_i, .d_i(reflected_q), .q_o(reflected)
+  );
+  always_ff @(posedge clk_i) begin
+    dx_o <= reflected ? dx_glass : dx_air_late;
+    dy_o <= reflected ? dy_glass : dy_air_late;
+    dz_o <= reflected ? dz_glass : dz_air;
+    reflected_o <= reflected;
+  end
+
+endmodule

@@ -1,0 +1,35 @@
+/// Step 2, square grid: the lenslet whose cell a point is in, and the point from its centre.
+///
+///   i = floor(x + 1/2),   local x = x - i in [-1/2, 1/2), likewise j and y
+///
+/// Input x_i, y_i: signed, F fraction bits, in pitches. Output: indices, and wide words.
+/// Latency lenslet_latency(GridSquare).
+module lenslet_square #(
+  parameter int F = 23
+) (
+  input  logic                                      clk_i,
+  input  logic signed [optics_pkg::IndexBits+F-1:0] x_i,
+  input  logic signed [optics_pkg::IndexBits+F-1:0] y_i,
+  output logic signed [optics_pkg::IndexBits-1:0]   i_o,
+  output logic signed [optics_pkg::IndexBits-1:0]   j_o,
+  output logic signed [F+1:0]                       x_o,
+  output logic signed [F+1:0]                       y_o
+);
+  import optics_pkg::*;
+
+  localparam int L = IndexBits + F;
+  localparam logic [L-1:0] Half = L'(1) << (F - 1);
+
+  logic [L-1:0] x_q, y_q;
+  always_ff @(posedge clk_i) begin
+    x_q <= x_i + Half;
+    y_q <= y_i + Half;
+  end
+
+  // Taking the half off again turns the fraction's top bit into a sign.
+  assign i_o = x_q[L-1:F];
+  assign j_o = y_q[L-1:F];
+  assign x_o = (F+2)'($signed({~x_q[F-1], x_q[F-2:0]}));
+  assign y_o = (F+2)'($signed({~y_q[F-1], y_q[F-2:0]}));
+
+endmodule

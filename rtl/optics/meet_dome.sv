@@ -1,0 +1,166 @@
+/// Step 5: the ray meets the dome.
+///
+/// Lengths in radii of curvature from the sphere's centre, which is (0, 0, 0) here: the point
+/// V = (hx, hy, zc), the unit direction (dx, dy, +-dz). With b = V . d the sphere is met where the
+/// cosine between ray and normal is cos = sqrt(1 - |V|^2 + b^2), at the length cos - b (upward, out
+/// of the glass) or -b - cos (downward, into it); the point there *is* the unit normal N.
+///
+///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, F kept
+///   C    = (1 - zc^2) - hx^2 - hy^2 + b^2               squares cut at F + 3 fraction bits
+///   cos  = sqrt(min(max(C, 0), 1 - 2^-(F+3))),  s = min(max(1 - C, 0), 1 - 2^-(F+3))
+///   l    = floor((cos - 2 b + 1) / 2)                   in units of 2^-(F+1); downward -cos - 2 b
+///   N    = saturate(round(V + l d))                     products with 3 guard bits, F + 1 kept
+///
+/// missed_o: C < 0. Downward the plane of the vertices holds V: zc = 1, and dz is its size.
+/// Latency meet_dome_latency(F).
+module meet_dome #(
+  parameter int F = 23,
+  parameter bit Upward = 1'b1
+) (
+  input  logic                clk_i,
+  input  logic signed [F+2:0] hx_i,  // F fraction bits
+  input  logic signed [F+2:0] hy_i,
+  input  logic signed [F+1:0] dx_i,  // near
+  input  logic signed [F+1:0] dy_i,
+  input  logic signed [F+1:0] dz_i,
+  input  logic signed [F+3:0] zc_i,  // far: 1 - T/R
+  input  logic signed [F+8:0] oz_i,  // 1 - zc^2, F + 3 fraction bits
+  output logic signed [F+1:0] nx_o,  // near
+  output logic signed [F+1:0] ny_o,
+  output logic signed [F+1:0] nz_o,
+  output logic signed [F+1:0] cos_o,
+  output logic signed [F+3:0] s_o,   // 1 - cos^2, F + 3 fraction bits
+  output logic                missed_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int Wh = W + 1;
+  localparam int Wf = W + 2;
+  localparam int FootLatency = foot_latency(F);
+
+  // ---- b, the length from the foot of the perpendicular ----
+  localparam int DotDrop = F + 1 - Guard;
+  localparam int Wd = Wf + W - DotDrop;
+  logic signed [Wd-1:0] bx, by, bz, bxy_q, b_sum_q;
+  logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
+  logic signed [Wf-1:0] b_q;
+  multiplier #(.Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
+    .clk_i, .a_i(hx_i), .b_i(dx_i), .p_o(bx_early)
+  );
+  multiplier #(.Wa(Wh), .Wb(W), .Drop(DotDrop)) i_by (
+    .clk_i, .a_i(hy_i), .b_i(dy_i), .p_o(by_early)
+  );
+  delay #(.Width(2 * Wd), .Cycles(mul_latency(Wf, W) - mul_latency(Wh, W))) i_bxy (
+    .clk_i, .d_i({Wd'(bx_early), Wd'(by_early)}), .q_o({bx, by})
+  );
+  if (Upward) begin : gen_bz
+    multiplier #(.Wa(Wf), .Wb(W), .Drop(DotDrop)) i_bz (
+      .clk_i, .a_i(zc_i), .b_i(dz_i), .p_o(bz)
+    );
+    delay #(.Width(Wd), .Cycles(1)) i_bz_match (.clk_i, .d_i(bz), .q_o(bz_late));
+  end else begin : gen_dz
+    delay #(.Width(Wd), .Cycles(mul_latency(Wf, W) + 1)) i_bz_match (
+      .clk_i, .d_i(-(Wd'(dz_i) <<< (Guard - 1))), .q_o(bz_late)
+    );
+    assign bz = '0;
+    logic unused_bz;
+    assign unused_bz = ^{bz, zc_i, oz_i};
+  end
+  logic signed [Wd-1:0] bz_late;
+  always_ff @(posedge clk_i) begin
+    bxy_q <= bx + by;
+    b_sum_q <= bxy_q + bz_late;
+    b_q <= Wf'((b_sum_q + Wd'(4)) >>> Guard);
+  end
+
+  // ---- C, the squared cosine ----
+  localparam int SquareDrop = F - 3;
+  localparam int Ws = 2 * Wf - SquareDrop;
+  logic signed [2*Wh-SquareDrop-1:0] hx2, hy2;
+  logic signed [Ws-1:0] h2_q, rest_q, rest, b2, c_q;
+  multiplier #(.Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hx2 (
+    .clk_i, .a_i(hx_i), .b_i(hx_i), .p_o(hx2)
+  );
+  multiplier #(.Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hy2 (
+    .clk_i, .a_i(hy_i), .b_i(hy_i), .p_o(hy2)
+  );
+  always_ff @(posedge clk_i) begin
+    h2_q <= Ws'(hx2) + Ws'(hy2);
+    rest_q <= (Upward ? Ws'(oz_i) : '0) - h2_q;
+  end
+  delay #(
+    .Width(Ws),
+    .Cycles(FootLatency + mul_latency(Wf, Wf) - mul_latency(Wh, Wh) - 2)
+  ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
+  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SquareDrop), .Square(1'b1)) i_b2 (
+    .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
+  );
+  always_ff @(posedge clk_i) c_q <= rest + b2;
+
+  // ---- cosine and squared sine ----
+  localparam logic [F+2:0] Most = '1;
+  logic [F+2:0] clamped_q;
+  logic signed [F+3:0] s_q;
+  logic missed_q;
+  always_ff @(posedge clk_i) begin
+    missed_q <= c_q < 0;
+    clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
+    s_q <= c_q < 0 ? {1'b0, Most} : c_q > Ws'(Most) ? '0 :
+        {1'b0, c_q == '0 ? Most : (F + 3)'(-c_q)};
+  end
+  logic signed [W-1:0] cos;
+  sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
+
+  // ---- the length to the dome ----
+  localparam int LengthLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);  // from b
+  localparam int Wl = Wf + 1;
+  logic signed [Wf-1:0] b_late;
+  logic signed [Wl-1:0] twice_b, length_d;
+  logic signed [Wf-1:0] length_q;
+  delay #(.Width(Wf), .Cycles(LengthLatency)) i_b (.clk_i, .d_i(b_q), .q_o(b_late));
+  assign twice_b = Wl'(b_late) <<< 1;
+  assign length_d = Upward ? Wl'(cos) - twice_b : -Wl'(cos) - twice_b;
+  always_ff @(posedge clk_i) length_q <= Wf'((length_d + Wl'(1)) >>> 1);
+
+  // ---- the point there, which is the normal ----
+  localparam int PointDrop = F - Guard;
+  localparam int Wn = Wf + W - PointDrop;
+  localparam int ReachLatency = FootLatency + LengthLatency + 1;
+  logic signed [Wh-1:0] hx_late, hy_late;
+  logic signed [W-1:0] dx_late, dy_late, dz_late;
+  logic signed [Wn-1:0] lx, ly, lz, nx_q, ny_q, nz_q;
+  delay #(.Width(3 * W), .Cycles(ReachLatency)) i_d (
+    .clk_i, .d_i({dx_i, dy_i, dz_i}), .q_o({dx_late, dy_late, dz_late})
+  );
+  delay #(.Width(2 * Wh), .Cycles(ReachLatency + mul_latency(Wf, W))) i_h (
+    .clk_i, .d_i({hx_i, hy_i}), .q_o({hx_late, hy_late})
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
+    .clk_i, .a_i(length_q), .b_i(dx_late), .p_o(lx)
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
+    .clk_i, .a_i(length_q), .b_i(dy_late), .p_o(ly)
+  );
+  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lz (
+    .clk_i, .a_i(length_q), .b_i(dz_late), .p_o(lz)
+  );
+  // Four places below F are clear in V, the third of them takes the half.
+  localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
+  always_ff @(posedge clk_i) begin
+    nx_q <= ((Wn'(hx_late) <<< 4) | Wn'(4)) + lx;
+    ny_q <= ((Wn'(hy_late) <<< 4) | Wn'(4)) + ly;
+    nz_q <= Upward ? ((Wn'(zc_i) <<< 4) | Wn'(4)) + lz : (One | Wn'(4)) - lz;
+  end
+  saturate #(.From(Wn - Guard), .To(W)) i_nx (.clk_i, .d_i((Wn - Guard)'(nx_q >>> Guard)), .q_o(nx_o));
+  saturate #(.From(Wn - Guard), .To(W)) i_ny (.clk_i, .d_i((Wn - Guard)'(ny_q >>> Guard)), .q_o(ny_o));
+  saturate #(.From(Wn - Guard), .To(W)) i_nz (.clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o));
+
+  // ---- what is known earlier waits ----
+  localparam int PointLatency = 1 + mul_latency(Wf, W) + 2;
+  delay #(.Width(W), .Cycles(PointLatency)) i_cos (.clk_i, .d_i(cos), .q_o(cos_o));
+  delay #(.Width(F + 5), .Cycles(sqrt_latency(1'b1) + PointLatency)) i_s (
+    .clk_i, .d_i({s_q, missed_q}), .q_o({s_o, missed_o})
+  );
+
+endmodule

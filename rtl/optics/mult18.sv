@@ -1,0 +1,22 @@
+/// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
+///
+/// Registers at the operands, inside and at the product, as the cells of FPGAs have them. Synthesis
+/// for a family puts its cell in the place of this module (sim/synth/).
+module mult18 (
+  input  logic               clk_i,
+  input  logic signed [17:0] a_i,
+  input  logic signed [17:0] b_i,
+  output logic signed [35:0] p_o
+);
+
+  logic signed [17:0] a_q, b_q;
+  logic signed [35:0] p_q;
+
+  always_ff @(posedge clk_i) begin
+    a_q <= a_i;
+    b_q <= b_i;
+    p_q <= a_q * b_q;
+    p_o <= p_q;
+  end
+
+endmodule

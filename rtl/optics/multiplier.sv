@@ -1,0 +1,104 @@
+/// Product of two signed words from one hardware multiplier, cut below a given place.
+///
+/// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. The
+/// product of the upper parts comes from a multiplier cell, the cross terms from logic, and al bl,
+/// below every place that is kept, is left out:
+///
+///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
+///
+/// Where both words fit into 18 bits, p = floor(a b / 2^Drop).
+/// Latency optics_pkg::mul_latency(Wa, Wb).
+module multiplier #(
+  parameter int Wa = 18,       // bits of a
+  parameter int Wb = 18,       // bits of b
+  parameter int Drop = 0,      // places cut off
+  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  localparam int Wp = Wa + Wb - Drop
+) (
+  input  logic                 clk_i,
+  input  logic signed [Wa-1:0] a_i,
+  input  logic signed [Wb-1:0] b_i,
+  output logic signed [Wp-1:0] p_o
+);
+  import optics_pkg::*;
+
+  localparam int La = low_bits(Wa);
+  localparam int Lb = low_bits(Wb);
+  localparam int Ll = La > Lb ? La : Lb;
+
+  if (Square && Wa != Wb) begin : gen_illegal_square
+    $fatal(1, "multiplier: Square takes words of one width");
+  end
+  if (Drop < La + Lb) begin : gen_illegal_drop
+    $fatal(1, "multiplier: Drop must cut off the product of the lower parts");
+  end
+
+  // A register of its own lets the operands travel to the cell.
+  logic signed [Wa-1:0] a_q;
+  logic signed [Wb-1:0] b_q;
+  always_ff @(posedge clk_i) begin
+    a_q <= a_i;
+    b_q <= b_i;
+  end
+
+  logic signed [MulBits-1:0] ah, bh;
+  assign ah = MulBits'(a_q >>> La);
+  assign bh = MulBits'(b_q >>> Lb);
+
+  logic signed [2*MulBits-1:0] upper;
+  mult18 i_upper (.clk_i, .a_i(ah), .b_i(bh), .p_o(upper));
+
+  if (Ll == 0) begin : gen_whole
+    assign p_o = Wp'(upper >>> Drop);
+    logic unused_low;
+    assign unused_low = ^{1'b0, upper};
+  end else begin : gen_split
+    localparam int CrossLatency = low_latency(Ll);
+    localparam int Rest = mul_latency(Wa, Wb) - 2;  // from the operands' register to the last sum
+    localparam int Wc = MulBits + La + Lb + 2;
+    logic signed [Wc-1:0] cross_q;
+
+    if (Square) begin : gen_square
+      logic signed [MulBits+La-1:0] al_bh;
+      low_product #(.Low(La), .Latency(CrossLatency)) i_low (
+        .clk_i, .a_i(ah), .low_i(a_q[La-1:0]), .p_o(al_bh)
+      );
+      always_ff @(posedge clk_i) cross_q <= $signed({Wc'(al_bh)}) <<< (La + 1);
+    end else if (Lb == 0) begin : gen_a
+      logic signed [MulBits+La-1:0] al_bh;
+      low_product #(.Low(La), .Latency(CrossLatency)) i_low (
+        .clk_i, .a_i(bh), .low_i(a_q[La-1:0]), .p_o(al_bh)
+      );
+      always_ff @(posedge clk_i) cross_q <= Wc'(al_bh);
+    end else if (La == 0) begin : gen_b
+      logic signed [MulBits+Lb-1:0] ah_bl;
+      low_product #(.Low(Lb), .Latency(CrossLatency)) i_low (
+        .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
+      );
+      always_ff @(posedge clk_i) cross_q <= Wc'(ah_bl);
+    end else begin : gen_both
+      logic signed [MulBits+La-1:0] al_bh;
+      logic signed [MulBits+Lb-1:0] ah_bl;
+      low_product #(.Low(La), .Latency(CrossLatency)) i_low_a (
+        .clk_i, .a_i(bh), .low_i(a_q[La-1:0]), .p_o(al_bh)
+      );
+      low_product #(.Low(Lb), .Latency(CrossLatency)) i_low_b (
+        .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
+      );
+      always_ff @(posedge clk_i) begin
+        cross_q <= ($signed({Wc'(ah_bl)}) <<< La) + ($signed({Wc'(al_bh)}) <<< Lb);
+      end
+    end
+
+    // Whichever of cell and cross terms comes first waits for the other.
+    logic signed [Wp-1:0] upper_cut, cross_cut;
+    delay #(.Width(Wp), .Cycles(Rest - 3)) i_upper_match (
+      .clk_i, .d_i(Wp'(upper >>> (Drop - La - Lb))), .q_o(upper_cut)
+    );
+    delay #(.Width(Wp), .Cycles(Rest - CrossLatency - 1)) i_cross_match (
+      .clk_i, .d_i(Wp'(cross_q >>> Drop)), .q_o(cross_cut)
+    );
+    always_ff @(posedge clk_i) p_o <= upper_cut + cross_cut;
+  end
+
+endmodule

@@ -1,0 +1,213 @@
+/// Formats, latencies and constant tables that the steps of the ray share.
+///
+/// F is the number of fraction bits of the configuration, W = F + 2 its word:
+///   near  signed W bits, F + 1 fraction bits, [-1, 1): directions, cosines, normals
+///   wide  signed W bits, F     fraction bits, [-2, 2): lattice coordinates, slopes, ratios
+///   far   signed W + 2 bits, F fraction bits, [-8, 8): lengths along the ray, in radii
+/// "round" below always means floor(x + 1/2), in units of the last place kept.
+package optics_pkg;
+  // A module seldom needs all of them.
+  /* verilator lint_off UNUSEDPARAM */
+
+  /// The fate of a ray; the same numbers as in `lippmann.optics.status`.
+  typedef enum logic [2:0] {
+    StatusOk = 3'd0,
+    StatusMissed = 3'd1,
+    StatusInternalReflection = 3'd2,
+    StatusBlocked = 3'd3,
+    StatusCrosstalk = 3'd4
+  } status_e;
+
+  typedef enum int {
+    ModelPinhole = 0,
+    ModelParaxial = 1,
+    ModelExact = 2
+  } model_e;
+
+  typedef enum int {
+    GridSquare = 0,
+    GridHex = 1
+  } grid_e;
+
+  typedef enum int {
+    RootReciprocal = 0,
+    RootSquare = 1
+  } root_e;
+
+  /// Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
+  localparam int PixelBits = 18;
+  /// Affine coefficients: signed, 36 fraction bits, [-1/4, 1/4).
+  localparam int SlopeBits = 35;
+  /// Affine offsets: signed, 40 fraction bits, [-2048, 2048).
+  localparam int OffsetBits = 52;
+  /// Lenslet indices: signed.
+  localparam int IndexBits = 12;
+  /// Operands of one hardware multiplier: signed.
+  localparam int MulBits = 18;
+  /// Bits kept below the last place until the final rounding of a step.
+  localparam int Guard = 3;
+
+  /// What the optics are, in words of the configuration's F; the host computes it from a display
+  /// file (`lippmann.fixed.configuration`). Fields of 32 bits hold narrower signed words.
+  typedef struct packed {
+    logic signed [SlopeBits-1:0]  x_from_u;  // lattice from pixel
+    logic signed [SlopeBits-1:0]  x_from_v;
+    logic signed [SlopeBits-1:0]  y_from_u;
+    logic signed [SlopeBits-1:0]  y_from_v;
+    logic signed [OffsetBits-1:0] x_offset;
+    logic signed [OffsetBits-1:0] y_offset;
+    logic signed [31:0] slope_x;         // wide: slope from a - x (exact), from x (others)
+    logic signed [31:0] slope_y;
+    logic signed [31:0] slope_aim_x;     // wide: slope from a (paraxial)
+    logic signed [31:0] slope_aim_y;
+    logic signed [31:0] point_x;         // wide: point on the first face, in radii, from x
+    logic signed [31:0] point_y;
+    logic signed [31:0] point_aim_x;     // wide: the same from a
+    logic signed [31:0] point_aim_y;
+    logic signed [31:0] index;                 // n, F fraction bits, below 4
+    logic signed [31:0] index_square;          // n^2, F fraction bits, below 8
+    logic signed [31:0] index_inverse;         // near: 1/n
+    logic signed [31:0] index_inverse_square;  // 1/n^2, F fraction bits
+    logic signed [31:0] depth;           // far: zc = 1 - T/R
+    logic signed [31:0] depth_rest;      // 1 - zc^2, F + 3 fraction bits
+    logic signed [31:0] exit_z;          // F + 1 fraction bits: height of the last face, in radii
+    logic signed [31:0] cell_half;       // near: p / (2 R)
+    logic signed [31:0] cell_pitch_x;    // wide: p / R
+    logic signed [31:0] cell_pitch_y;    // wide: distance of rows / R
+  } optics_config_t;
+
+  /// Bits of an operand that do not fit into a hardware multiplier.
+  function automatic int low_bits(int width);
+    return width > MulBits ? width - MulBits : 0;
+  endfunction
+
+  /// Latency of `low_product`: two bits a digit, the digits summed in a tree.
+  function automatic int low_latency(int low);
+    return low == 0 ? 0 : 1 + $clog2((low + 1) / 2);
+  endfunction
+
+  /// Latency of `multiplier`.
+  function automatic int mul_latency(int wa, int wb);
+    int low;
+    low = low_bits(wa) > low_bits(wb) ? low_bits(wa) : low_bits(wb);
+    if (low == 0) return 4;
+    return 2 + (low_latency(low) + 1 > 3 ? low_latency(low) + 1 : 3);
+  endfunction
+
+  /// Segments of a root's table within each octave, as a power of two.
+  function automatic int segment_bits(int f);
+    return f / 3;
+  endfunction
+
+  /// Bits of the place within a segment.
+  function automatic int place_bits(int f);
+    return f + 2 - segment_bits(f) < MulBits ? f + 2 - segment_bits(f) : MulBits;
+  endfunction
+
+  /// Fraction bits of a segment's slope.
+  function automatic int slope_fraction(int f);
+    return segment_bits(f) + 18 < f + 4 ? segment_bits(f) + 18 : f + 4;
+  endfunction
+
+  /// Latency of `quadratic`: octave, table (2), two products and two sums.
+  function automatic int quadratic_latency();
+    return 3 + 4 + 1 + 4 + 1;
+  endfunction
+
+  /// Latency of `rsqrt`.
+  function automatic int rsqrt_latency();
+    return quadratic_latency() + 1;
+  endfunction
+
+  /// Latency of `sqrt`: the normalising shifts come before and after.
+  function automatic int sqrt_latency(bit normalise);
+    return quadratic_latency() + 1 + (normalise ? 4 + 2 : 0);
+  endfunction
+
+  // Latencies of the steps of the ray, W = F + 2.
+
+  function automatic int pixel_latency();
+    return mul_latency(MulBits, MulBits) + 3;
+  endfunction
+
+  function automatic int lenslet_latency(int grid);
+    return grid == GridHex ? 4 : 1;
+  endfunction
+
+  function automatic int aim_latency(int grid);
+    return lenslet_latency(grid) + 1;
+  endfunction
+
+  /// Latency of a sum of two products of `wide` words, rounded.
+  function automatic int blend_latency(int f);
+    return mul_latency(f + 2, f + 2) + 2;
+  endfunction
+
+  /// Latency of `unit_slope`: squares, their sum, the root, the product.
+  function automatic int unit_latency(int f);
+    return mul_latency(f + 2, f + 2) + 2 + rsqrt_latency() + mul_latency(f + 2, f + 2) + 1;
+  endfunction
+
+  function automatic int enter_flat_latency(int f);
+    return mul_latency(f + 2, f + 2) + 1 + mul_latency(f + 2, f + 2) + 2 + sqrt_latency(1'b0);
+  endfunction
+
+  /// Latency of `meet_dome` up to the length b along the ray, its largest word far x near.
+  function automatic int foot_latency(int f);
+    return mul_latency(f + 4, f + 2) + 3;
+  endfunction
+
+  function automatic int meet_dome_latency(int f);
+    return foot_latency(f) + mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 1
+        + mul_latency(f + 4, f + 2) + 2;
+  endfunction
+
+  function automatic int cell_step_latency(int grid, int f);
+    return (grid == GridHex ? mul_latency(f + 2, f + 2) + 2 : 0) + 2;
+  endfunction
+
+  /// Latency of `leave_dome` and of `enter_dome` up to the bend.
+  function automatic int bend_latency(int f);
+    return mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 2;
+  endfunction
+
+  function automatic int dome_latency(int f);
+    return bend_latency(f) + mul_latency(f + 2, f + 2) + 3;
+  endfunction
+
+  /// Latency of `leave_flat`: the longer of the way to the face and the root behind it.
+  function automatic int leave_flat_latency(int f);
+    int way, air;
+    way = rsqrt_latency() + 2 * mul_latency(f + 4, f + 2) + 3;
+    air = mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 1;
+    return mul_latency(f + 2, f + 2) + 2 + (way > air ? way : air);
+  endfunction
+
+  /// Cycles from the panel point to the slope and the point on the first face.
+  function automatic int slope_latency(int f);
+    return 1 + blend_latency(f);
+  endfunction
+
+  /// Cycles from the pixel to the lenslet aimed at.
+  function automatic int lens_latency(int grid, bit aims);
+    return pixel_latency() + lenslet_latency(grid) + (aims ? aim_latency(grid) : 0);
+  endfunction
+
+  /// Cycles of one more dome tried.
+  function automatic int walk_latency(int grid, int f);
+    return meet_dome_latency(f) + cell_step_latency(grid, f) + 2;
+  endfunction
+
+  /// Latency of `ray_pipeline`.
+  function automatic int ray_latency(
+      int f, int grid, int model, bit viewer, bit aims, int walk);
+    int before_dome, after_dome;
+    before_dome = lens_latency(grid, aims) + slope_latency(f) + unit_latency(f);
+    if (model != ModelExact) return before_dome + 2;
+    if (!viewer) before_dome += enter_flat_latency(f);
+    after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 0);
+    return before_dome + walk * walk_latency(grid, f) + meet_dome_latency(f) + after_dome + 2;
+  endfunction
+
+  /* verilator lint_on UNUSEDPARAM */
+endpackage

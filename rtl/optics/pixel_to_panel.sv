@@ -1,0 +1,77 @@
+/// Step 1: pixel coordinates to lattice coordinates, with the array's pitch, rotation and offset.
+///
+///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol    (each coefficient 2^17 ah + al)
+///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F))
+///
+/// and likewise for y: one affine map, exact up to the last cut, which the offset's half turns into
+/// a rounding. Input u_i, v_i: signed, 4 fraction bits, columns to the right and rows *upward* from
+/// the panel's centre. Coefficients: signed, 36 fraction bits. Offsets: signed, 40 fraction bits,
+/// 2^(39 - F) included. Output x_o, y_o: signed, IndexBits + F bits, F fraction bits, in pitches
+/// (hexagonal: y in rows). Latency pixel_latency().
+module pixel_to_panel #(
+  parameter int F = 23
+) (
+  input  logic                                               clk_i,
+  input  logic signed [optics_pkg::PixelBits-1:0]            u_i,
+  input  logic signed [optics_pkg::PixelBits-1:0]            v_i,
+  input  logic signed [optics_pkg::SlopeBits-1:0]            x_from_u_i,  // array_from_pixel, row x
+  input  logic signed [optics_pkg::SlopeBits-1:0]            x_from_v_i,
+  input  logic signed [optics_pkg::OffsetBits-1:0]           x_offset_i,
+  input  logic signed [optics_pkg::SlopeBits-1:0]            y_from_u_i,  // array_from_pixel, row y
+  input  logic signed [optics_pkg::SlopeBits-1:0]            y_from_v_i,
+  input  logic signed [optics_pkg::OffsetBits-1:0]           y_offset_i,
+  output logic signed [optics_pkg::IndexBits+F-1:0]          x_o,
+  output logic signed [optics_pkg::IndexBits+F-1:0]          y_o
+);
+  import optics_pkg::*;
+
+  localparam int LowBits = SlopeBits - MulBits;  // 17: a sign makes it an operand
+  localparam int Whi = OffsetBits - LowBits;
+
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "pixel_to_panel: F must be 14 to 23");
+  end
+
+  for (genvar k = 0; k < 2; k++) begin : gen_axis
+    logic signed [SlopeBits-1:0] from_u, from_v;
+    logic signed [OffsetBits-1:0] offset;
+    assign from_u = k == 0 ? x_from_u_i : y_from_u_i;
+    assign from_v = k == 0 ? x_from_v_i : y_from_v_i;
+    assign offset = k == 0 ? x_offset_i : y_offset_i;
+
+    // ---- four products of 18 x 18 bits ----
+    logic signed [2*MulBits-1:0] hi_u, hi_v, lo_u, lo_v;
+    multiplier i_hi_u (
+      .clk_i, .a_i(u_i), .b_i(from_u[SlopeBits-1-:MulBits]), .p_o(hi_u)
+    );
+    multiplier i_hi_v (
+      .clk_i, .a_i(v_i), .b_i(from_v[SlopeBits-1-:MulBits]), .p_o(hi_v)
+    );
+    multiplier i_lo_u (
+      .clk_i, .a_i(u_i), .b_i({1'b0, from_u[LowBits-1:0]}), .p_o(lo_u)
+    );
+    multiplier i_lo_v (
+      .clk_i, .a_i(v_i), .b_i({1'b0, from_v[LowBits-1:0]}), .p_o(lo_v)
+    );
+
+    // ---- their sum, the lower half carried into the upper ----
+    logic signed [2*MulBits:0] lo_q, lo_sum_q;
+    logic unused_top;  // |u| and |v| are 2^17 at most, the product of two smallest never comes up
+    assign unused_top = hi_u[2*MulBits-1] ^ hi_v[2*MulBits-1];
+    logic signed [Whi-1:0] hi_q, hi_sum_q, sum_q;
+    always_ff @(posedge clk_i) begin
+      lo_q <= (2 * MulBits + 1)'(lo_u) + (2 * MulBits + 1)'(lo_v);
+      hi_q <= Whi'(hi_u) + Whi'(hi_v);
+      lo_sum_q <= lo_q + (2 * MulBits + 1)'($signed({1'b0, offset[LowBits-1:0]}));
+      hi_sum_q <= hi_q + offset[OffsetBits-1:LowBits];
+      sum_q <= hi_sum_q + Whi'(lo_sum_q >>> LowBits);
+    end
+
+    if (k == 0) begin : gen_x
+      assign x_o = (IndexBits + F)'(sum_q >>> (23 - F));
+    end else begin : gen_y
+      assign y_o = (IndexBits + F)'(sum_q >>> (23 - F));
+    end
+  end
+
+endmodule

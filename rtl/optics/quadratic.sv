@@ -1,0 +1,149 @@
+/// Root of a number in [1, 4) by a quadratic over each segment of a table.
+///
+/// Root = RootReciprocal: y = 1 / sqrt(x);  Root = RootSquare: y = sqrt(x) / 2;  both in (1/2, 1].
+///
+/// Input x_i: unsigned, I = F + 1 fraction bits. Let m = x for x < 2, else x / 2, its fraction with
+/// I + 1 bits; the top A = segment_bits(F) of them with the octave choose a segment, the next
+/// D = place_bits(F) give the place z in [-1/2, 1/2) in it (bits below are cut off). Then
+///
+///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
+///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4)
+///
+/// The coefficients interpolate the root at the segment's Chebyshev nodes z = 0, +-sqrt(3)/4, where
+/// the error of a cubic term is least, |y'''| w^3 / 192 for a segment of width w; c0 is rounded to
+/// F + 4 fraction bits, c1 to s1, c2 to s1 + 2.
+/// Output y_o: unsigned, F + 4 fraction bits. Latency quadratic_latency().
+module quadratic #(
+  parameter int F = 23,
+  parameter int Root = optics_pkg::RootReciprocal
+) (
+  input  logic         clk_i,
+  input  logic [F+2:0] x_i,
+  output logic [F+4:0] y_o
+);
+  import optics_pkg::*;
+
+  localparam int A = segment_bits(F);
+  localparam int D = place_bits(F);
+  localparam int S1 = slope_fraction(F);
+  localparam int W0 = F + 5;               // c0, unsigned
+  localparam int W1 = S1 - A;              // c1, signed: |c1| < 2^-(A + 1)
+  localparam int W2 = S1 + 3 - 2 * A;      // c2, signed: |c2| < 2^-2A
+  localparam int Entries = 1 << (A + 1);
+
+  typedef logic [Entries-1:0][W0-1:0] constants_t;
+  typedef logic [Entries-1:0][W1-1:0] slopes_t;
+  typedef logic [Entries-1:0][W2-1:0] bends_t;
+
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "quadratic: F must be 14 to 23");
+  end
+
+  /// The root at z within a segment; segments of the upper octave are twice as wide.
+  function automatic real root_at(int segment, real z);
+    real m, x;
+    m = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
+    x = segment < (1 << A) ? m : 2.0 * m;
+    return Root == RootReciprocal ? 1.0 / $sqrt(x) : 0.5 * $sqrt(x);
+  endfunction
+
+  function automatic int nearest(real value);
+    return value < 0.0 ? -$rtoi(0.5 - value) : $rtoi(value + 0.5);
+  endfunction
+
+  function automatic constants_t make_constants();
+    for (int k = 0; k < Entries; k++) begin
+      make_constants[k] = W0'(nearest(root_at(k, 0.0) * real'(1 << (F + 4))));
+    end
+  endfunction
+
+  function automatic slopes_t make_slopes();
+    real node;
+    node = $sqrt(3.0) / 4.0;
+    for (int k = 0; k < Entries; k++) begin
+      make_slopes[k] = W1'(nearest(
+          (root_at(k, node) - root_at(k, -node)) / (2.0 * node) * real'(1 << S1)));
+    end
+  endfunction
+
+  function automatic bends_t make_bends();
+    real node;
+    node = $sqrt(3.0) / 4.0;
+    for (int k = 0; k < Entries; k++) begin
+      make_bends[k] = W2'(nearest(
+          (root_at(k, node) + root_at(k, -node) - 2.0 * root_at(k, 0.0)) * (8.0 / 3.0)
+          * real'(1 << (S1 + 2))));
+    end
+  endfunction
+
+  localparam constants_t Constants = make_constants();
+  localparam slopes_t Slopes = make_slopes();
+  localparam bends_t Bends = make_bends();
+
+  // Octave: one fraction whichever it is.
+  logic [F+1:0] fraction_d;
+  logic [A:0] segment_q;
+  logic signed [D-1:0] place_q;
+  assign fraction_d = x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
+  always_ff @(posedge clk_i) begin
+    segment_q <= {x_i[F+2], fraction_d[F+1-:A]};
+    // Half a segment is taken off by turning the top bit.
+    place_q <= {~fraction_d[F+1-A], fraction_d[F-A-:D-1]};
+  end
+
+  // Table, read in quarters first.
+  localparam int Quarter = Entries / 4;
+  logic [3:0][W0-1:0] c0_quarters_q;
+  logic [3:0][W1-1:0] c1_quarters_q;
+  logic [3:0][W2-1:0] c2_quarters_q;
+  logic [1:0] quarter_q;
+  logic [W0-1:0] c0_q;
+  logic signed [W1-1:0] c1_q;
+  logic signed [W2-1:0] c2_q;
+  for (genvar k = 0; k < 4; k++) begin : gen_quarter
+    localparam logic [Quarter-1:0][W0-1:0] C0 = Constants[k*Quarter+:Quarter];
+    localparam logic [Quarter-1:0][W1-1:0] C1 = Slopes[k*Quarter+:Quarter];
+    localparam logic [Quarter-1:0][W2-1:0] C2 = Bends[k*Quarter+:Quarter];
+    always_ff @(posedge clk_i) begin
+      c0_quarters_q[k] <= C0[segment_q[A-2:0]];
+      c1_quarters_q[k] <= C1[segment_q[A-2:0]];
+      c2_quarters_q[k] <= C2[segment_q[A-2:0]];
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    quarter_q <= segment_q[A-:2];
+    c0_q <= c0_quarters_q[quarter_q];
+    c1_q <= $signed(c1_quarters_q[quarter_q]);
+    c2_q <= $signed(c2_quarters_q[quarter_q]);
+  end
+
+  // slope = c1 + round(c2 z): c2 has two more fraction bits than c1, z has D.
+  localparam int MulLatency = mul_latency(MulBits, MulBits);
+  logic signed [D-1:0] place_early, place_late;
+  logic signed [W2-1:0] bend;
+  logic signed [W2-2:0] turn;  // one bit below the slope's last
+  logic signed [W1-1:0] c1_late;
+  logic signed [W1-1:0] slope_q;
+  delay #(.Width(D), .Cycles(2)) i_place_early (.clk_i, .d_i(place_q), .q_o(place_early));
+  assign bend = c2_q;
+  multiplier #(.Wa(W2), .Wb(D), .Drop(D + 1)) i_turn (
+    .clk_i, .a_i(bend), .b_i(place_early), .p_o(turn)
+  );
+  delay #(.Width(W1), .Cycles(MulLatency)) i_c1 (.clk_i, .d_i(c1_q), .q_o(c1_late));
+  // c1 + floor((turn + 1) / 2) in one sum.
+  always_ff @(posedge clk_i) slope_q <= W1'(($signed({c1_late, 1'b1}) + (W1 + 1)'(turn)) >>> 1);
+
+  // y = c0 + slope z.
+  localparam int Wr = W1 + D - (S1 + D - (F + 4));
+  logic signed [Wr-1:0] rise;
+  logic [W0-1:0] c0_late;
+  delay #(.Width(D), .Cycles(MulLatency + 1)) i_place_late (
+    .clk_i, .d_i(place_early), .q_o(place_late)
+  );
+  multiplier #(.Wa(W1), .Wb(D), .Drop(S1 + D - (F + 4))) i_rise (
+    .clk_i, .a_i(slope_q), .b_i(place_late), .p_o(rise)
+  );
+  delay #(.Width(W0), .Cycles(2 * MulLatency + 1)) i_c0 (.clk_i, .d_i(c0_q), .q_o(c0_late));
+  always_ff @(posedge clk_i) y_o <= c0_late + W0'(rise);
+
+endmodule

@@ -1,0 +1,87 @@
+/// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both sides.
+///
+/// Rays leave in the order in which they came. The optics in use are a copy of config_i: apply_i asks
+/// for a new copy, which is made as soon as the rays on the way have left (busy_o until then, and
+/// the input is closed), so that no frame sees two displays. After reset a copy is made at once.
+///
+/// Words as in `ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
+module ray_lenslet #(
+  parameter int F = 23,
+  parameter int Grid = optics_pkg::GridSquare,
+  parameter int Model = optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter bit Aims = 1'b0,
+  parameter int Walk = 0
+) (
+  input  logic                                    clk_i,
+  input  logic                                    rst_ni,
+
+  input  optics_pkg::optics_config_t              config_i,
+  input  logic                                    apply_i,
+  output logic                                    busy_o,
+
+  input  logic                                    ray_valid_i,
+  output logic                                    ray_ready_o,
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_u_i,
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_v_i,
+  input  logic signed [F+1:0]                     ray_a_i,
+  input  logic signed [F+1:0]                     ray_b_i,
+
+  output logic                                    exit_valid_o,
+  input  logic                                    exit_ready_i,
+  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,
+  output logic signed [optics_pkg::IndexBits-1:0] exit_j_o,
+  output logic signed [F+3:0]                     exit_x_o,
+  output logic signed [F+3:0]                     exit_y_o,
+  output logic signed [F+3:0]                     exit_z_o,
+  output logic signed [F+1:0]                     exit_dx_o,
+  output logic signed [F+1:0]                     exit_dy_o,
+  output logic signed [F+1:0]                     exit_dz_o,
+  output optics_pkg::status_e                     exit_status_o
+);
+  import optics_pkg::*;
+
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk);
+  localparam int AddressBits = $clog2(Latency + 16);
+  localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
+
+  // ---- the optics in use ----
+  optics_config_t config_q;
+  logic pending_q, idle;
+  assign busy_o = pending_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) pending_q <= 1'b1;
+    else if (apply_i) pending_q <= 1'b1;
+    else if (idle) pending_q <= 1'b0;
+  end
+  always_ff @(posedge clk_i) if (pending_q && idle) config_q <= config_i;
+
+  // ---- the pipeline ----
+  logic signed [PixelBits-1:0] u_q, v_q;
+  logic signed [F+1:0] a_q, b_q;
+  always_ff @(posedge clk_i) {u_q, v_q, a_q, b_q} <= {ray_u_i, ray_v_i, ray_a_i, ray_b_i};
+
+  logic [Width-1:0] piped, out;
+  logic signed [IndexBits-1:0] i, j;
+  logic signed [F+3:0] x, y, z;
+  logic signed [F+1:0] dx, dy, dz;
+  status_e status;
+  ray_pipeline #(
+    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+  ) i_pipeline (
+    .clk_i, .config_i(config_q), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
+    .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),
+    .status_o(status)
+  );
+  assign piped = {i, j, x, y, z, dx, dy, dz, status};
+
+  flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(Width)) i_flow (
+    .clk_i, .rst_ni, .hold_i(pending_q), .idle_o(idle),
+    .valid_i(ray_valid_i), .ready_o(ray_ready_o), .piped_i(piped),
+    .valid_o(exit_valid_o), .ready_i(exit_ready_i), .data_o(out)
+  );
+  assign {exit_i_o, exit_j_o, exit_x_o, exit_y_o, exit_z_o, exit_dx_o, exit_dy_o, exit_dz_o} =
+      out[Width-1:3];
+  assign exit_status_o = status_e'(out[2:0]);
+
+endmodule

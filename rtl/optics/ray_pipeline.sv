@@ -1,0 +1,386 @@
+/// The way of a ray, from pixel to exit ray: one ray every clock, always on the move.
+///
+///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> blend, unit_slope ->
+///     pinhole, paraxial:              the slope is the exit ray's
+///     exact, plano side to the panel:  enter_flat -> meet_dome -> leave_dome
+///     exact, plano side to the viewer: meet_dome -> enter_dome -> leave_flat
+///
+/// Input: pixel u_i (columns, to the right), v_i (rows, upward) from the panel's centre, 4 fraction
+/// bits; aperture point a_i, b_i, wide words, in pitches and rows from the centre of the pixel's
+/// lenslet (Aims = 0: the chief ray, not used).
+/// Output: lens-local origin in radii, F + 1 fraction bits, measured from the centre of lenslet
+/// (i, j); unit direction, near words; all along the array's axes, +z to the viewer. Status as in
+/// `status_e`: missed comes before total internal reflection, blocked and crosstalk. A missed ray's
+/// origin means nothing.
+/// What a Model or an orientation does not use is not built. Walk is the number of further domes
+/// tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
+/// Blocked is a ray that leaves the dome downward; the neighbours' domes are not looked at again.
+/// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk).
+module ray_pipeline #(
+  parameter int F = 23,
+  parameter int Grid = optics_pkg::GridSquare,
+  parameter int Model = optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,  // plano side to the viewer
+  parameter bit Aims = 1'b0,    // rays aim at aperture points
+  parameter int Walk = 0
+) (
+  input  logic                                     clk_i,
+  input  optics_pkg::optics_config_t               config_i,
+  input  logic signed [optics_pkg::PixelBits-1:0]  u_i,
+  input  logic signed [optics_pkg::PixelBits-1:0]  v_i,
+  input  logic signed [F+1:0]                      a_i,
+  input  logic signed [F+1:0]                      b_i,
+  output logic signed [optics_pkg::IndexBits-1:0]  i_o,
+  output logic signed [optics_pkg::IndexBits-1:0]  j_o,
+  output logic signed [F+3:0]                      x_o,
+  output logic signed [F+3:0]                      y_o,
+  output logic signed [F+3:0]                      z_o,
+  output logic signed [F+1:0]                      dx_o,
+  output logic signed [F+1:0]                      dy_o,
+  output logic signed [F+1:0]                      dz_o,
+  output optics_pkg::status_e                      status_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int Wh = W + 1;
+  localparam int Wf = W + 2;
+  localparam int L = IndexBits + F;
+
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "ray_pipeline: F must be 14 to 23");
+  end
+  if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
+    $fatal(1, "ray_pipeline: Grid must be GridSquare or GridHex");
+  end
+  if (Model != ModelPinhole && Model != ModelParaxial && Model != ModelExact) begin : gen_illegal_model
+    $fatal(1, "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact");
+  end
+  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !(Aims || Viewer)))) begin : gen_illegal_walk
+    $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
+  end
+
+  // Each build reads some of the fields, and their lower bits.
+  logic unused_config;
+  assign unused_config = ^config_i;
+
+  // ---- pixel, panel, lenslet ----
+  logic signed [L-1:0] lattice_x, lattice_y;
+  pixel_to_panel #(.F(F)) i_pixel_to_panel (
+    .clk_i, .u_i, .v_i,
+    .x_from_u_i(config_i.x_from_u), .x_from_v_i(config_i.x_from_v),
+    .x_offset_i(config_i.x_offset),
+    .y_from_u_i(config_i.y_from_u), .y_from_v_i(config_i.y_from_v),
+    .y_offset_i(config_i.y_offset),
+    .x_o(lattice_x), .y_o(lattice_y)
+  );
+
+  logic signed [IndexBits-1:0] own_i, own_j;
+  logic signed [W-1:0] own_x, own_y;
+  if (Grid == GridHex) begin : gen_hex
+    lenslet_hex #(.F(F)) i_lenslet (
+      .clk_i, .x_i(lattice_x), .y_i(lattice_y),
+      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y)
+    );
+  end else begin : gen_square
+    lenslet_square #(.F(F)) i_lenslet (
+      .clk_i, .x_i(lattice_x), .y_i(lattice_y),
+      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y)
+    );
+  end
+
+  // ---- aperture point ----
+  localparam int LensAt = lens_latency(Grid, Aims);
+  logic signed [IndexBits-1:0] lens_i, lens_j;
+  logic signed [W-1:0] x, y, a, b;
+  logic stray, beyond;
+  if (Aims) begin : gen_aim
+    logic signed [W-1:0] a_late, b_late;
+    delay #(.Width(2 * W), .Cycles(pixel_latency() + lenslet_latency(Grid))) i_aim_match (
+      .clk_i, .d_i({a_i, b_i}), .q_o({a_late, b_late})
+    );
+    aim #(.F(F), .Grid(Grid)) i_aim (
+      .clk_i, .i_i(own_i), .j_i(own_j), .x_i(own_x), .y_i(own_y), .a_i(a_late), .b_i(b_late),
+      .i_o(lens_i), .j_o(lens_j), .x_o(x), .y_o(y), .a_o(a), .b_o(b),
+      .stray_o(stray), .beyond_o(beyond)
+    );
+  end else begin : gen_chief
+    assign {lens_i, lens_j, x, y} = {own_i, own_j, own_x, own_y};
+    assign a = '0;
+    assign b = '0;
+    assign stray = 1'b0;
+    assign beyond = 1'b0;
+    logic unused_aim;
+    assign unused_aim = ^{a_i, b_i};
+  end
+
+  // ---- slope of the ray, and where it meets the first face ----
+  localparam int SlopeAt = LensAt + slope_latency(F);
+  logic signed [Wh-1:0] towards_x_d, towards_y_d;
+  logic signed [W-1:0] x_q, y_q, a_q, b_q, from_x_q, from_y_q;
+  logic stray_q, beyond_q;
+  assign towards_x_d = Wh'(a) - Wh'(x);
+  assign towards_y_d = Wh'(b) - Wh'(y);
+  always_ff @(posedge clk_i) begin
+    {x_q, y_q, a_q, b_q, stray_q} <= {x, y, a, b, stray};
+    // The exact ray goes from point to point; the others' slopes have a coefficient for each.
+    from_x_q <= Model == ModelExact ? W'(towards_x_d) : x;
+    from_y_q <= Model == ModelExact ? W'(towards_y_d) : y;
+    beyond_q <= beyond || towards_x_d[Wh-1] != towards_x_d[Wh-2]
+        || towards_y_d[Wh-1] != towards_y_d[Wh-2];
+  end
+
+  localparam bit SlopeAims = Aims && Model == ModelParaxial;
+  logic signed [Wh-1:0] mx, my, hx, hy;
+  blend #(.F(F), .Second(SlopeAims)) i_mx (
+    .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
+    .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx)
+  );
+  blend #(.F(F), .Second(SlopeAims)) i_my (
+    .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
+    .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my)
+  );
+  if (Model == ModelPinhole) begin : gen_centre
+    assign hx = '0;
+    assign hy = '0;
+    logic unused_point;
+    assign unused_point = ^{x_q, y_q};
+  end else begin : gen_point
+    blend #(.F(F), .Second(Aims)) i_hx (
+      .clk_i, .k_i(config_i.point_x[W-1:0]), .x_i(x_q),
+      .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx)
+    );
+    blend #(.F(F), .Second(Aims)) i_hy (
+      .clk_i, .k_i(config_i.point_y[W-1:0]), .x_i(y_q),
+      .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy)
+    );
+  end
+
+  localparam int UnitAt = SlopeAt + unit_latency(F);
+  logic signed [W-1:0] ex, ey, ez;
+  unit_slope #(.F(F)) i_unit_slope (
+    .clk_i, .mx_i(W'(mx)), .my_i(W'(my)), .ex_o(ex), .ey_o(ey), .ez_o(ez)
+  );
+  logic unused_slope;  // slopes stay below sqrt(3)
+  assign unused_slope = mx[Wh-1] ^ my[Wh-1];
+
+  // ---- what waits for the end ----
+  localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk) - 2;
+  logic stray_late, beyond_late;
+  delay #(.Width(2), .Cycles(OutAt - LensAt - 1)) i_flags (
+    .clk_i, .d_i({stray_q, beyond_q}), .q_o({stray_late, beyond_late})
+  );
+
+  // ---- through the lenslet ----
+  logic signed [IndexBits-1:0] out_i, out_j;
+  logic signed [Wf-1:0] out_x, out_y, out_z;
+  logic signed [W-1:0] out_dx, out_dy, out_dz;
+  logic out_missed, out_reflected, out_crosstalk;
+
+  if (Model != ModelExact) begin : gen_ideal
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt)) i_lens (
+      .clk_i, .d_i({lens_i, lens_j}), .q_o({out_i, out_j})
+    );
+    logic signed [Wh-1:0] hx_late, hy_late;
+    delay #(.Width(2 * Wh), .Cycles(unit_latency(F))) i_h (
+      .clk_i, .d_i({hx, hy}), .q_o({hx_late, hy_late})
+    );
+    assign out_x = Wf'(hx_late) <<< 1;
+    assign out_y = Wf'(hy_late) <<< 1;
+    assign out_z = config_i.exit_z[Wf-1:0];
+    assign {out_dx, out_dy, out_dz} = {ex, ey, ez};
+    assign out_missed = Aims && beyond_late;
+    assign out_reflected = 1'b0;
+    assign out_crosstalk = stray_late && Model != ModelPinhole;
+  end else begin : gen_exact
+    // Direction in which the dome is met, and the air's tangential part of n d.
+    localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
+    logic signed [W-1:0] first_dx, first_dy, first_dz;
+    if (Viewer) begin : gen_air
+      assign {first_dx, first_dy, first_dz} = {ex, ey, ez};
+    end else begin : gen_glass
+      enter_flat #(.F(F)) i_enter_flat (
+        .clk_i, .ex_i(ex), .ey_i(ey), .index_inverse_i(config_i.index_inverse[W-1:0]),
+        .tx_o(first_dx), .ty_o(first_dy), .dz_o(first_dz)
+      );
+      logic unused_ez;
+      assign unused_ez = ^ez;
+    end
+
+    // ---- the domes on the way ----
+    localparam int StepLatency = cell_step_latency(Grid, F);
+    localparam int WalkLatency = walk_latency(Grid, F);
+    localparam int MeetLatency = meet_dome_latency(F);
+    localparam int LastAt = FirstAt + Walk * WalkLatency;  // the last dome is tried from here
+    logic [Walk:0][Wh-1:0] walk_hx, walk_hy;
+    logic [Walk:0][W-1:0] walk_dx, walk_dy, walk_dz, walk_nx, walk_ny, walk_nz, walk_cos;
+    logic [Walk:0][IndexBits-1:0] walk_i, walk_j;
+    logic [Walk:0][Wf-1:0] walk_s;
+    logic [Walk:0] walk_missed;
+    delay #(.Width(2 * Wh), .Cycles(FirstAt - SlopeAt)) i_h (
+      .clk_i, .d_i({hx, hy}), .q_o({walk_hx[0], walk_hy[0]})
+    );
+    delay #(.Width(2 * IndexBits), .Cycles(FirstAt - LensAt)) i_lens (
+      .clk_i, .d_i({lens_i, lens_j}), .q_o({walk_i[0], walk_j[0]})
+    );
+    assign {walk_dx[0], walk_dy[0], walk_dz[0]} = {first_dx, first_dy, first_dz};
+
+    for (genvar k = 0; k <= Walk; k++) begin : gen_walk
+      meet_dome #(.F(F), .Upward(!Viewer)) i_meet_dome (
+        .clk_i, .hx_i(walk_hx[k]), .hy_i(walk_hy[k]),
+        .dx_i(walk_dx[k]), .dy_i(walk_dy[k]), .dz_i(walk_dz[k]),
+        .zc_i(config_i.depth[Wf-1:0]), .oz_i(config_i.depth_rest[F+8:0]),
+        .nx_o(walk_nx[k]), .ny_o(walk_ny[k]), .nz_o(walk_nz[k]),
+        .cos_o(walk_cos[k]), .s_o(walk_s[k]), .missed_o(walk_missed[k])
+      );
+      if (k < Walk) begin : gen_next
+        logic signed [1:0] di, dj;
+        logic signed [Wh-1:0] hx_late, hy_late;
+        logic signed [IndexBits-1:0] i_late, j_late;
+        logic unused_inside;
+        cell_step #(.F(F), .Grid(Grid)) i_cell_step (
+          .clk_i, .nx_i(walk_nx[k]), .ny_i(walk_ny[k]), .half_i(config_i.cell_half[W-1:0]),
+          .di_o(di), .dj_o(dj), .inside_o(unused_inside)
+        );
+        delay #(.Width(2 * Wh), .Cycles(MeetLatency + StepLatency)) i_h_late (
+          .clk_i, .d_i({walk_hx[k], walk_hy[k]}), .q_o({hx_late, hy_late})
+        );
+        move_lenslet #(.F(F), .Grid(Grid)) i_move_lenslet (
+          .clk_i, .hx_i(hx_late), .hy_i(hy_late), .di_i(di), .dj_i(dj),
+          .cx_i(config_i.cell_pitch_x[W-1:0]), .cy_i(config_i.cell_pitch_y[W-1:0]),
+          .hx_o(walk_hx[k+1]), .hy_o(walk_hy[k+1])
+        );
+        delay #(.Width(2 * IndexBits), .Cycles(MeetLatency + StepLatency)) i_lens_late (
+          .clk_i, .d_i({walk_i[k], walk_j[k]}), .q_o({i_late, j_late})
+        );
+        logic signed [IndexBits-1:0] i_q, j_q;
+        always_ff @(posedge clk_i) begin
+          i_q <= i_late + IndexBits'(di);
+          j_q <= j_late + IndexBits'(dj);
+          walk_i[k+1] <= i_q;
+          walk_j[k+1] <= j_q;
+        end
+        delay #(.Width(3 * W), .Cycles(WalkLatency)) i_d (
+          .clk_i, .d_i({walk_dx[k], walk_dy[k], walk_dz[k]}),
+          .q_o({walk_dx[k+1], walk_dy[k+1], walk_dz[k+1]})
+        );
+        logic unused_walk;
+        assign unused_walk = ^{walk_nz[k], walk_cos[k], walk_s[k], walk_missed[k]};
+      end
+    end
+
+    // ---- the dome that was met ----
+    localparam int DomeAt = LastAt + MeetLatency;
+    logic signed [W-1:0] nx, ny, nz, dome_ex, dome_ey;
+    assign {nx, ny, nz} = {walk_nx[Walk], walk_ny[Walk], walk_nz[Walk]};
+    delay #(.Width(2 * W), .Cycles(DomeAt - UnitAt)) i_e (
+      .clk_i, .d_i({ex, ey}), .q_o({dome_ex, dome_ey})
+    );
+    logic inside_late, missed_late, reflected;
+    if (Aims || Viewer) begin : gen_inside
+      logic settled;
+      logic [1:0] unused_di, unused_dj;
+      cell_step #(.F(F), .Grid(Grid)) i_cell_step (
+        .clk_i, .nx_i(nx), .ny_i(ny), .half_i(config_i.cell_half[W-1:0]),
+        .di_o(unused_di), .dj_o(unused_dj), .inside_o(settled)
+      );
+      delay #(.Width(1), .Cycles(OutAt - DomeAt - StepLatency)) i_inside (
+        .clk_i, .d_i(settled), .q_o(inside_late)
+      );
+    end else begin : gen_own
+      // A chief ray through the flat face stays in its lenslet.
+      assign inside_late = 1'b1;
+    end
+    delay #(.Width(1), .Cycles(OutAt - DomeAt)) i_missed (
+      .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_late)
+    );
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt)) i_lens_out (
+      .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({out_i, out_j})
+    );
+
+    if (Viewer) begin : gen_viewer
+      localparam int GlassAt = DomeAt + dome_latency(F);
+      logic signed [W-1:0] glass_dx, glass_dy, glass_nx, glass_ny, glass_nz;
+      enter_dome #(.F(F)) i_enter_dome (
+        .clk_i, .nx_i(nx), .ny_i(ny), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
+        .ex_i(dome_ex), .ey_i(dome_ey),
+        .index_inverse_i(config_i.index_inverse[W-1:0]),
+        .index_inverse_square_i(config_i.index_inverse_square[Wf-1:0]),
+        .dx_o(glass_dx), .dy_o(glass_dy)
+      );
+      delay #(.Width(3 * W), .Cycles(GlassAt - DomeAt)) i_n (
+        .clk_i, .d_i({nx, ny, nz}), .q_o({glass_nx, glass_ny, glass_nz})
+      );
+      leave_flat #(.F(F)) i_leave_flat (
+        .clk_i, .nx_i(glass_nx), .ny_i(glass_ny), .nz_i(glass_nz),
+        .dx_i(glass_dx), .dy_i(glass_dy), .zc_i(config_i.depth[Wf-1:0]),
+        .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
+        .x_o(out_x), .y_o(out_y), .dx_o(out_dx), .dy_o(out_dy), .dz_o(out_dz),
+        .reflected_o(reflected)
+      );
+      assign out_z = config_i.exit_z[Wf-1:0];
+      logic unused_dz;
+      assign unused_dz = ^walk_dz[Walk];
+    end else begin : gen_panel
+      logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz;
+      logic signed [W-1:0] late_nx, late_ny, late_nz, glass_dx, glass_dy, glass_dz;
+      delay #(.Width(W), .Cycles(DomeAt - LastAt)) i_dz (
+        .clk_i, .d_i(walk_dz[Walk]), .q_o(dome_dz)
+      );
+      leave_dome #(.F(F)) i_leave_dome (
+        .clk_i, .nx_i(nx), .ny_i(ny), .nz_i(nz), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
+        .ex_i(dome_ex), .ey_i(dome_ey), .dz_i(dome_dz),
+        .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
+        .dx_o(air_dx), .dy_o(air_dy), .dz_o(air_dz), .reflected_o(reflected)
+      );
+      delay #(.Width(3 * W), .Cycles(OutAt - DomeAt)) i_n (
+        .clk_i, .d_i({nx, ny, nz}), .q_o({late_nx, late_ny, late_nz})
+      );
+      delay #(.Width(3 * W), .Cycles(OutAt - LastAt)) i_glass (
+        .clk_i, .d_i({walk_dx[Walk], walk_dy[Walk], walk_dz[Walk]}),
+        .q_o({glass_dx, glass_dy, glass_dz})
+      );
+      assign out_x = Wf'(late_nx);
+      assign out_y = Wf'(late_ny);
+      assign out_z = Wf'(late_nz) - (Wf'(1) <<< (F + 1));
+      // A ray that does not get out keeps the direction in the glass.
+      assign {out_dx, out_dy, out_dz} = reflected || missed_late ?
+          {glass_dx, glass_dy, glass_dz} : {air_dx, air_dy, air_dz};
+    end
+
+    // ---- its fate ----
+    logic signed [IndexBits-1:0] own_i_late, own_j_late;
+    if (Walk > 0) begin : gen_own_late
+      delay #(.Width(2 * IndexBits), .Cycles(OutAt - pixel_latency() - lenslet_latency(Grid))) i_own (
+        .clk_i, .d_i({own_i, own_j}), .q_o({own_i_late, own_j_late})
+      );
+    end else begin : gen_aimed
+      assign {own_i_late, own_j_late} = '0;
+    end
+    assign out_missed = missed_late || !inside_late || (Aims && beyond_late);
+    assign out_reflected = reflected;
+    assign out_crosstalk = Walk > 0 ? out_i != own_i_late || out_j != own_j_late : stray_late;
+    logic unused_late;
+    assign unused_late = stray_late ^ beyond_late ^ (^{own_i_late, own_j_late});
+  end
+
+  // ---- exit ray, and its fate ----
+  logic signed [IndexBits-1:0] i_q, j_q;
+  logic signed [Wf-1:0] x_q2, y_q2, z_q2;
+  logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
+  logic missed_q, reflected_q, blocked_q, crosstalk_q;
+  always_ff @(posedge clk_i) begin
+    {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2} <=
+        {out_i, out_j, out_x, out_y, out_z, out_dx, out_dy, out_dz};
+    {missed_q, reflected_q, blocked_q, crosstalk_q} <=
+        {out_missed, out_reflected, out_dz[W-1], out_crosstalk};
+    {i_o, j_o, x_o, y_o, z_o, dx_o, dy_o, dz_o} <=
+        {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2};
+    if (missed_q) status_o <= StatusMissed;
+    else if (reflected_q) status_o <= StatusInternalReflection;
+    else if (blocked_q || dz_q2 == '0) status_o <= StatusBlocked;
+    else if (crosstalk_q) status_o <= StatusCrosstalk;
+    else status_o <= StatusOk;
+  end
+
+endmodule

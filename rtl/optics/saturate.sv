@@ -1,0 +1,17 @@
+/// Narrows a signed word: values that do not fit become the largest or smallest. Latency 1.
+module saturate #(
+  parameter int From = 20,
+  parameter int To = 18
+) (
+  input  logic                   clk_i,
+  input  logic signed [From-1:0] d_i,
+  output logic signed [To-1:0]   q_o
+);
+
+  logic fits;
+  assign fits = d_i[From-1:To-1] == {(From - To + 1){d_i[From-1]}};
+  always_ff @(posedge clk_i) begin
+    q_o <= fits ? d_i[To-1:0] : {d_i[From-1], {(To - 1){~d_i[From-1]}}};
+  end
+
+endmodule

@@ -1,0 +1,69 @@
+/// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1), the cosine of a squared cosine.
+///
+/// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word.
+/// Normalise = 0 takes x in [1/4, 1) only. Normalise = 1 takes all: with k the largest number, at
+/// most 15, for which 4^k x < 1, the root of 4^k x is shifted back,
+///
+///   y = min(floor((floor(q / 2^k) + 4) / 8), 2^(F + 1) - 1) / 2^(F + 1), q from `quadratic`.
+///
+/// and 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
+module sqrt #(
+  parameter int F = 23,
+  parameter bit Normalise = 1'b1
+) (
+  input  logic                clk_i,
+  input  logic        [F+2:0] x_i,
+  output logic signed [F+1:0] y_o
+);
+  import optics_pkg::*;
+
+  localparam int J = F + 3;
+  logic [J-1:0] scaled;
+  logic [F+4:0] q, shifted;
+
+  if (Normalise) begin : gen_normalise
+    // k in binary: shifts by 16, 8, 4 and 2 places where the bits above are clear.
+    logic [J-1:0] stage_q[4];
+    logic [3:0] k_q[4];
+    logic [3:0] k_late;
+    logic zero_late;
+    logic [F+4:0] half_q, shifted_q;
+    logic [1:0] k_rest_q;
+    logic clear16, clear8, clear4, clear2;
+    assign clear16 = x_i[J-1-:16] == '0;
+    assign clear8 = stage_q[0][J-1-:8] == '0;
+    assign clear4 = stage_q[1][J-1-:4] == '0;
+    assign clear2 = stage_q[2][J-1-:2] == '0;
+    always_ff @(posedge clk_i) begin
+      stage_q[0] <= clear16 ? x_i << 16 : x_i;
+      stage_q[1] <= clear8 ? stage_q[0] << 8 : stage_q[0];
+      stage_q[2] <= clear4 ? stage_q[1] << 4 : stage_q[1];
+      stage_q[3] <= clear2 ? stage_q[2] << 2 : stage_q[2];
+      k_q[0] <= {clear16, 3'b0};
+      k_q[1] <= {k_q[0][3], clear8, 2'b0};
+      k_q[2] <= {k_q[1][3:2], clear4, 1'b0};
+      k_q[3] <= {k_q[2][3:1], clear2};
+    end
+    assign scaled = stage_q[3];
+
+    delay #(.Width(5), .Cycles(quadratic_latency())) i_k (
+      .clk_i, .d_i({stage_q[3][J-1-:2] == '0, k_q[3]}), .q_o({zero_late, k_late})
+    );
+    always_ff @(posedge clk_i) begin
+      half_q <= zero_late ? '0 : q >> {k_late[3:2], 2'b0};
+      k_rest_q <= k_late[1:0];
+      shifted_q <= half_q >> k_rest_q;
+    end
+    assign shifted = shifted_q;
+  end else begin : gen_plain
+    assign scaled = x_i;
+    assign shifted = q;
+  end
+
+  quadratic #(.F(F), .Root(RootSquare)) i_quadratic (.clk_i, .x_i(scaled), .y_o(q));
+
+  logic [F+1:0] rounded_d;
+  assign rounded_d = (F+2)'((shifted + (F+5)'(4)) >> Guard);
+  always_ff @(posedge clk_i) y_o <= rounded_d[F+1] ? {1'b0, {(F + 1){1'b1}}} : rounded_d;
+
+endmodule

@@ -1,0 +1,58 @@
+/// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
+///
+///   x  = 1 + floor((floor(m_x^2 2^(F+4)) + floor(m_y^2 2^(F+4)) + 4) / 2^3) / 2^(F+1)
+///   ez = rsqrt(x),   ex = round(m_x ez), ey = round(m_y ez), with 3 guard bits
+///
+/// Input: wide words, m_x^2 + m_y^2 < 3. Output: near words. Latency unit_latency(F).
+module unit_slope #(
+  parameter int F = 23
+) (
+  input  logic                clk_i,
+  input  logic signed [F+1:0] mx_i,
+  input  logic signed [F+1:0] my_i,
+  output logic signed [F+1:0] ex_o,
+  output logic signed [F+1:0] ey_o,
+  output logic signed [F+1:0] ez_o
+);
+  import optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int MulLatency = mul_latency(W, W);
+
+  // ---- 1 + m^2 ----
+  localparam int SquareDrop = F - 4;
+  localparam int Wq = 2 * W - SquareDrop;
+  logic signed [Wq-1:0] mx2, my2, sum_q;
+  logic [F+2:0] square_q;
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_mx2 (
+    .clk_i, .a_i(mx_i), .b_i(mx_i), .p_o(mx2)
+  );
+  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_my2 (
+    .clk_i, .a_i(my_i), .b_i(my_i), .p_o(my2)
+  );
+  always_ff @(posedge clk_i) begin
+    sum_q <= mx2 + my2;
+    square_q <= (F + 3)'((sum_q + ((Wq'(1) << (F + 4)) + Wq'(4))) >>> Guard);
+  end
+
+  // ---- 1 / sqrt(1 + m^2) ----
+  logic signed [W-1:0] ez;
+  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q), .y_o(ez));
+
+  // ---- the direction ----
+  localparam int Drop = F - Guard;
+  localparam int Wp = 2 * W - Drop;
+  logic signed [W-1:0] mx_late, my_late;
+  logic signed [Wp-1:0] ex, ey;
+  delay #(.Width(2 * W), .Cycles(MulLatency + 2 + rsqrt_latency())) i_slope (
+    .clk_i, .d_i({mx_i, my_i}), .q_o({mx_late, my_late})
+  );
+  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ex (.clk_i, .a_i(mx_late), .b_i(ez), .p_o(ex));
+  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ey (.clk_i, .a_i(my_late), .b_i(ez), .p_o(ey));
+  always_ff @(posedge clk_i) begin
+    ex_o <= W'((ex + Wp'(4)) >>> Guard);
+    ey_o <= W'((ey + Wp'(4)) >>> Guard);
+  end
+  delay #(.Width(W), .Cycles(MulLatency + 1)) i_ez (.clk_i, .d_i(ez), .q_o(ez_o));
+
+endmodule

@@ -1,0 +1,109 @@
+// The batch harness: the Verilated ray-lenslet engine as a shared library, arrays in, arrays out.
+//
+// Rays are offered and taken with random pauses when asked, so that a comparison of results also
+// tests the handshake. Compiled once for each build of the RTL by lippmann.sim.harness.
+#include <cstdint>
+#include <cstring>
+#include <memory>
+
+#include "Vray_lenslet.h"
+#include "verilated.h"
+
+namespace {
+
+// xorshift64*: cheap pauses that a seed repeats.
+class Random {
+ public:
+  explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
+  // True with a chance of `share` in 256.
+  bool chance(uint32_t share) {
+    state_ ^= state_ >> 12;
+    state_ ^= state_ << 25;
+    state_ ^= state_ >> 27;
+    return (state_ * 2685821657736338717ULL >> 56) < share;
+  }
+
+ private:
+  uint64_t state_;
+};
+
+template <typename T>
+int32_t signed_word(T word, int bits) {
+  const int shift = 32 - bits;
+  return static_cast<int32_t>(static_cast<uint32_t>(word) << shift) >> shift;
+}
+
+void clock(Vray_lenslet& top) {
+  top.clk_i = 1;
+  top.eval();
+  top.clk_i = 0;
+  top.eval();
+}
+
+}  // namespace
+
+extern "C" {
+
+// Traces `count` rays: 4 input words (u, v, a, b) and 9 output words (i, j, x, y, z, dx, dy, dz,
+// status) each. `config` holds the bits of optics_config_t, least significant word first. Pauses at
+// the input and at the output have a chance of idle and stall in 256. Returns the clocks from the
+// first offer to the last ray, or -1 when rays stop coming.
+int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config, int32_t* out,
+                       uint64_t seed, uint32_t idle, uint32_t stall) {
+  auto context = std::make_unique<VerilatedContext>();
+  auto top = std::make_unique<Vray_lenslet>(context.get());
+  Random random(seed);
+  std::memcpy(top->config_i.data(), config, sizeof(top->config_i));
+  top->rst_ni = 0;
+  top->apply_i = 0;
+  top->ray_valid_i = 0;
+  top->exit_ready_i = 0;
+  clock(*top);
+  clock(*top);
+  top->rst_ni = 1;
+  while (top->busy_o) clock(*top);
+
+  const int64_t patience = 4096;
+  int64_t sent = 0, received = 0, clocks = 0, waited = 0;
+  bool offered = false;
+  while (received < count) {
+    if (!offered && sent < count && !(idle && random.chance(idle))) {
+      const int32_t* ray = in + 4 * sent;
+      top->ray_u_i = ray[0] & 0x3ffff;
+      top->ray_v_i = ray[1] & 0x3ffff;
+      top->ray_a_i = ray[2] & ((1u << LIPPMANN_NEAR) - 1);
+      top->ray_b_i = ray[3] & ((1u << LIPPMANN_NEAR) - 1);
+      offered = true;
+    }
+    top->ray_valid_i = offered;
+    top->exit_ready_i = !(stall && random.chance(stall));
+    // The handshakes of this clock are known before it: both depend on registers only.
+    const bool accepted = offered && top->ray_ready_o;
+    if (top->exit_valid_o && top->exit_ready_i) {
+      int32_t* ray = out + 9 * received;
+      ray[0] = signed_word(top->exit_i_o, 12);
+      ray[1] = signed_word(top->exit_j_o, 12);
+      ray[2] = signed_word(top->exit_x_o, LIPPMANN_NEAR + 2);
+      ray[3] = signed_word(top->exit_y_o, LIPPMANN_NEAR + 2);
+      ray[4] = signed_word(top->exit_z_o, LIPPMANN_NEAR + 2);
+      ray[5] = signed_word(top->exit_dx_o, LIPPMANN_NEAR);
+      ray[6] = signed_word(top->exit_dy_o, LIPPMANN_NEAR);
+      ray[7] = signed_word(top->exit_dz_o, LIPPMANN_NEAR);
+      ray[8] = top->exit_status_o;
+      ++received;
+      waited = 0;
+    } else if (++waited > patience) {
+      return -1;
+    }
+    clock(*top);
+    ++clocks;
+    if (accepted) {
+      ++sent;
+      offered = false;
+    }
+  }
+  top->final();
+  return clocks;
+}
+
+}  // extern "C"
