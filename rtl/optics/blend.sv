@@ -7,6 +7,7 @@
 /// second product out. Latency blend_latency(F).
 module blend #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter bit Second = 1'b1
 ) (
   input  logic                clk_i,
@@ -23,9 +24,13 @@ module blend #(
   localparam int Wp = 2 * W - Drop;
 
   logic signed [Wp-1:0] kx, la, sum_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
   if (Second) begin : gen_second
-    multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la));
+    multiplier #(
+      .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+    ) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la));
   end else begin : gen_alone
     assign la = '0;
     logic unused_second;

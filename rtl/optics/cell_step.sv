@@ -9,6 +9,7 @@
 /// Words: near. Latency cell_step_latency(Grid, F).
 module cell_step #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = optics_pkg::GridSquare
 ) (
   input  logic                clk_i,
@@ -32,7 +33,7 @@ module cell_step #(
     logic signed [Wp-1:0] rise, sum_q;
     logic signed [W-1:0] nx_late;
     logic signed [W:0] q0_q, q1_q, q2_q, q1_d;
-    multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_rise (
+    multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
       .clk_i, .a_i(ny_i), .b_i(HalfSqrt3), .p_o(rise)
     );
     delay #(.Width(W), .Cycles(mul_latency(W, W))) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));

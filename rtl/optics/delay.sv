@@ -1,7 +1,7 @@
 /// Delays a word by a fixed number of cycles: q(t) = d(t - Cycles).
 ///
-/// Long delays are chains of ring memories of 16 places: a simulator touches few words a cycle, and
-/// synthesis finds the small memories of FPGAs instead of chains of registers.
+/// Longer delays are ring memories, small ones in logic or large ones in block memory: a simulator
+/// touches few words a cycle, and synthesis finds memories instead of chains of registers.
 module delay #(
   parameter int Width = 1,   // bits of the word
   parameter int Cycles = 1   // latency, 0 or more
@@ -11,7 +11,8 @@ module delay #(
   output logic [Width-1:0] q_o
 );
 
-  localparam int Longest = 17;  // cycles of a ring of 16 places
+  localparam int LongestChain = 5;
+  localparam int LongestRing = 17;  // 16 places
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "delay: Width must be 1 or more and Cycles 0 or more");
@@ -21,20 +22,20 @@ module delay #(
     assign q_o = d_i;
     logic unused_clk;
     assign unused_clk = clk_i;
-  end else if (Cycles == 1) begin : gen_one
-    always_ff @(posedge clk_i) q_o <= d_i;
-  end else if (Cycles == 2) begin : gen_two
-    logic [Width-1:0] q1;
-    always_ff @(posedge clk_i) begin
-      q1  <= d_i;
-      q_o <= q1;
+  end else if (Cycles <= LongestChain) begin : gen_chain
+    for (genvar k = 0; k < Cycles; k++) begin : gen_stage
+      logic [Width-1:0] q;
+      if (k == 0) begin : gen_first
+        always_ff @(posedge clk_i) q <= d_i;
+      end else begin : gen_next
+        always_ff @(posedge clk_i) q <= gen_stage[k-1].q;
+      end
     end
-  end else if (Cycles <= Longest) begin : gen_ring
+    assign q_o = gen_stage[Cycles-1].q;
+  end else if (Cycles <= LongestRing) begin : gen_ring
     ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
-  end else begin : gen_chain
-    logic [Width-1:0] between;
-    ring #(.Width(Width), .Cycles(Longest)) i_first (.clk_i, .d_i, .q_o(between));
-    delay #(.Width(Width), .Cycles(Cycles - Longest)) i_rest (.clk_i, .d_i(between), .q_o);
+  end else begin : gen_block_ring
+    block_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
   end
 
 endmodule

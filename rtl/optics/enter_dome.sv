@@ -1,6 +1,7 @@
 /// Step 4, plano side to the viewer: refraction into the glass at the dome.
 ///
-/// d' = e/n - (cos' - cos/n) N; the part along the axis follows from the unit length at the flat face.
+/// d' = e/n - (cos' - cos/n) N; the part along the axis follows from the unit length at the flat
+/// face.
 ///
 ///   C'   = 1 - s / n^2                        s = 1 - cos^2; product cut at F + 3 fraction bits
 ///   cos' = sqrt(min(max(C', 0), 1 - 2^-(F+3)))
@@ -9,7 +10,8 @@
 ///
 /// Latency dome_latency(F).
 module enter_dome #(
-  parameter int F = 23
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // near
@@ -34,7 +36,7 @@ module enter_dome #(
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
   logic [F+2:0] clamped_q;
-  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i(s_i), .b_i(index_inverse_square_i), .p_o(sine)
   );
   always_ff @(posedge clk_i) begin
@@ -50,7 +52,7 @@ module enter_dome #(
   localparam int Wc = 2 * W - CosDrop;
   logic signed [Wc-1:0] cos_air_early, cos_air, bend_wide_q;
   logic signed [W-1:0] bend_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(CosDrop)) i_cos (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(CosDrop)) i_cos (
     .clk_i, .a_i(cos_i), .b_i(index_inverse_i), .p_o(cos_air_early)
   );
   delay #(.Width(Wc), .Cycles(CosLatency - mul_latency(W, W))) i_cos_match (
@@ -72,17 +74,21 @@ module enter_dome #(
   delay #(.Width(2 * W), .Cycles(BendLatency)) i_normal (
     .clk_i, .d_i({nx_i, ny_i}), .q_o({nx, ny})
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(RatioDrop)) i_tx (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(RatioDrop)) i_tx (
     .clk_i, .a_i(ex_i), .b_i(index_inverse_i), .p_o(tx_early)
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(RatioDrop)) i_ty (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(RatioDrop)) i_ty (
     .clk_i, .a_i(ey_i), .b_i(index_inverse_i), .p_o(ty_early)
   );
   delay #(.Width(2 * (Wp - 1)), .Cycles(BendLatency)) i_t (
     .clk_i, .d_i({tx_early, ty_early}), .q_o({tx, ty})
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(BendDrop)) i_kx (.clk_i, .a_i(bend_q), .b_i(nx), .p_o(kx));
-  multiplier #(.Wa(W), .Wb(W), .Drop(BendDrop)) i_ky (.clk_i, .a_i(bend_q), .b_i(ny), .p_o(ky));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(BendDrop)
+  ) i_kx (.clk_i, .a_i(bend_q), .b_i(nx), .p_o(kx));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(BendDrop)
+  ) i_ky (.clk_i, .a_i(bend_q), .b_i(ny), .p_o(ky));
   always_ff @(posedge clk_i) begin
     dx_q <= Wp'(tx) - kx;
     dy_q <= Wp'(ty) - ky;

@@ -10,7 +10,8 @@
 /// Words: near. 1/n is at most sqrt(3)/2 of what |e| < sqrt(3)/2 leaves: x >= 1/4.
 /// Latency enter_flat_latency(F).
 module enter_flat #(
-  parameter int F = 23
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] ex_i,
@@ -29,10 +30,10 @@ module enter_flat #(
   localparam int Wp = 2 * W - Drop;
   logic signed [Wp-1:0] tx, ty;
   logic signed [W-1:0] tx_q, ty_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_tx (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_tx (
     .clk_i, .a_i(ex_i), .b_i(index_inverse_i), .p_o(tx)
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ty (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_ty (
     .clk_i, .a_i(ey_i), .b_i(index_inverse_i), .p_o(ty)
   );
   always_ff @(posedge clk_i) begin
@@ -45,10 +46,10 @@ module enter_flat #(
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;
   logic [F+2:0] square_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
     .clk_i, .a_i(tx_q), .b_i(tx_q), .p_o(tx2)
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
     .clk_i, .a_i(ty_q), .b_i(ty_q), .p_o(ty2)
   );
   always_ff @(posedge clk_i) begin

@@ -36,7 +36,7 @@ module fifo #(
   );
 
   // ---- places at the output ----
-  logic [3:0][Width-1:0] place_q;
+  logic [Width-1:0] place_q[4];
   logic [1:0] put_q, get_q;
   logic [2:0] ready_words_q;
   assign valid_o = ready_words_q != '0;

@@ -1,8 +1,9 @@
 /// Valid and ready around a pipeline that never stops: rays enter only while there is room for all.
 ///
-/// A ray accepted at the input is marked valid and comes out Latency clocks later into a FIFO, whose
-/// room was set aside when it was accepted. Nothing in the pipeline needs an enable, and back-pressure
-/// costs no bubble: up to 2^AddressBits rays are on the way or wait, more than Latency.
+/// A ray accepted at the input is marked valid and comes out Latency clocks later into a FIFO,
+/// whose room was set aside when it was accepted. Nothing in the pipeline needs an enable, and
+/// back-pressure costs no bubble: up to 2^AddressBits rays are on the way or wait, more than
+/// Latency.
 ///
 /// hold_i closes the input; idle_o tells that no ray is on the way or waits, so that what the
 /// pipeline computes with may change.
@@ -17,7 +18,7 @@ module flow_control #(
   output logic             idle_o,
   input  logic             valid_i,
   output logic             ready_o,
-  input  logic [Width-1:0] piped_i,  // what the pipeline gives, Latency clocks after its ray went in
+  input  logic [Width-1:0] piped_i,  // from the pipeline, Latency clocks after its ray went in
   output logic             valid_o,
   input  logic             ready_i,
   output logic [Width-1:0] data_o

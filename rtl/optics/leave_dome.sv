@@ -10,7 +10,8 @@
 /// Totally reflected (reflected_o) where C' <= 0. The exit direction is a near word.
 /// Latency dome_latency(F).
 module leave_dome #(
-  parameter int F = 23
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // near
@@ -40,7 +41,7 @@ module leave_dome #(
   logic signed [Ws-1:0] sine, c_q;
   logic [F+2:0] clamped_q;
   logic reflected_q;
-  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i(s_i), .b_i(index_square_i), .p_o(sine)
   );
   always_ff @(posedge clk_i) begin
@@ -57,7 +58,7 @@ module leave_dome #(
   localparam int Wc = 2 * W + 1 - CosDrop;
   logic signed [Wc-1:0] cos_glass_early, cos_glass, bend_wide_q;
   logic signed [W-1:0] bend_q;
-  multiplier #(.Wa(W), .Wb(W + 1), .Drop(CosDrop)) i_cos (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(CosDrop)) i_cos (
     .clk_i, .a_i(cos_i), .b_i(index_i), .p_o(cos_glass_early)
   );
   delay #(.Width(Wc), .Cycles(CosLatency - mul_latency(W, W + 1))) i_cos_match (
@@ -82,15 +83,21 @@ module leave_dome #(
   delay #(.Width(2 * W), .Cycles(BendLatency + mul_latency(W, W))) i_e (
     .clk_i, .d_i({ex_i, ey_i}), .q_o({ex, ey})
   );
-  multiplier #(.Wa(W), .Wb(W + 1), .Drop(Drop)) i_axial (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(Drop)) i_axial (
     .clk_i, .a_i(dz_i), .b_i(index_i), .p_o(axial_early)
   );
   delay #(
     .Width(Wp), .Cycles(BendLatency + mul_latency(W, W) - mul_latency(W, W + 1))
   ) i_axial_match (.clk_i, .d_i(axial_early), .q_o(axial));
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_kx (.clk_i, .a_i(bend_q), .b_i(nx), .p_o(kx));
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ky (.clk_i, .a_i(bend_q), .b_i(ny), .p_o(ky));
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_kz (.clk_i, .a_i(bend_q), .b_i(nz), .p_o(kz));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_kx (.clk_i, .a_i(bend_q), .b_i(nx), .p_o(kx));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_ky (.clk_i, .a_i(bend_q), .b_i(ny), .p_o(ky));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_kz (.clk_i, .a_i(bend_q), .b_i(nz), .p_o(kz));
   // The third place below the last of e is clear and takes the half.
   always_ff @(posedge clk_i) begin
     dx_q <= ((Wp'(ex) <<< Guard) | Wp'(4)) + Wp'(kx);

@@ -15,7 +15,8 @@
 /// dz = floor((floor(2 y r 2^(F+2)) + 1) / 2) / 2^(F+1).
 /// Latency leave_flat_latency(F).
 module leave_flat #(
-  parameter int F = 23
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // near
@@ -45,10 +46,10 @@ module leave_flat #(
   localparam int SquareLatency = mul_latency(W, W) + 2;
   logic signed [Wq-1:0] dx2, dy2, sum_q;
   logic [F+2:0] rest_q, g_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dx2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dx2 (
     .clk_i, .a_i(dx_i), .b_i(dx_i), .p_o(dx2)
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dy2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dy2 (
     .clk_i, .a_i(dy_i), .b_i(dy_i), .p_o(dy2)
   );
   always_ff @(posedge clk_i) begin
@@ -74,7 +75,7 @@ module leave_flat #(
   delay #(.Width(Wf), .Cycles(SquareLatency + rsqrt_latency() - 1)) i_depth (
     .clk_i, .d_i(depth_early_q), .q_o(depth)
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PathDrop)) i_path (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PathDrop)) i_path (
     .clk_i, .a_i(depth), .b_i(half_inverse), .p_o(path)
   );
   always_ff @(posedge clk_i) path_q <= Wf'((path + Wl'(1)) >>> 1);
@@ -93,10 +94,10 @@ module leave_flat #(
   delay #(.Width(2 * W), .Cycles(PathLatency + mul_latency(Wf, W))) i_n (
     .clk_i, .d_i({nx_i, ny_i}), .q_o({nx_late, ny_late})
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
     .clk_i, .a_i(path_q), .b_i(dx_late), .p_o(lx)
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
     .clk_i, .a_i(path_q), .b_i(dy_late), .p_o(ly)
   );
   always_ff @(posedge clk_i) begin
@@ -117,7 +118,7 @@ module leave_flat #(
   logic [F+2:0] clamped_q;
   logic reflected_q, reflected;
   logic signed [W-1:0] dz_air_early, dz_air;
-  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i($signed({1'b0, g_q})), .b_i(index_square_i), .p_o(sine)
   );
   always_ff @(posedge clk_i) begin
@@ -132,10 +133,10 @@ module leave_flat #(
   logic signed [Wo-1:0] ox, oy;
   logic signed [Wo-1:0] ox_q, oy_q;
   logic signed [W-1:0] dx_air, dy_air, dx_air_late, dy_air_late;
-  multiplier #(.Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_ox (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_ox (
     .clk_i, .a_i(dx_i), .b_i(index_i), .p_o(ox)
   );
-  multiplier #(.Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_oy (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(OutDrop)) i_oy (
     .clk_i, .a_i(dy_i), .b_i(index_i), .p_o(oy)
   );
   always_ff @(posedge clk_i) begin
@@ -158,7 +159,7 @@ module leave_flat #(
   delay #(.Width(Wf), .Cycles(rsqrt_latency())) i_rest (
     .clk_i, .d_i({1'b0, rest_q}), .q_o(rest_late)
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(GlassDrop)) i_glass (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(GlassDrop)) i_glass (
     .clk_i, .a_i(rest_late), .b_i(half_inverse), .p_o(glass)
   );
   always_ff @(posedge clk_i) dz_glass_q <= W'((glass + Wg'(1)) >>> 1);

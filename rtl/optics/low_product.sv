@@ -1,45 +1,54 @@
-/// Product of a signed word and a few unsigned bits, in logic: p(t) = a(t - L) * low(t - L).
+/// Product of a signed word and a few unsigned bits: p(t) = a(t - Latency) * low(t - Latency).
 ///
-/// Latency L = 1 + ceil(log2(ceil(Low / 2))): digits of two bits, summed pairwise in a tree.
+/// Cell = 0: in logic, digits of two bits, summed pairwise in a tree. Cell = 1: one hardware
+/// multiplier. Latency is optics_pkg::low_latency(Low), or more to match a sibling.
 module low_product #(
-  parameter int Low = 2,                            // bits of the unsigned factor, 1 or more
-  parameter int Latency = optics_pkg::low_latency(Low)  // may be raised to match a sibling
+  parameter int Low = 2,                                // bits of the unsigned factor, 1 to 17
+  parameter int Latency = optics_pkg::low_latency(Low),
+  parameter bit Cell = 1'b0
 ) (
-  input  logic                                clk_i,
-  input  logic signed [optics_pkg::MulBits-1:0] a_i,
-  input  logic        [Low-1:0]               low_i,
+  input  logic                                      clk_i,
+  input  logic signed [optics_pkg::MulBits-1:0]     a_i,
+  input  logic        [Low-1:0]                     low_i,
   output logic signed [optics_pkg::MulBits+Low-1:0] p_o
 );
   import optics_pkg::*;
 
+  localparam int Wp = MulBits + Low;
   localparam int Digits = (Low + 1) / 2;
-  localparam int Own = low_latency(Low);
+  localparam int Own = Cell ? 3 : 1 + $clog2(Digits);
 
-  if (Digits == 1) begin : gen_digit
-    logic signed [MulBits+Low-1:0] p_q;
-    always_ff @(posedge clk_i) p_q <= (MulBits + Low)'(a_i * $signed({1'b0, low_i}));
-    delay #(.Width(MulBits + Low), .Cycles(Latency - Own)) i_match (
-      .clk_i, .d_i(p_q), .q_o(p_o)
-    );
+  if (Low < 1 || Low > 17 || Latency < Own) begin : gen_illegal
+    $fatal(1, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes");
+  end
+
+  logic signed [Wp-1:0] p;
+  delay #(.Width(Wp), .Cycles(Latency - Own)) i_match (.clk_i, .d_i(p), .q_o(p_o));
+
+  if (Cell) begin : gen_cell
+    logic signed [2*MulBits-1:0] product;
+    mult18 i_cell (.clk_i, .a_i, .b_i($signed(MulBits'(low_i))), .p_o(product));
+    assign p = Wp'(product);
+    logic unused_sign;
+    assign unused_sign = ^product;
+  end else if (Digits == 1) begin : gen_digit
+    // Modulo 2^Wp the product of a signed word is that of an unsigned one.
+    logic [Wp-1:0] a;
+    assign a = Wp'(a_i);
+    always_ff @(posedge clk_i) p <= a * Wp'(low_i);
   end else begin : gen_tree
     // The lower branch takes the largest power of two of digits below their number.
     localparam int LowerDigits = 1 << ($clog2(Digits) - 1);
     localparam int Split = 2 * LowerDigits;
     logic signed [MulBits+Split-1:0]     lower;
     logic signed [MulBits+Low-Split-1:0] upper;
-    logic signed [MulBits+Low-1:0]       p_q;
     low_product #(.Low(Split), .Latency(Own - 1)) i_lower (
       .clk_i, .a_i, .low_i(low_i[Split-1:0]), .p_o(lower)
     );
     low_product #(.Low(Low - Split), .Latency(Own - 1)) i_upper (
       .clk_i, .a_i, .low_i(low_i[Low-1:Split]), .p_o(upper)
     );
-    always_ff @(posedge clk_i) begin
-      p_q <= (MulBits + Low)'(lower) + $signed({upper, Split'(0)});
-    end
-    delay #(.Width(MulBits + Low), .Cycles(Latency - Own)) i_match (
-      .clk_i, .d_i(p_q), .q_o(p_o)
-    );
+    always_ff @(posedge clk_i) p <= Wp'(lower) + $signed({upper, Split'(0)});
   end
 
 endmodule

@@ -15,6 +15,7 @@
 /// Latency meet_dome_latency(F).
 module meet_dome #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter bit Upward = 1'b1
 ) (
   input  logic                clk_i,
@@ -45,17 +46,17 @@ module meet_dome #(
   logic signed [Wd-1:0] bx, by, bz, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
   logic signed [Wf-1:0] b_q;
-  multiplier #(.Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
     .clk_i, .a_i(hx_i), .b_i(dx_i), .p_o(bx_early)
   );
-  multiplier #(.Wa(Wh), .Wb(W), .Drop(DotDrop)) i_by (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_by (
     .clk_i, .a_i(hy_i), .b_i(dy_i), .p_o(by_early)
   );
   delay #(.Width(2 * Wd), .Cycles(mul_latency(Wf, W) - mul_latency(Wh, W))) i_bxy (
     .clk_i, .d_i({Wd'(bx_early), Wd'(by_early)}), .q_o({bx, by})
   );
   if (Upward) begin : gen_bz
-    multiplier #(.Wa(Wf), .Wb(W), .Drop(DotDrop)) i_bz (
+    multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(DotDrop)) i_bz (
       .clk_i, .a_i(zc_i), .b_i(dz_i), .p_o(bz)
     );
     delay #(.Width(Wd), .Cycles(1)) i_bz_match (.clk_i, .d_i(bz), .q_o(bz_late));
@@ -79,10 +80,10 @@ module meet_dome #(
   localparam int Ws = 2 * Wf - SquareDrop;
   logic signed [2*Wh-SquareDrop-1:0] hx2, hy2;
   logic signed [Ws-1:0] h2_q, rest_q, rest, b2, c_q;
-  multiplier #(.Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hx2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hx2 (
     .clk_i, .a_i(hx_i), .b_i(hx_i), .p_o(hx2)
   );
-  multiplier #(.Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hy2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hy2 (
     .clk_i, .a_i(hy_i), .b_i(hy_i), .p_o(hy2)
   );
   always_ff @(posedge clk_i) begin
@@ -93,7 +94,7 @@ module meet_dome #(
     .Width(Ws),
     .Cycles(FootLatency + mul_latency(Wf, Wf) - mul_latency(Wh, Wh) - 2)
   ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
-  multiplier #(.Wa(Wf), .Wb(Wf), .Drop(SquareDrop), .Square(1'b1)) i_b2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SquareDrop), .Square(1'b1)) i_b2 (
     .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
   );
   always_ff @(posedge clk_i) c_q <= rest + b2;
@@ -136,13 +137,13 @@ module meet_dome #(
   delay #(.Width(2 * Wh), .Cycles(ReachLatency + mul_latency(Wf, W))) i_h (
     .clk_i, .d_i({hx_i, hy_i}), .q_o({hx_late, hy_late})
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
     .clk_i, .a_i(length_q), .b_i(dx_late), .p_o(lx)
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
     .clk_i, .a_i(length_q), .b_i(dy_late), .p_o(ly)
   );
-  multiplier #(.Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lz (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lz (
     .clk_i, .a_i(length_q), .b_i(dz_late), .p_o(lz)
   );
   // Four places below F are clear in V, the third of them takes the half.
@@ -152,9 +153,15 @@ module meet_dome #(
     ny_q <= ((Wn'(hy_late) <<< 4) | Wn'(4)) + ly;
     nz_q <= Upward ? ((Wn'(zc_i) <<< 4) | Wn'(4)) + lz : (One | Wn'(4)) - lz;
   end
-  saturate #(.From(Wn - Guard), .To(W)) i_nx (.clk_i, .d_i((Wn - Guard)'(nx_q >>> Guard)), .q_o(nx_o));
-  saturate #(.From(Wn - Guard), .To(W)) i_ny (.clk_i, .d_i((Wn - Guard)'(ny_q >>> Guard)), .q_o(ny_o));
-  saturate #(.From(Wn - Guard), .To(W)) i_nz (.clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o));
+  saturate #(
+    .From(Wn - Guard), .To(W)
+  ) i_nx (.clk_i, .d_i((Wn - Guard)'(nx_q >>> Guard)), .q_o(nx_o));
+  saturate #(
+    .From(Wn - Guard), .To(W)
+  ) i_ny (.clk_i, .d_i((Wn - Guard)'(ny_q >>> Guard)), .q_o(ny_o));
+  saturate #(
+    .From(Wn - Guard), .To(W)
+  ) i_nz (.clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o));
 
   // ---- what is known earlier waits ----
   localparam int PointLatency = 1 + mul_latency(Wf, W) + 2;

@@ -9,12 +9,12 @@ module mult18 (
   output logic signed [35:0] p_o
 );
 
-  logic signed [17:0] a_q, b_q;
-  logic signed [35:0] p_q;
+  // Of signed words the lower half of the product is that of unsigned ones.
+  logic [35:0] a_q, b_q, p_q;
 
   always_ff @(posedge clk_i) begin
-    a_q <= a_i;
-    b_q <= b_i;
+    a_q <= 36'(a_i);
+    b_q <= 36'(b_i);
     p_q <= a_q * b_q;
     p_o <= p_q;
   end

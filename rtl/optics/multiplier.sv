@@ -1,8 +1,9 @@
 /// Product of two signed words from one hardware multiplier, cut below a given place.
 ///
 /// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. The
-/// product of the upper parts comes from a multiplier cell, the cross terms from logic, and al bl,
-/// below every place that is kept, is left out:
+/// product of the upper parts comes from a multiplier cell, the cross terms from logic or from more
+/// cells (CrossCells: less logic, up to three times the multipliers), and al bl, below every place
+/// that is kept, is left out:
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
@@ -13,6 +14,7 @@ module multiplier #(
   parameter int Wb = 18,       // bits of b
   parameter int Drop = 0,      // places cut off
   parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  parameter bit CrossCells = 1'b0, // cross terms in multiplier cells instead of logic
   localparam int Wp = Wa + Wb - Drop
 ) (
   input  logic                 clk_i,
@@ -55,38 +57,34 @@ module multiplier #(
   end else begin : gen_split
     localparam int CrossLatency = low_latency(Ll);
     localparam int Rest = mul_latency(Wa, Wb) - 2;  // from the operands' register to the last sum
-    localparam int Wc = MulBits + La + Lb + 2;
+    // Both cross terms in units of 2^Lc.
+    localparam int Lc = La == 0 || Lb == 0 ? 0 : La < Lb ? La : Lb;
+    localparam int Wc = MulBits + La + Lb - Lc + 2;
     logic signed [Wc-1:0] cross_q;
 
-    if (Square) begin : gen_square
-      logic signed [MulBits+La-1:0] al_bh;
-      low_product #(.Low(La), .Latency(CrossLatency)) i_low (
-        .clk_i, .a_i(ah), .low_i(a_q[La-1:0]), .p_o(al_bh)
-      );
-      always_ff @(posedge clk_i) cross_q <= $signed({Wc'(al_bh)}) <<< (La + 1);
-    end else if (Lb == 0) begin : gen_a
-      logic signed [MulBits+La-1:0] al_bh;
-      low_product #(.Low(La), .Latency(CrossLatency)) i_low (
-        .clk_i, .a_i(bh), .low_i(a_q[La-1:0]), .p_o(al_bh)
-      );
-      always_ff @(posedge clk_i) cross_q <= Wc'(al_bh);
-    end else if (La == 0) begin : gen_b
+    if (La == 0) begin : gen_b
       logic signed [MulBits+Lb-1:0] ah_bl;
-      low_product #(.Low(Lb), .Latency(CrossLatency)) i_low (
+      low_product #(.Low(Lb), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
         .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
       );
       always_ff @(posedge clk_i) cross_q <= Wc'(ah_bl);
-    end else begin : gen_both
+    end else begin : gen_a
       logic signed [MulBits+La-1:0] al_bh;
-      logic signed [MulBits+Lb-1:0] ah_bl;
-      low_product #(.Low(La), .Latency(CrossLatency)) i_low_a (
+      low_product #(.Low(La), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
         .clk_i, .a_i(bh), .low_i(a_q[La-1:0]), .p_o(al_bh)
       );
-      low_product #(.Low(Lb), .Latency(CrossLatency)) i_low_b (
-        .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
-      );
-      always_ff @(posedge clk_i) begin
-        cross_q <= ($signed({Wc'(ah_bl)}) <<< La) + ($signed({Wc'(al_bh)}) <<< Lb);
+      if (Square) begin : gen_twice
+        always_ff @(posedge clk_i) cross_q <= Wc'(al_bh) <<< 1;
+      end else if (Lb == 0) begin : gen_alone
+        always_ff @(posedge clk_i) cross_q <= Wc'(al_bh);
+      end else begin : gen_both
+        logic signed [MulBits+Lb-1:0] ah_bl;
+        low_product #(.Low(Lb), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
+          .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
+        );
+        always_ff @(posedge clk_i) begin
+          cross_q <= (Wc'(ah_bl) <<< (La - Lc)) + (Wc'(al_bh) <<< (Lb - Lc));
+        end
       end
     end
 
@@ -96,7 +94,7 @@ module multiplier #(
       .clk_i, .d_i(Wp'(upper >>> (Drop - La - Lb))), .q_o(upper_cut)
     );
     delay #(.Width(Wp), .Cycles(Rest - CrossLatency - 1)) i_cross_match (
-      .clk_i, .d_i(Wp'(cross_q >>> Drop)), .q_o(cross_cut)
+      .clk_i, .d_i(Wp'(cross_q >>> (Drop - Lc))), .q_o(cross_cut)
     );
     always_ff @(posedge clk_i) p_o <= upper_cut + cross_cut;
   end

@@ -81,9 +81,12 @@ package optics_pkg;
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
-  /// Latency of `low_product`: two bits a digit, the digits summed in a tree.
+  /// Latency of `low_product`: two bits a digit, the digits summed in a tree; at least as long as a
+  /// multiplier cell takes.
   function automatic int low_latency(int low);
-    return low == 0 ? 0 : 1 + $clog2((low + 1) / 2);
+    int tree;
+    tree = 1 + $clog2((low + 1) / 2);
+    return low == 0 ? 0 : tree > 3 ? tree : 3;
   endfunction
 
   /// Latency of `multiplier`.
@@ -91,7 +94,7 @@ package optics_pkg;
     int low;
     low = low_bits(wa) > low_bits(wb) ? low_bits(wa) : low_bits(wb);
     if (low == 0) return 4;
-    return 2 + (low_latency(low) + 1 > 3 ? low_latency(low) + 1 : 3);
+    return 2 + low_latency(low) + 1;
   endfunction
 
   /// Segments of a root's table within each octave, as a power of two.

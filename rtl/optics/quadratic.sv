@@ -31,9 +31,8 @@ module quadratic #(
   localparam int W2 = S1 + 3 - 2 * A;      // c2, signed: |c2| < 2^-2A
   localparam int Entries = 1 << (A + 1);
 
-  typedef logic [Entries-1:0][W0-1:0] constants_t;
-  typedef logic [Entries-1:0][W1-1:0] slopes_t;
-  typedef logic [Entries-1:0][W2-1:0] bends_t;
+  localparam int Wt = W0 + W1 + W2;
+  typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry {c0, c1, c2}
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "quadratic: F must be 14 to 23");
@@ -51,34 +50,22 @@ module quadratic #(
     return value < 0.0 ? -$rtoi(0.5 - value) : $rtoi(value + 0.5);
   endfunction
 
-  function automatic constants_t make_constants();
-    for (int k = 0; k < Entries; k++) begin
-      make_constants[k] = W0'(nearest(root_at(k, 0.0) * real'(1 << (F + 4))));
-    end
-  endfunction
-
-  function automatic slopes_t make_slopes();
-    real node;
+  function automatic table_t make_table();
+    real node, middle, right, left;
     node = $sqrt(3.0) / 4.0;
     for (int k = 0; k < Entries; k++) begin
-      make_slopes[k] = W1'(nearest(
-          (root_at(k, node) - root_at(k, -node)) / (2.0 * node) * real'(1 << S1)));
+      middle = root_at(k, 0.0);
+      right = root_at(k, node);
+      left = root_at(k, -node);
+      make_table[k] = {
+        W0'(nearest(middle * real'(1 << (F + 4)))),
+        W1'(nearest((right - left) / (2.0 * node) * real'(1 << S1))),
+        W2'(nearest((right + left - 2.0 * middle) * (8.0 / 3.0) * real'(1 << (S1 + 2))))
+      };
     end
   endfunction
 
-  function automatic bends_t make_bends();
-    real node;
-    node = $sqrt(3.0) / 4.0;
-    for (int k = 0; k < Entries; k++) begin
-      make_bends[k] = W2'(nearest(
-          (root_at(k, node) + root_at(k, -node) - 2.0 * root_at(k, 0.0)) * (8.0 / 3.0)
-          * real'(1 << (S1 + 2))));
-    end
-  endfunction
-
-  localparam constants_t Constants = make_constants();
-  localparam slopes_t Slopes = make_slopes();
-  localparam bends_t Bends = make_bends();
+  localparam table_t Table = make_table();
 
   // Octave: one fraction whichever it is.
   logic [F+1:0] fraction_d;
@@ -93,28 +80,22 @@ module quadratic #(
 
   // Table, read in quarters first.
   localparam int Quarter = Entries / 4;
-  logic [3:0][W0-1:0] c0_quarters_q;
-  logic [3:0][W1-1:0] c1_quarters_q;
-  logic [3:0][W2-1:0] c2_quarters_q;
   logic [1:0] quarter_q;
   logic [W0-1:0] c0_q;
   logic signed [W1-1:0] c1_q;
   logic signed [W2-1:0] c2_q;
   for (genvar k = 0; k < 4; k++) begin : gen_quarter
-    localparam logic [Quarter-1:0][W0-1:0] C0 = Constants[k*Quarter+:Quarter];
-    localparam logic [Quarter-1:0][W1-1:0] C1 = Slopes[k*Quarter+:Quarter];
-    localparam logic [Quarter-1:0][W2-1:0] C2 = Bends[k*Quarter+:Quarter];
-    always_ff @(posedge clk_i) begin
-      c0_quarters_q[k] <= C0[segment_q[A-2:0]];
-      c1_quarters_q[k] <= C1[segment_q[A-2:0]];
-      c2_quarters_q[k] <= C2[segment_q[A-2:0]];
-    end
+    (* rom_style = "logic" *) logic [Wt-1:0] entries[Quarter];
+    initial for (int n = 0; n < Quarter; n++) entries[n] = Table[k*Quarter+n];
+    logic [Wt-1:0] entry_q;
+    always_ff @(posedge clk_i) entry_q <= entries[segment_q[A-2:0]];
   end
+  logic [Wt-1:0] lower, upper;
+  assign lower = quarter_q[0] ? gen_quarter[1].entry_q : gen_quarter[0].entry_q;
+  assign upper = quarter_q[0] ? gen_quarter[3].entry_q : gen_quarter[2].entry_q;
   always_ff @(posedge clk_i) begin
     quarter_q <= segment_q[A-:2];
-    c0_q <= c0_quarters_q[quarter_q];
-    c1_q <= $signed(c1_quarters_q[quarter_q]);
-    c2_q <= $signed(c2_quarters_q[quarter_q]);
+    {c0_q, c1_q, c2_q} <= quarter_q[1] ? upper : lower;
   end
 
   // slope = c1 + round(c2 z): c2 has two more fraction bits than c1, z has D.

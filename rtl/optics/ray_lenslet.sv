@@ -1,12 +1,14 @@
-/// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both sides.
+/// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both
+/// sides.
 ///
-/// Rays leave in the order in which they came. The optics in use are a copy of config_i: apply_i asks
-/// for a new copy, which is made as soon as the rays on the way have left (busy_o until then, and
+/// Rays leave in the order in which they came. The optics in use are a copy of config_i: apply_i
+/// asks for a new copy, which is made as soon as the rays on the way have left (busy_o until then, and
 /// the input is closed), so that no frame sees two displays. After reset a copy is made at once.
 ///
 /// Words as in `ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
 module ray_lenslet #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = optics_pkg::GridSquare,
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
@@ -67,7 +69,8 @@ module ray_lenslet #(
   logic signed [F+1:0] dx, dy, dz;
   status_e status;
   ray_pipeline #(
-    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk)
   ) i_pipeline (
     .clk_i, .config_i(config_q), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
     .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),

@@ -18,6 +18,7 @@
 /// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk).
 module ray_pipeline #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = optics_pkg::GridSquare,
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,  // plano side to the viewer
@@ -53,10 +54,15 @@ module ray_pipeline #(
   if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
     $fatal(1, "ray_pipeline: Grid must be GridSquare or GridHex");
   end
-  if (Model != ModelPinhole && Model != ModelParaxial && Model != ModelExact) begin : gen_illegal_model
+  if (Model != ModelPinhole && Model != ModelParaxial && Model != ModelExact)
+  begin : gen_illegal_model
     $fatal(1, "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact");
   end
-  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !(Aims || Viewer)))) begin : gen_illegal_walk
+  if (Aims && Model == ModelPinhole) begin : gen_illegal_aims
+    $fatal(1, "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray");
+  end
+  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !(Aims || Viewer))))
+  begin : gen_illegal_walk
     $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
   end
 
@@ -132,11 +138,11 @@ module ray_pipeline #(
 
   localparam bit SlopeAims = Aims && Model == ModelParaxial;
   logic signed [Wh-1:0] mx, my, hx, hy;
-  blend #(.F(F), .Second(SlopeAims)) i_mx (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims)) i_mx (
     .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
     .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx)
   );
-  blend #(.F(F), .Second(SlopeAims)) i_my (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims)) i_my (
     .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
     .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my)
   );
@@ -146,11 +152,11 @@ module ray_pipeline #(
     logic unused_point;
     assign unused_point = ^{x_q, y_q};
   end else begin : gen_point
-    blend #(.F(F), .Second(Aims)) i_hx (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims)) i_hx (
       .clk_i, .k_i(config_i.point_x[W-1:0]), .x_i(x_q),
       .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx)
     );
-    blend #(.F(F), .Second(Aims)) i_hy (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims)) i_hy (
       .clk_i, .k_i(config_i.point_y[W-1:0]), .x_i(y_q),
       .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy)
     );
@@ -158,7 +164,7 @@ module ray_pipeline #(
 
   localparam int UnitAt = SlopeAt + unit_latency(F);
   logic signed [W-1:0] ex, ey, ez;
-  unit_slope #(.F(F)) i_unit_slope (
+  unit_slope #(.F(F), .CrossCells(CrossCells)) i_unit_slope (
     .clk_i, .mx_i(W'(mx)), .my_i(W'(my)), .ex_o(ex), .ey_o(ey), .ez_o(ez)
   );
   logic unused_slope;  // slopes stay below sqrt(3)
@@ -199,7 +205,7 @@ module ray_pipeline #(
     if (Viewer) begin : gen_air
       assign {first_dx, first_dy, first_dz} = {ex, ey, ez};
     end else begin : gen_glass
-      enter_flat #(.F(F)) i_enter_flat (
+      enter_flat #(.F(F), .CrossCells(CrossCells)) i_enter_flat (
         .clk_i, .ex_i(ex), .ey_i(ey), .index_inverse_i(config_i.index_inverse[W-1:0]),
         .tx_o(first_dx), .ty_o(first_dy), .dz_o(first_dz)
       );
@@ -226,7 +232,7 @@ module ray_pipeline #(
     assign {walk_dx[0], walk_dy[0], walk_dz[0]} = {first_dx, first_dy, first_dz};
 
     for (genvar k = 0; k <= Walk; k++) begin : gen_walk
-      meet_dome #(.F(F), .Upward(!Viewer)) i_meet_dome (
+      meet_dome #(.F(F), .CrossCells(CrossCells), .Upward(!Viewer)) i_meet_dome (
         .clk_i, .hx_i(walk_hx[k]), .hy_i(walk_hy[k]),
         .dx_i(walk_dx[k]), .dy_i(walk_dy[k]), .dz_i(walk_dz[k]),
         .zc_i(config_i.depth[Wf-1:0]), .oz_i(config_i.depth_rest[F+8:0]),
@@ -238,7 +244,7 @@ module ray_pipeline #(
         logic signed [Wh-1:0] hx_late, hy_late;
         logic signed [IndexBits-1:0] i_late, j_late;
         logic unused_inside;
-        cell_step #(.F(F), .Grid(Grid)) i_cell_step (
+        cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
           .clk_i, .nx_i(walk_nx[k]), .ny_i(walk_ny[k]), .half_i(config_i.cell_half[W-1:0]),
           .di_o(di), .dj_o(dj), .inside_o(unused_inside)
         );
@@ -280,7 +286,7 @@ module ray_pipeline #(
     if (Aims || Viewer) begin : gen_inside
       logic settled;
       logic [1:0] unused_di, unused_dj;
-      cell_step #(.F(F), .Grid(Grid)) i_cell_step (
+      cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
         .clk_i, .nx_i(nx), .ny_i(ny), .half_i(config_i.cell_half[W-1:0]),
         .di_o(unused_di), .dj_o(unused_dj), .inside_o(settled)
       );
@@ -301,7 +307,7 @@ module ray_pipeline #(
     if (Viewer) begin : gen_viewer
       localparam int GlassAt = DomeAt + dome_latency(F);
       logic signed [W-1:0] glass_dx, glass_dy, glass_nx, glass_ny, glass_nz;
-      enter_dome #(.F(F)) i_enter_dome (
+      enter_dome #(.F(F), .CrossCells(CrossCells)) i_enter_dome (
         .clk_i, .nx_i(nx), .ny_i(ny), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
         .ex_i(dome_ex), .ey_i(dome_ey),
         .index_inverse_i(config_i.index_inverse[W-1:0]),
@@ -311,7 +317,7 @@ module ray_pipeline #(
       delay #(.Width(3 * W), .Cycles(GlassAt - DomeAt)) i_n (
         .clk_i, .d_i({nx, ny, nz}), .q_o({glass_nx, glass_ny, glass_nz})
       );
-      leave_flat #(.F(F)) i_leave_flat (
+      leave_flat #(.F(F), .CrossCells(CrossCells)) i_leave_flat (
         .clk_i, .nx_i(glass_nx), .ny_i(glass_ny), .nz_i(glass_nz),
         .dx_i(glass_dx), .dy_i(glass_dy), .zc_i(config_i.depth[Wf-1:0]),
         .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
@@ -327,7 +333,7 @@ module ray_pipeline #(
       delay #(.Width(W), .Cycles(DomeAt - LastAt)) i_dz (
         .clk_i, .d_i(walk_dz[Walk]), .q_o(dome_dz)
       );
-      leave_dome #(.F(F)) i_leave_dome (
+      leave_dome #(.F(F), .CrossCells(CrossCells)) i_leave_dome (
         .clk_i, .nx_i(nx), .ny_i(ny), .nz_i(nz), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
         .ex_i(dome_ex), .ey_i(dome_ey), .dz_i(dome_dz),
         .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
@@ -351,7 +357,9 @@ module ray_pipeline #(
     // ---- its fate ----
     logic signed [IndexBits-1:0] own_i_late, own_j_late;
     if (Walk > 0) begin : gen_own_late
-      delay #(.Width(2 * IndexBits), .Cycles(OutAt - pixel_latency() - lenslet_latency(Grid))) i_own (
+      delay #(
+        .Width(2 * IndexBits), .Cycles(OutAt - pixel_latency() - lenslet_latency(Grid))
+      ) i_own (
         .clk_i, .d_i({own_i, own_j}), .q_o({own_i_late, own_j_late})
       );
     end else begin : gen_aimed

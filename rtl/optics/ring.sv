@@ -1,32 +1,34 @@
-/// Delays a word by 3 to 17 cycles in a ring memory: q(t) = d(t - Cycles).
+/// Delays a word by 4 to 17 cycles in a small ring memory: q(t) = d(t - Cycles).
 ///
-/// A place is read before it is written and comes round again after Cycles - 1; the register behind
-/// adds one. Kept as a module of its own in synthesis, or all rings would share one pointer.
+/// A word is read Cycles - 1 clocks after it was written; the register behind adds one. Kept as a
+/// module of its own in synthesis, or all rings would share their pointers.
 (* keep_hierarchy *)
 module ring #(
   parameter int Width = 1,
-  parameter int Cycles = 3
+  parameter int Cycles = 4
 ) (
   input  logic             clk_i,
   input  logic [Width-1:0] d_i,
   output logic [Width-1:0] q_o
 );
 
-  localparam int Depth = Cycles - 1;
-  localparam int PlaceBits = $clog2(Depth);
+  localparam int PlaceBits = $clog2(Cycles);
+  localparam int Places = 1 << PlaceBits;
 
-  if (Cycles < 3 || Cycles > 17) begin : gen_illegal
-    $fatal(1, "ring: Cycles must be 3 to 17");
+  if (Cycles < 2 || Cycles > 17) begin : gen_illegal
+    $fatal(1, "ring: Cycles must be 2 to 17");
   end
 
-  (* ram_style = "distributed" *) logic [Width-1:0] places[Depth];
-  logic [PlaceBits-1:0] place_q;
-  initial place_q = '0;  // any place will do, but it must be one of the ring's
-
-  always_ff @(posedge clk_i) begin
-    place_q <= place_q == PlaceBits'(Depth - 1) ? '0 : place_q + 1'b1;
-    places[place_q] <= d_i;
-    q_o <= places[place_q];
+  (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
+  logic [PlaceBits-1:0] write_at_q, read_at_q;
+  initial begin
+    write_at_q = PlaceBits'(Cycles - 1);
+    read_at_q = '0;
   end
+
+  always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
+  always_ff @(posedge clk_i) read_at_q <= read_at_q + 1'b1;
+  always_ff @(posedge clk_i) places[write_at_q] <= d_i;
+  always_ff @(posedge clk_i) q_o <= places[read_at_q];
 
 endmodule

@@ -23,31 +23,31 @@ module sqrt #(
 
   if (Normalise) begin : gen_normalise
     // k in binary: shifts by 16, 8, 4 and 2 places where the bits above are clear.
-    logic [J-1:0] stage_q[4];
-    logic [3:0] k_q[4];
+    logic [J-1:0] by16_q, by8_q, by4_q, by2_q;
+    logic k8_q, k8_q2, k8_q3, k8_q4, k4_q2, k4_q3, k4_q4, k2_q3, k2_q4, k1_q4;
     logic [3:0] k_late;
     logic zero_late;
     logic [F+4:0] half_q, shifted_q;
     logic [1:0] k_rest_q;
     logic clear16, clear8, clear4, clear2;
     assign clear16 = x_i[J-1-:16] == '0;
-    assign clear8 = stage_q[0][J-1-:8] == '0;
-    assign clear4 = stage_q[1][J-1-:4] == '0;
-    assign clear2 = stage_q[2][J-1-:2] == '0;
+    assign clear8 = by16_q[J-1-:8] == '0;
+    assign clear4 = by8_q[J-1-:4] == '0;
+    assign clear2 = by4_q[J-1-:2] == '0;
     always_ff @(posedge clk_i) begin
-      stage_q[0] <= clear16 ? x_i << 16 : x_i;
-      stage_q[1] <= clear8 ? stage_q[0] << 8 : stage_q[0];
-      stage_q[2] <= clear4 ? stage_q[1] << 4 : stage_q[1];
-      stage_q[3] <= clear2 ? stage_q[2] << 2 : stage_q[2];
-      k_q[0] <= {clear16, 3'b0};
-      k_q[1] <= {k_q[0][3], clear8, 2'b0};
-      k_q[2] <= {k_q[1][3:2], clear4, 1'b0};
-      k_q[3] <= {k_q[2][3:1], clear2};
+      by16_q <= clear16 ? x_i << 16 : x_i;
+      by8_q <= clear8 ? by16_q << 8 : by16_q;
+      by4_q <= clear4 ? by8_q << 4 : by8_q;
+      by2_q <= clear2 ? by4_q << 2 : by4_q;
+      {k8_q, k8_q2, k8_q3, k8_q4} <= {clear16, k8_q, k8_q2, k8_q3};
+      {k4_q2, k4_q3, k4_q4} <= {clear8, k4_q2, k4_q3};
+      {k2_q3, k2_q4} <= {clear4, k2_q3};
+      k1_q4 <= clear2;
     end
-    assign scaled = stage_q[3];
+    assign scaled = by2_q;
 
     delay #(.Width(5), .Cycles(quadratic_latency())) i_k (
-      .clk_i, .d_i({stage_q[3][J-1-:2] == '0, k_q[3]}), .q_o({zero_late, k_late})
+      .clk_i, .d_i({by2_q[J-1-:2] == '0, k8_q4, k4_q4, k2_q4, k1_q4}), .q_o({zero_late, k_late})
     );
     always_ff @(posedge clk_i) begin
       half_q <= zero_late ? '0 : q >> {k_late[3:2], 2'b0};

@@ -5,7 +5,8 @@
 ///
 /// Input: wide words, m_x^2 + m_y^2 < 3. Output: near words. Latency unit_latency(F).
 module unit_slope #(
-  parameter int F = 23
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] mx_i,
@@ -24,10 +25,10 @@ module unit_slope #(
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] mx2, my2, sum_q;
   logic [F+2:0] square_q;
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_mx2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_mx2 (
     .clk_i, .a_i(mx_i), .b_i(mx_i), .p_o(mx2)
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_my2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_my2 (
     .clk_i, .a_i(my_i), .b_i(my_i), .p_o(my2)
   );
   always_ff @(posedge clk_i) begin
@@ -47,8 +48,12 @@ module unit_slope #(
   delay #(.Width(2 * W), .Cycles(MulLatency + 2 + rsqrt_latency())) i_slope (
     .clk_i, .d_i({mx_i, my_i}), .q_o({mx_late, my_late})
   );
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ex (.clk_i, .a_i(mx_late), .b_i(ez), .p_o(ex));
-  multiplier #(.Wa(W), .Wb(W), .Drop(Drop)) i_ey (.clk_i, .a_i(my_late), .b_i(ez), .p_o(ey));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_ex (.clk_i, .a_i(mx_late), .b_i(ez), .p_o(ex));
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+  ) i_ey (.clk_i, .a_i(my_late), .b_i(ez), .p_o(ey));
   always_ff @(posedge clk_i) begin
     ex_o <= W'((ex + Wp'(4)) >>> Guard);
     ey_o <= W'((ey + Wp'(4)) >>> Guard);

@@ -35,6 +35,8 @@ class Build:
         Rays aim at aperture points; without, chief rays only.
     walk
         Further domes tried when a ray meets a dome outside its cell.
+    cross_cells
+        Cross terms of products in multiplier cells instead of logic; the same words come out.
     """
 
     fraction_bits: int
@@ -43,6 +45,7 @@ class Build:
     viewer: bool = False
     aims: bool = False
     walk: int = 0
+    cross_cells: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""

@@ -181,6 +181,7 @@ _REMEDIES = {
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
     wanted = Build.of(display, model, build.fraction_bits, build.aims, build.walk)
+    wanted = dataclasses.replace(wanted, cross_cells=build.cross_cells)
     if wanted != build:
         differ = [
             field.name
