@@ -15,6 +15,8 @@ import numpy.typing as npt
 from lippmann.cli.common import device_option, display_option, emit, json_option, seed_option
 from lippmann.display import Display, load_display
 from lippmann.errors import input_error
+from lippmann.fixed.trace import WIDEST
+from lippmann.fixed.words import FRACTIONS
 from lippmann.images import check_output, replacing
 from lippmann.optics.status import Status
 from lippmann.optics.trace import ENGINES, MODELS, Engine, Model, trace
@@ -41,6 +43,13 @@ MAX_RAYS = 100_000_000
     show_default=True,
     help="Chief rays, or random points over the lenslet's cell.",
 )
+@click.option(
+    "--fraction-bits",
+    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
+    default=WIDEST,
+    show_default=True,
+    help="Word length of the engines twin and rtl.",
+)
 @click.option("--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass.")
 @seed_option
 @device_option
@@ -52,6 +61,7 @@ def command(
     model: str,
     pixels: str,
     aperture: str,
+    fraction_bits: int,
     wavelength_nm: float | None,
     seed: int,
     device: str,
@@ -75,8 +85,13 @@ def command(
         from lippmann.render.variant import device_of, start_mitsuba
 
         device = device_of(start_mitsuba(device))
+    if engine == "rtl":
+        # Compiles the RTL, which is no part of tracing.
+        trace(
+            display, pixel[:1], None if points is None else points[:1], cast(Model, model), "rtl", device, fraction_bits
+        )
     started = time.perf_counter()
-    rays = trace(display, pixel, points, cast(Model, model), cast(Engine, engine), device)
+    rays = trace(display, pixel, points, cast(Model, model), cast(Engine, engine), device, fraction_bits)
     seconds = time.perf_counter() - started
     counts = np.bincount(rays.status, minlength=len(Status))
     with replacing(path) as partial, partial.open("wb") as stream:

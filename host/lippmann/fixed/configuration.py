@@ -28,6 +28,8 @@ from lippmann.optics.trace import Model
 
 #: Square of the largest slope to the axis, 60 degrees: what `unit_slope` takes.
 MAX_SLOPE_SQUARE = 3.0
+#: Furthest that a ray meets the first face from the axis, radii.
+MAX_POINT = 4.0
 #: Indices that the words hold: the bend at a dome stays below 2; above 1.16 a ray in the glass that is steeper than
 #: 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
@@ -63,8 +65,10 @@ class Configuration:
     cell_pitch_y: int
 
 
-def configuration(display: Display, build: Build, model: Model) -> Configuration:
+def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
     """Return the registers with which a build traces a display.
+
+    `reach_mm` is how far from a lenslet's centre rays aim, the corner of its cell when left out.
 
     Raises
     ------
@@ -94,7 +98,7 @@ def configuration(display: Display, build: Build, model: Model) -> Configuration
     values["y_offset"] = _word("y_offset", zero_y / row, OFFSET_BITS, OFFSET_FRACTION) + half
 
     slope, point = _sums(display, build, model)
-    _check_slope(display, build, slope)
+    _check_reach(display, build, slope, point, reach_mm)
     near, wide, far = build.near, build.near, build.near + 2
     for axis, unit in (("x", p), ("y", row)):
         values[f"slope_{axis}"] = _word(f"slope_{axis}", slope[0] * unit, wide, f)
@@ -213,17 +217,28 @@ def _check_panel(display: Display) -> None:
         )
 
 
-def _check_slope(display: Display, build: Build, slope: tuple[float, float]) -> None:
-    """Refuse rays steeper than 60 degrees: aims may lie a cell and a half away, chief rays come from the own cell."""
-    rho = display.array.half_diagonal_mm
-    steepest = abs(slope[0]) * rho
-    if build.aims:
-        aim = slope[0] if build.model == "exact" else slope[1]
-        steepest += abs(aim) * rho
+def _check_reach(
+    display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
+) -> None:
+    """Refuse rays steeper than 60 degrees, and those that meet the first face too far from the lenslet aimed at."""
+    array = display.array
+    rho = array.half_diagonal_mm
+    reach = rho if reach_mm is None else reach_mm
+    # Measured from the lenslet aimed at, whose cell is another than the pixel's when the aim lies out of that.
+    pixel, aim = (rho, rho) if reach <= rho * (1.0 + 1e-9) else (2.0 * rho + reach, rho)
+    aim = aim if build.aims else 0.0
+    steepest = abs(slope[0]) * ((rho + reach if build.aims else rho) if build.model == "exact" else pixel)
+    steepest += abs(slope[1]) * aim
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"slope of a ray: up to {steepest:.3g} is outside its range, below {math.sqrt(MAX_SLOPE_SQUARE):.3f} "
             "(60 degrees); the f-number is too small: raise gap_mm or array.thickness_mm, or lower array.pitch_mm"
+        )
+    furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
+    if furthest >= MAX_POINT:
+        raise InputError(
+            f"point on the first face: up to {furthest:.3g} radii from the axis is outside its range, below "
+            f"{MAX_POINT:g}; raise array.radius_mm, or aim nearer"
         )
 
 

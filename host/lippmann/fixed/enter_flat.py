@@ -24,5 +24,6 @@ def left_of_unit(dx: Ints, dy: Ints, f: int) -> Ints:
     """Return 1 - 2^-(F+3) - floor(max(0, floor(dx^2) + floor(dy^2)) / 4), F + 3 fraction bits, squares with F + 5."""
     word = f + 2
     total = multiplier(dx, dx, word, word, f - 3) + multiplier(dy, dy, word, word, f - 3)
-    rest: Ints = ((1 << (f + 3)) - 1) - (np.maximum(total, 0) >> 2)
+    most = (1 << (f + 3)) - 1
+    rest: Ints = (most - (np.maximum(total, 0) >> 2)) & most
     return rest

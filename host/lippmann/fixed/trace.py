@@ -90,7 +90,8 @@ def trace_fixed(
         For a display that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, walk)
-    config = configuration(display, build, model)
+    reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
+    config = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)
     a = b = np.zeros_like(u)
     if aperture is not None and build.aims:

@@ -21,7 +21,7 @@ from lippmann.optics.status import Status, gets_through
 from lippmann.optics.system import Exit, System
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
-Engine = Literal["golden", "fast"]
+Engine = Literal["golden", "fast", "twin", "rtl"]
 #: From the cheapest to the dearest.
 MODELS: tuple[Model, ...] = get_args(Model)
 ENGINES: tuple[Engine, ...] = get_args(Engine)
@@ -199,6 +199,8 @@ def backend_of(engine: Engine, device: str = "llvm") -> Backend:
                 f"the fast engine cannot start ({' '.join(str(error).split())}); run make setup, which installs libLLVM"
             ) from None
         return backend
+    if engine in ENGINES:
+        raise InputError(f"engine {engine} traces from the panel to the world only; choose from golden, fast")
     raise InputError(f"unknown engine '{engine}'; choose from {', '.join(ENGINES)}")
 
 
@@ -223,6 +225,7 @@ def trace(
     model: Model = "exact",
     engine: Engine = "golden",
     device: str = "llvm",
+    fraction_bits: int | None = None,
 ) -> Rays:
     """Trace rays from the panel through the lenslets.
 
@@ -237,29 +240,34 @@ def trace(
     model
         "pinhole", "thin", "paraxial" or "exact".
     engine
-        "golden" or "fast".
+        "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl" (the RTL itself, simulated).
     device
         Of the fast engine: "llvm" (CPU) or "cuda".
+    fraction_bits
+        Of twin and rtl: F, 14 to 23; the widest when left out.
 
     Raises
     ------
     InputError
-        For wrong shapes, values that are not finite, an unknown model or engine.
+        For wrong shapes, values that are not finite, an unknown model or engine; for a display that the formats of
+        twin and rtl cannot hold.
     MissingLibraryError
-        When the fast engine lacks its library.
+        When an engine lacks a library or a tool.
     """
     _check_model(model)
-    b = backend_of(engine, device)
     pixel = _columns("pixels", pixels, 2)
-    if not len(pixel):
-        b = NumpyBackend()  # Dr.Jit does not compute with empty arrays
-    u, v = b.double(pixel[:, 0]), b.double(pixel[:, 1])
-    points = None
+    chosen = None
     if aperture is not None:
         chosen = _columns("aperture", aperture, 2)
         if len(chosen) != len(pixel):
             raise InputError(f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each")
-        points = (b.double(chosen[:, 0]), b.double(chosen[:, 1]))
+    if engine in ("twin", "rtl"):
+        return _trace_fixed(display, pixel, chosen, model, engine, fraction_bits)
+    b = backend_of(engine, device)
+    if not len(pixel):
+        b = NumpyBackend()  # Dr.Jit does not compute with empty arrays
+    u, v = b.double(pixel[:, 0]), b.double(pixel[:, 1])
+    points = None if chosen is None else (b.double(chosen[:, 0]), b.double(chosen[:, 1]))
     out = rays_from_pixels(b, System.of(display), u, v, points, model)
     n = len(pixel)
     return Rays(
@@ -270,6 +278,18 @@ def trace(
         direction=_stack(n, out.ray.dx, out.ray.dy, out.ray.dz),
         status=np.broadcast_to(np.asarray(out.status), (n,)).astype(np.uint8),
     )
+
+
+def _trace_fixed(
+    display: Display, pixel: Floats, aperture: Floats | None, model: Model, engine: Engine, fraction_bits: int | None
+) -> Rays:
+    """Trace through the twin or the RTL; both build on this module, so they are imported when asked for."""
+    from lippmann.fixed.ray_pipeline import ray_pipeline
+    from lippmann.fixed.trace import WIDEST, trace_fixed
+    from lippmann.sim.harness import rtl_pipeline
+
+    pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
+    return trace_fixed(display, pixel, aperture, model, fraction_bits or WIDEST, pipeline)
 
 
 def trace_to_panel(

@@ -1,0 +1,116 @@
+"""RTL against twin through the batch harness: 0 LSB, over random displays, rays and stalls."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from fixed_cases import configured_display, random_rays
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.trace import WIDEST, words_of_pixels
+from lippmann.optics.status import Status
+from lippmann.sim.harness import harness
+
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+
+#: Few enough to compile on every commit; each module of the RTL is in one of them.
+BUILDS = [
+    Build(23, "square"),
+    Build(16, "hex"),
+    Build(21, "hex", aims=True, walk=1),
+    Build(18, "square", viewer=True, aims=True, walk=2),
+    Build(20, "hex", "paraxial", aims=True),
+    Build(14, "square", "pinhole"),
+]
+GRIDS = ("square", "hex")
+#: Every kind of build.
+ALL_BUILDS = [
+    *(Build(f, grid) for f in (14, 16, 22, 23) for grid in GRIDS),
+    *(Build(f, grid, cross_cells=True) for f in (19, 23) for grid in GRIDS),
+    *(Build(23, grid, aims=True, walk=walk) for grid in GRIDS for walk in (0, 1, 2)),
+    *(Build(f, grid, viewer=True, aims=aims, walk=2) for f in (16, 23) for grid in GRIDS for aims in (False, True)),
+    *(Build(f, grid, "paraxial", aims=aims) for f in (16, 23) for grid in GRIDS for aims in (False, True)),
+    *(Build(23, grid, "pinhole") for grid in GRIDS),
+]
+
+
+def name(build: Build) -> str:
+    parts = [build.grid, build.model, f"F{build.fraction_bits}"]
+    parts += ["viewer"] * build.viewer + ["aims"] * build.aims + [f"walk{build.walk}"] * (build.walk > 0)
+    return "-".join(parts + ["cells"] * build.cross_cells)
+
+
+def assert_equal(rtl: FixedRays, twin: FixedRays) -> None:
+    for field, got, wanted in zip(FixedRays._fields, rtl, twin, strict=True):
+        wrong = np.flatnonzero(got != wanted)
+        assert not len(wrong), (
+            f"{field} differs in {len(wrong)} rays, first ray {wrong[0]}: {got[wrong[0]]}, twin {wanted[wrong[0]]}"
+        )
+
+
+def compare(build: Build, displays: int, rays: int) -> np.ndarray:
+    """Trace through both; returns how often each status came up."""
+    print(f"seed {SEED}")
+    random = np.random.default_rng([SEED, *name(build).encode()])
+    seen = np.zeros(len(Status), np.int64)
+    for number in range(displays):
+        model = "exact" if build.model == "exact" else build.model
+        display, config = configured_display(random, build, model)
+        words = random_rays(random, display, build, rays)
+        idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
+        rtl = harness(build).trace(*words, config, seed=int(random.integers(1 << 62)), idle=idle, stall=stall)
+        twin = ray_pipeline(*words, config, build)
+        assert_equal(rtl, twin)
+        seen += np.bincount(twin.status, minlength=len(Status))
+    return seen
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=name)
+def test_rtl_equals_twin(build):
+    seen = compare(build, displays=10, rays=3000)
+    assert seen[Status.OK] > 0
+    if build.aims:
+        assert seen[Status.CROSSTALK] > 0
+        assert seen[Status.INTERNAL_REFLECTION] > 0 or build.model != "exact" or build.viewer
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("build", ALL_BUILDS, ids=name)
+def test_rtl_equals_twin_over_ten_million_rays(build):
+    compare(build, displays=40, rays=10_000_000 // len(ALL_BUILDS) // 40 + 1)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("display_name", ["paper-square", "paper-hex"])
+@pytest.mark.parametrize("fraction_bits", [16, WIDEST])
+def test_whole_frame(display_name, fraction_bits):
+    display = load_display(f"scenes/displays/{display_name}.toml")
+    build = Build(fraction_bits, display.array.grid, cross_cells=True)
+    config = configuration(display, build, "exact")
+    rows, columns = np.divmod(np.arange(display.panel.width_px * display.panel.height_px), display.panel.width_px)
+    u, v = words_of_pixels(display, np.stack([columns + 0.5, rows + 0.5], axis=1))
+    zero = np.zeros_like(u)
+    rtl = harness(build).trace(u, v, zero, zero, config)
+    for part in np.array_split(np.arange(len(u)), 20):
+        assert_equal(
+            FixedRays(*(field[part] for field in rtl)),
+            ray_pipeline(u[part], v[part], zero[part], zero[part], config, build),
+        )
+
+
+def test_one_ray_a_clock():
+    """Nothing stalls: as many clocks as rays, and the way of the last."""
+    build = BUILDS[-1]
+    random = np.random.default_rng(SEED)
+    display, config = configured_display(random, build, "pinhole")
+    words = random_rays(random, display, build, 10_000)
+    engine = harness(build)
+    clocks = []
+    for count in (5_000, 10_000):
+        engine.trace(*(word[:count] for word in words), config)
+        clocks.append(engine.clocks)
+    assert clocks[1] - clocks[0] == 5_000
