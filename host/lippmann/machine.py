@@ -23,9 +23,9 @@ def machine() -> str:
     return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
 
 
-def provenance(command: str) -> dict[str, str]:
-    """Return what a report says of itself: machine, date, command, versions."""
-    versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+def provenance(command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy")) -> dict[str, str]:
+    """Return what a report says of itself: machine, date, command, versions (of some packages too)."""
+    versions = {name: importlib.metadata.version(name) for name in packages}
     return {
         "machine": machine(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),

@@ -1,7 +1,8 @@
-/// What place-and-route is given: the pipeline between registers that a few pins fill and read.
+/// What place-and-route is given: the whole `ray_lenslet` between registers that a few pins fill and
+/// read.
 ///
-/// Every input of the pipeline comes from a shift register, every output goes into a folded one, so
-/// that nothing is optimised away and no path to a pin counts.
+/// Every input of the engine comes from a shift register or a register, every output goes into a
+/// folded one, so that nothing is optimised away and no path to a pin counts.
 module probe_top #(
   parameter int F = 23,
   parameter int Grid = optics_pkg::GridSquare,
@@ -11,6 +12,7 @@ module probe_top #(
   parameter int Walk = 0
 ) (
   input  logic clk_i,
+  input  logic rst_ni,
   input  logic bit_i,
   output logic bit_o
 );
@@ -18,30 +20,43 @@ module probe_top #(
 
   localparam int W = F + 2;
   localparam int ConfigBits = $bits(optics_config_t);
+  localparam int RayBits = 2 * PixelBits + 2 * W;
   localparam int OutBits = 2 * IndexBits + 3 * (W + 2) + 3 * W + 3;
 
+  logic [1:0] reset_q;
   logic [ConfigBits-1:0] config_q;
-  logic [2*PixelBits+2*W-1:0] ray_q;
-  logic [OutBits-1:0] out, out_q, fold_q;
+  logic [RayBits-1:0] ray_q;
+  logic apply_q, valid_q, ready_q;
+  logic ready, valid, busy;
+  logic [OutBits-1:0] out;
+  logic [OutBits+2:0] out_q, fold_q;
   status_e status;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) reset_q <= '0;
+    else reset_q <= {reset_q[0], 1'b1};
+  end
   always_ff @(posedge clk_i) begin
     config_q <= {config_q[ConfigBits-2:0], bit_i};
-    ray_q <= {ray_q[2*PixelBits+2*W-2:0], config_q[ConfigBits-1]};
-    out_q <= out;
-    fold_q <= out_q ^ {fold_q[OutBits-2:0], 1'b0};
-    bit_o <= fold_q[OutBits-1];
+    ray_q <= {ray_q[RayBits-2:0], config_q[ConfigBits-1]};
+    {apply_q, valid_q, ready_q} <= {valid_q, ready_q, ray_q[RayBits-1]};
+    out_q <= {busy, ready, valid, out};
+    fold_q <= out_q ^ {fold_q[OutBits+1:0], 1'b0};
+    bit_o <= fold_q[OutBits+2];
   end
 
-  ray_pipeline #(
+  ray_lenslet #(
     .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
-  ) i_pipeline (
-    .clk_i, .config_i(config_q),
-    .u_i(ray_q[2*W+PixelBits+:PixelBits]), .v_i(ray_q[2*W+:PixelBits]),
-    .a_i(ray_q[W+:W]), .b_i(ray_q[0+:W]),
-    .i_o(out[OutBits-1-:IndexBits]), .j_o(out[OutBits-IndexBits-1-:IndexBits]),
-    .x_o(out[3+3*W+2*(W+2)+:W+2]), .y_o(out[3+3*W+(W+2)+:W+2]), .z_o(out[3+3*W+:W+2]),
-    .dx_o(out[3+2*W+:W]), .dy_o(out[3+W+:W]), .dz_o(out[3+:W]),
-    .status_o(status)
+  ) i_lenslet (
+    .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
+    .ray_valid_i(valid_q), .ray_ready_o(ready),
+    .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),
+    .ray_a_i(ray_q[W+:W]), .ray_b_i(ray_q[0+:W]),
+    .exit_valid_o(valid), .exit_ready_i(ready_q),
+    .exit_i_o(out[OutBits-1-:IndexBits]), .exit_j_o(out[OutBits-IndexBits-1-:IndexBits]),
+    .exit_x_o(out[3+3*W+2*(W+2)+:W+2]), .exit_y_o(out[3+3*W+(W+2)+:W+2]),
+    .exit_z_o(out[3+3*W+:W+2]),
+    .exit_dx_o(out[3+2*W+:W]), .exit_dy_o(out[3+W+:W]), .exit_dz_o(out[3+:W]),
+    .exit_status_o(status)
   );
   assign out[2:0] = status;
 

@@ -14,7 +14,7 @@ from lippmann.errors import InputError
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe")
+WHAT = ("trace", "render", "observe", "fixed")
 
 
 @click.command("bench")
@@ -25,18 +25,41 @@ WHAT = ("trace", "render", "observe")
     default=0,
     show_default=True,
     type=click.IntRange(0, 2**32 - 1),
-    help="Seed of the rays that `trace` compares.",
+    help="Seed of the rays that `trace` and `fixed` compare.",
 )
+@click.option(
+    "--configuration",
+    "configurations",
+    multiple=True,
+    metavar="NAME",
+    help="`fixed`: a named configuration of the RTL, and no others; may be repeated.",
+)
+@click.option("--report", metavar="FOLDER", help="`fixed`: write fixed-point-error.md and its .csv files there.")
 @device_option
 @json_option
-def command(what: str, scenes: str, seed: int, device: str, as_json: bool) -> None:
-    """Measure tracing, rendering or the observer's views; the report names machine and date.
+def command(
+    what: str,
+    scenes: str,
+    seed: int,
+    configurations: tuple[str, ...],
+    report: str | None,
+    device: str,
+    as_json: bool,
+) -> None:
+    """Measure tracing, rendering, the observer's views, or the fixed-point pipeline's error.
+
+    The report names machine and date.
 
     Example: lippmann bench trace
     """
     folder = Path(scenes)
     if not (folder / "displays/paper-square.toml").is_file():
         raise InputError(f"{folder}: the project's scenes are not there; run in the project's top folder")
+    if what == "fixed":
+        _fixed(folder, seed, configurations, report, as_json)
+        return
+    if configurations or report:
+        raise InputError(f"--configuration and --report belong to `bench fixed`; leave them out of `bench {what}`")
     mi = start_mitsuba(device)
     origin = provenance(f"lippmann bench {what} --scenes {scenes} --seed {seed} --device {device}")
     if not as_json:
@@ -45,6 +68,28 @@ def command(what: str, scenes: str, seed: int, device: str, as_json: bool) -> No
     measured = {"trace": _trace, "render": _render, "observe": _observe}[what]
     rows = measured(mi, folder, seed, as_json)
     emit({**origin, "rows": rows}, as_json, lambda: None)
+
+
+def _fixed(folder: Path, seed: int, names: tuple[str, ...], report: str | None, as_json: bool) -> None:
+    from lippmann.bench.fixed import budget, measure_configuration, report_text
+    from lippmann.bench.report import write_report
+    from lippmann.sim.configurations import chosen
+
+    errors, shares = [], []
+    for named in chosen(names):
+        errors += measure_configuration(named, folder, seed, log=log)
+        if named.model == "exact":
+            for display in named.displays(folder):
+                shares += budget(named, display, seed)
+    options = "".join(f" --configuration {name}" for name in names)
+    origin = provenance(f"lippmann bench fixed --scenes {folder} --seed {seed}{options}", ("numpy",))
+    text = report_text(errors, shares)
+    rows = [{**dataclasses.asdict(error), "kept": error.kept} for error in errors]
+    steps = [dataclasses.asdict(share) for share in shares]
+    if report is not None:
+        figures = {"fixed-point-error": rows, "fixed-point-budget": steps}
+        write_report(Path(report), "fixed-point-error", origin, text, figures)
+    emit({**origin, "rows": rows, "budget": steps}, as_json, lambda: click.echo(text))
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:

@@ -1,0 +1,13 @@
+/// Tells the latency of a build when it is elaborated, for the report of place-and-route.
+module latency #(
+  parameter int F = 23,
+  parameter int Grid = optics_pkg::GridSquare,
+  parameter int Model = optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter bit Aims = 1'b0,
+  parameter int Walk = 0
+);
+
+  $info("ray_latency = %0d", optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk));
+
+endmodule
