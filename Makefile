@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full lint bench scenes pictures clean
+.PHONY: help setup demo test test-full lint bench registers scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -45,6 +45,9 @@ lint: $(READY) ## style, format and types
 bench: $(READY) ## how fast rays are traced and scenes rendered
 	$(BIN)/lippmann bench trace
 	$(BIN)/lippmann bench render
+
+registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
+	$(BIN)/python -m lippmann.sim.generate_registers
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

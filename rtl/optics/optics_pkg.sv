@@ -34,6 +34,12 @@ package optics_pkg;
     RootSquare = 1
   } root_e;
 
+  typedef enum logic [1:0] {
+    JitterOff = 2'd0,
+    JitterTable = 2'd1,
+    JitterLfsr = 2'd2
+  } jitter_e;
+
   /// Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
   localparam int PixelBits = 18;
   /// Affine coefficients: signed, 36 fraction bits, [-1/4, 1/4).
@@ -75,6 +81,33 @@ package optics_pkg;
     logic signed [31:0] cell_pitch_x;    // wide: p / R
     logic signed [31:0] cell_pitch_y;    // wide: distance of rows / R
   } optics_config_t;
+
+  /// Columns and rows of a panel: unsigned.
+  localparam int PanelBits = 14;
+  /// Entries of the jitter table, as a power of two.
+  localparam int TableBits = 6;
+
+  /// A frame's window, and how its rays are jittered.
+  typedef struct packed {
+    logic [PanelBits-1:0] first_column;
+    logic [PanelBits-1:0] last_column;
+    logic [PanelBits-1:0] first_row;
+    logic [PanelBits-1:0] last_row;
+    logic [PanelBits-1:0] width;   // of the panel
+    logic [PanelBits-1:0] height;
+    logic [15:0]          samples; // rays a pixel, 0 for 65536
+    jitter_e              jitter;
+    logic [TableBits-1:0] table_first;
+    logic [31:0]          seed;
+  } raster_config_t;
+
+  /// What moves a ray from the centres of its pixel and of its lenslet; all signed.
+  typedef struct packed {
+    logic signed [11:0] b;   // aperture point, 10 fraction bits, in rows
+    logic signed [11:0] a;   // in pitches
+    logic signed [3:0]  dv;  // place on the pixel, 4 fraction bits, upward
+    logic signed [3:0]  du;  // to the right
+  } jitter_t;
 
   /// Bits of an operand that do not fit into a hardware multiplier.
   function automatic int low_bits(int width);

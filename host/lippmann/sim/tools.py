@@ -51,7 +51,6 @@ MAKE_FLAGS = (
 
 
 def optics_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/optics, the package first."""
-    folder = top / "rtl" / "optics"
-    package = folder / "optics_pkg.sv"
-    return [package, *sorted(path for path in folder.glob("*.sv") if path != package)]
+    """Return the SystemVerilog files of rtl/registers and rtl/optics, the packages first."""
+    files = [path for name in ("registers", "optics") for path in (top / "rtl" / name).glob("*.sv")]
+    return sorted(files, key=lambda path: (not path.stem.endswith("_pkg"), path))

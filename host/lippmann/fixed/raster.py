@@ -1,0 +1,192 @@
+"""The raster: which ray comes when (rtl/optics/raster.sv)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import InputError
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, wrapped
+
+Floats = npt.NDArray[np.float64]
+
+#: Where jitter comes from, in the order of their codes.
+Jitter = Literal["off", "table", "lfsr"]
+
+#: Entries of the jitter table.
+TABLE_ENTRIES = 64
+#: Bits and fraction bits of an entry's aperture point.
+AIM_BITS = 12
+AIM_FRACTION = 10
+#: Columns or rows that a panel may have, and rays that a pixel may have.
+MAX_PANEL = (1 << (PIXEL_BITS - PIXEL_FRACTION)) - 1
+MAX_SAMPLES = 1 << 16
+
+#: x^32 modulo the LFSR's polynomial x^32 + x^22 + x^2 + x + 1; bit k stands for x^k.
+POLYNOMIAL = 0x00400007
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A frame's window on a panel, and its jitter.
+
+    Attributes
+    ----------
+    width, height
+        Of the panel, pixels.
+    columns, rows
+        First and last of the window; (0, 0) is the panel's top left pixel.
+    samples
+        Rays for each pixel, 1 to 65536.
+    jitter
+        What moves a ray from the centres of its pixel and of its lenslet.
+    table_first
+        Table entry of sample 0.
+    seed
+        The first random word, 32 bits; 0 counts as 1.
+
+    Raises
+    ------
+    InputError
+        For what the RTL would refuse or its registers cannot hold.
+    """
+
+    width: int
+    height: int
+    columns: tuple[int, int]
+    rows: tuple[int, int]
+    samples: int = 1
+    jitter: Jitter = "off"
+    table_first: int = 0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse an illegal window."""
+        for name, size, (first, last) in (
+            ("columns", self.width, self.columns),
+            ("rows", self.height, self.rows),
+        ):
+            if not 1 <= size <= MAX_PANEL:
+                raise InputError(f"raster: a panel of {size} {name} is outside the registers' range, 1 to {MAX_PANEL}")
+            if not 0 <= first <= last < size:
+                raise InputError(
+                    f"raster: {name} {first} to {last} are no window of a panel of {size}; "
+                    f"choose 0 <= first <= last <= {size - 1}"
+                )
+        if not 1 <= self.samples <= MAX_SAMPLES:
+            raise InputError(f"raster: {self.samples} samples are outside the register's range, 1 to {MAX_SAMPLES}")
+        if self.jitter not in get_args(Jitter):
+            raise InputError(f"raster: there is no jitter '{self.jitter}'; choose {', '.join(get_args(Jitter))}")
+        if not 0 <= self.table_first < TABLE_ENTRIES:
+            raise InputError(f"raster: table_first = {self.table_first} is no entry, 0 to {TABLE_ENTRIES - 1}")
+        if not 0 <= self.seed < 1 << 32:
+            raise InputError(f"raster: seed {self.seed} is outside its range, 0 to {(1 << 32) - 1}")
+
+    @property
+    def rays(self) -> int:
+        """Rays of the frame."""
+        pixels = (self.columns[1] - self.columns[0] + 1) * (self.rows[1] - self.rows[0] + 1)
+        return pixels * self.samples
+
+
+class RasterRays(NamedTuple):
+    """Rays (N,) in their order: pixel words, aperture words, and whether each is its frame's first or last."""
+
+    u: Ints
+    v: Ints
+    a: Ints
+    b: Ints
+    first: npt.NDArray[np.bool_]
+    last: npt.NDArray[np.bool_]
+
+
+def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
+    """Return a frame's rays; `table` (64,) holds the jitter entries, used where `frame` asks for them.
+
+    u = 8 (2 c + 1 - width) + du, v = 8 (height - 2 r - 1) + dv, a = 2^(F-10) ja, b = 2^(F-10) jb.
+    """
+    columns = np.arange(frame.columns[0], frame.columns[1] + 1, dtype=np.int64)
+    rows = np.arange(frame.rows[0], frame.rows[1] + 1, dtype=np.int64)
+    shape = (len(rows), len(columns), frame.samples)
+    half_u = np.broadcast_to((2 * columns + 1 - frame.width)[None, :, None], shape).reshape(-1)
+    half_v = np.broadcast_to((frame.height - 2 * rows - 1)[:, None, None], shape).reshape(-1)
+    if frame.jitter == "off":
+        entry = np.zeros(frame.rays, np.int64)
+    elif frame.jitter == "table":
+        sample = np.arange(frame.rays, dtype=np.int64) % frame.samples
+        entry = table[(frame.table_first + sample) % TABLE_ENTRIES]
+    else:
+        entry = lfsr(frame.seed, frame.rays)
+    du, dv, ja, jb = fields(entry)
+    if frame.jitter == "lfsr":
+        ja, jb = wrapped(ja, AIM_FRACTION), wrapped(jb, AIM_FRACTION)
+    at = np.arange(frame.rays)
+    scale = f - AIM_FRACTION
+    return RasterRays(8 * half_u + du, 8 * half_v + dv, ja << scale, jb << scale, at == 0, at == frame.rays - 1)
+
+
+def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return du, dv (4 fraction bits, pixels) and ja, jb (10 fraction bits, pitches and rows) of table entries."""
+    return wrapped(entry, 4), wrapped(entry >> 4, 4), wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
+
+
+def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
+    """Return the table entries (N,) nearest to places on the pixel and aperture points.
+
+    Parameters
+    ----------
+    offset_px
+        (N, 2), pixels from the pixel's centre, to the right and upward, in [-1/2, 1/2).
+    aim
+        (N, 2), in pitches and rows from the lenslet's centre, in [-2, 2).
+
+    Raises
+    ------
+    InputError
+        For more than 64 entries, and for those out of range.
+    """
+    if len(offset_px) > TABLE_ENTRIES:
+        raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
+    words = []
+    for name, values, bits, fraction in (
+        ("offset", offset_px, 4, PIXEL_FRACTION),
+        ("aim", aim, AIM_BITS, AIM_FRACTION),
+    ):
+        word = np.floor(np.ldexp(values, fraction) + 0.5)
+        limit = 1 << (bits - 1)
+        if not ((word >= -limit) & (word < limit)).all():
+            reach = limit / (1 << fraction)
+            raise InputError(f"jitter table: an {name} is outside its range [-{reach:g}, {reach:g})")
+        words += [(word[:, k].astype(np.int64) & ((1 << bits) - 1)) for k in (0, 1)]
+    du, dv, ja, jb = words
+    return du | dv << 4 | ja << 8 | jb << 20
+
+
+def lfsr(seed: int, count: int) -> Ints:
+    """Return the first `count` random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
+
+    Twice as many are known after each round, for s_(k + n) = s_k x^(32 n).
+    """
+    states = np.empty(max(count, 1), np.int64)
+    leap = POLYNOMIAL  # x^32
+    states[0] = seed or 1
+    known = 1
+    while known < count:
+        new = min(known, count - known)
+        states[known : known + new] = _times(states[:new], leap)
+        leap = int(_times(np.array([leap], np.int64), leap)[0])
+        known += new
+    return states[:count]
+
+
+def _times(states: Ints, factor: int) -> Ints:
+    """Multiply polynomials over GF(2) of degree below 32 by another, modulo the LFSR's."""
+    product = np.zeros_like(states)
+    for bit in reversed(range(32)):
+        product = (product << 1) ^ np.where(product >> 31, (1 << 32) | POLYNOMIAL, 0)
+        if factor >> bit & 1:
+            product ^= states
+    return product

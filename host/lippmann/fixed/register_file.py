@@ -1,0 +1,132 @@
+"""What software writes into the optics block's registers, and reads from them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import NamedTuple, get_args
+
+from lippmann.display import Grid
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build, HardwareModel
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
+from lippmann.fixed.registers import REGISTERS
+from lippmann.fixed.words import Ints
+
+#: Bits of a register.
+WORD_BITS = 32
+
+
+class Write(NamedTuple):
+    """One write of a 32-bit word to a byte address."""
+
+    address: int
+    word: int
+
+
+def write(name: str, **values: int) -> Write:
+    """Return the write that gives a register's fields their values, and the others their reset values.
+
+    Raises
+    ------
+    InputError
+        For a value that its field cannot hold.
+    """
+    register = REGISTERS[name]
+    unknown = values.keys() - register.fields.keys()
+    if unknown:
+        raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
+    word = 0
+    for key, field in register.fields.items():
+        value = values.get(key, field.reset or 0)
+        low = -(1 << (field.width - 1)) if field.signed else 0
+        if not low <= value < low + (1 << field.width):
+            raise InputError(
+                f"register {name}, field {key}: {value} is outside its range [{low}, {low + (1 << field.width)})"
+            )
+        word |= (value & ((1 << field.width) - 1)) << field.low
+    return Write(register.address, word)
+
+
+def read(name: str, word: int) -> dict[str, int]:
+    """Return a register's fields of the word that was read."""
+    values = {}
+    for key, field in REGISTERS[name].fields.items():
+        value = word >> field.low & ((1 << field.width) - 1)
+        values[key] = value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
+    return values
+
+
+def optics_writes(config: Configuration) -> list[Write]:
+    """Return the writes of a display's optics; `apply` takes them over."""
+    return [
+        part
+        for field in dataclasses.fields(config)
+        for part in _parts(f"optics_{field.name}", getattr(config, field.name))
+    ]
+
+
+def _parts(name: str, value: int) -> list[Write]:
+    """Return the writes of a word, in two registers where it is too wide for one."""
+    if name in REGISTERS:
+        return [write(name, value=value)]
+    low = value & ((1 << WORD_BITS) - 1)
+    return [write(f"{name}_low", value=low), write(f"{name}_high", value=value >> WORD_BITS)]
+
+
+def raster_writes(frame: Raster) -> list[Write]:
+    """Return the writes of a frame's window and jitter; `start` begins it."""
+    return [
+        write("raster_columns", first=frame.columns[0], last=frame.columns[1]),
+        write("raster_rows", first=frame.rows[0], last=frame.rows[1]),
+        write("raster_panel", width=frame.width, height=frame.height),
+        write(
+            "raster_jitter",
+            samples=frame.samples & 0xFFFF,
+            mode=get_args(Jitter).index(frame.jitter),
+            table_first=frame.table_first,
+        ),
+        write("raster_seed", value=frame.seed),
+    ]
+
+
+def table_writes(table: Ints, first: int = 0) -> list[Write]:
+    """Return the writes of jitter entries (N,), from table entry `first` on.
+
+    Raises
+    ------
+    InputError
+        For entries beyond the table's end.
+    """
+    if not 0 <= first <= TABLE_ENTRIES - len(table):
+        raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
+    start = REGISTERS["jitter_table"].address + 4 * first
+    return [Write(start + 4 * k, int(word)) for k, word in enumerate(table)]
+
+
+def build_of(words: Mapping[str, int]) -> Build:
+    """Return what a block was built with, of its registers `identity`, `version` and `build`.
+
+    Raises
+    ------
+    InputError
+        When they are not those of an optics block that this host knows.
+    """
+    identity = REGISTERS["identity"].fields["letters"].reset
+    if words["identity"] != identity:
+        raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
+    version = read("version", words["version"])["major"]
+    known = REGISTERS["version"].fields["major"].reset
+    if version != known:
+        raise InputError(f"the optics block has registers of version {version}, this host knows {known}; update one")
+    fields = read("build", words["build"])
+    models = get_args(HardwareModel)
+    return Build(
+        fields["fraction_bits"],
+        get_args(Grid)[fields["grid"]],
+        models[fields["model"]],
+        bool(fields["viewer"]),
+        bool(fields["aims"]),
+        fields["walk"],
+    )

@@ -1,0 +1,203 @@
+/// The optics with their registers: software configures it over APB, frames of exit rays come out.
+///
+/// Rays come from the raster or from the stream at this block's port, as the register `source` says,
+/// and leave in order; exit_first_o and exit_last_o mark the ends of a frame, as its rays brought them.
+///
+/// The registers are written at any time. Control's `apply` asks for optics and source to be taken
+/// over: at once between two frames, else when the last ray of the frame on its way was accepted;
+/// status' `busy` until the pipeline has them. `start` asks for a frame of the raster; one is
+/// remembered while another runs, and it begins after an apply that waits with it. So
+/// every frame is traced by one set of optics, and starts see the applies written before them.
+///
+/// The bus writes and reads whole words; its low two address bits are ignored.
+/// registers.rdl defines the registers, docs/reference/registers.md lists them.
+module optics_block #(
+  parameter int F = 23,
+  parameter int Grid = optics_pkg::GridSquare,
+  parameter int Model = optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter bit Aims = 1'b0,
+  parameter int Walk = 0
+) (
+  input  logic                                    clk_i,
+  input  logic                                    rst_ni,
+
+  input  logic                                    apb_sel_i,
+  input  logic                                    apb_enable_i,
+  input  logic                                    apb_write_i,
+  input  logic [8:0]                              apb_addr_i,
+  input  logic [31:0]                             apb_wdata_i,
+  output logic                                    apb_ready_o,
+  output logic [31:0]                             apb_rdata_o,
+  output logic                                    apb_error_o,
+
+  input  logic                                    ray_valid_i,
+  output logic                                    ray_ready_o,
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_u_i,
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_v_i,
+  input  logic signed [F+1:0]                     ray_a_i,
+  input  logic signed [F+1:0]                     ray_b_i,
+  input  logic                                    ray_first_i,
+  input  logic                                    ray_last_i,
+
+  output logic                                    exit_valid_o,
+  input  logic                                    exit_ready_i,
+  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,
+  output logic signed [optics_pkg::IndexBits-1:0] exit_j_o,
+  output logic signed [F+3:0]                     exit_x_o,
+  output logic signed [F+3:0]                     exit_y_o,
+  output logic signed [F+3:0]                     exit_z_o,
+  output logic signed [F+1:0]                     exit_dx_o,
+  output logic signed [F+1:0]                     exit_dy_o,
+  output logic signed [F+1:0]                     exit_dz_o,
+  output optics_pkg::status_e                     exit_status_o,
+  output logic                                    exit_first_o,
+  output logic                                    exit_last_o
+);
+  import optics_pkg::*;
+
+  // ---- registers ----
+  optics_registers_pkg::optics_registers__in_t status;
+  optics_registers_pkg::optics_registers__out_t set;
+  logic apply_q, start_q, busy, running, refused;
+
+  // APB4 holds address and data from its first clock until ready: a request of one clock behind it.
+  // The upper half of the addresses is the jitter table, which takes every word and gives none.
+  logic request_q, write_q, table_write, table_read, read_ack, read_error, write_ack, write_error;
+  logic [8:0] addr_q;
+  logic [31:0] wdata_q, rdata;
+  assign table_write = request_q && addr_q[8] && write_q;
+  assign table_read = request_q && addr_q[8] && !write_q;
+  always_ff @(posedge clk_i) begin
+    {write_q, addr_q, wdata_q} <= {apb_write_i, apb_addr_i, apb_wdata_i};
+    apb_rdata_o <= rdata;
+    apb_error_o <= (read_ack && read_error) || (write_ack && write_error) || table_read;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {request_q, apb_ready_o} <= '0;
+    end else begin
+      request_q <= apb_sel_i && !apb_enable_i;
+      apb_ready_o <= read_ack || write_ack || table_write || table_read;
+    end
+  end
+  logic unused_stall_read, unused_stall_write;
+  optics_registers i_registers (
+    .clk(clk_i), .arst_n(rst_ni),
+    .s_cpuif_req(request_q && !addr_q[8]), .s_cpuif_req_is_wr(write_q),
+    .s_cpuif_addr({addr_q[7:2], 2'b0}), .s_cpuif_wr_data(wdata_q), .s_cpuif_wr_biten('1),
+    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
+    .s_cpuif_rd_ack(read_ack), .s_cpuif_rd_err(read_error), .s_cpuif_rd_data(rdata),
+    .s_cpuif_wr_ack(write_ack), .s_cpuif_wr_err(write_error),
+    .hwif_in(status), .hwif_out(set)
+  );
+  logic unused_address;
+  assign unused_address = ^addr_q[1:0];
+
+  assign status.build.fraction_bits.next = 5'(F);
+  assign status.build.grid.next = 1'(Grid);
+  assign status.build.model.next = 2'(Model);
+  assign status.build.viewer.next = Viewer;
+  assign status.build.aims.next = Aims;
+  assign status.build.walk.next = 3'(Walk);
+  assign status.status.busy.next = busy || apply_q;
+  assign status.status.running.next = running || start_q;
+  assign status.status.refused.next = refused;
+
+  optics_config_t optics;
+  always_comb begin
+    optics.x_from_u = {set.optics.x_from_u_high.value.value, set.optics.x_from_u_low.value.value};
+    optics.x_from_v = {set.optics.x_from_v_high.value.value, set.optics.x_from_v_low.value.value};
+    optics.y_from_u = {set.optics.y_from_u_high.value.value, set.optics.y_from_u_low.value.value};
+    optics.y_from_v = {set.optics.y_from_v_high.value.value, set.optics.y_from_v_low.value.value};
+    optics.x_offset = {set.optics.x_offset_high.value.value, set.optics.x_offset_low.value.value};
+    optics.y_offset = {set.optics.y_offset_high.value.value, set.optics.y_offset_low.value.value};
+    optics.slope_x = set.optics.slope_x.value.value;
+    optics.slope_y = set.optics.slope_y.value.value;
+    optics.slope_aim_x = set.optics.slope_aim_x.value.value;
+    optics.slope_aim_y = set.optics.slope_aim_y.value.value;
+    optics.point_x = set.optics.point_x.value.value;
+    optics.point_y = set.optics.point_y.value.value;
+    optics.point_aim_x = set.optics.point_aim_x.value.value;
+    optics.point_aim_y = set.optics.point_aim_y.value.value;
+    optics.index = set.optics.index.value.value;
+    optics.index_square = set.optics.index_square.value.value;
+    optics.index_inverse = set.optics.index_inverse.value.value;
+    optics.index_inverse_square = set.optics.index_inverse_square.value.value;
+    optics.depth = set.optics.depth.value.value;
+    optics.depth_rest = set.optics.depth_rest.value.value;
+    optics.exit_z = set.optics.exit_z.value.value;
+    optics.cell_half = set.optics.cell_half.value.value;
+    optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
+    optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
+  end
+
+  raster_config_t window;
+  assign window = '{
+    first_column: set.raster.columns.first.value, last_column: set.raster.columns.last.value,
+    first_row: set.raster.rows.first.value, last_row: set.raster.rows.last.value,
+    width: set.raster.panel.width.value, height: set.raster.panel.height.value,
+    samples: set.raster.jitter.samples.value, jitter: jitter_e'(set.raster.jitter.mode.value),
+    table_first: set.raster.jitter.table_first.value, seed: set.raster.seed.value.value
+  };
+
+  // ---- where rays come from ----
+  logic walked_valid, walked_ready, walked_first, walked_last;
+  logic signed [PixelBits-1:0] walked_u, walked_v;
+  logic signed [F+1:0] walked_a, walked_b;
+  logic begin_frame;
+  raster #(.F(F)) i_raster (
+    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame),
+    .running_o(running), .refused_o(refused),
+    .table_write_i(table_write), .table_at_i(addr_q[TableBits+1:2]), .table_entry_i(wdata_q),
+    .ray_valid_o(walked_valid), .ray_ready_i(walked_ready),
+    .ray_u_o(walked_u), .ray_v_o(walked_v), .ray_a_o(walked_a), .ray_b_o(walked_b),
+    .ray_first_o(walked_first), .ray_last_o(walked_last)
+  );
+
+  logic stream_q, valid, ready, accept, first, last;
+  logic signed [PixelBits-1:0] u, v;
+  logic signed [F+1:0] a, b;
+  assign {u, v, a, b, first, last} = stream_q ?
+      {ray_u_i, ray_v_i, ray_a_i, ray_b_i, ray_first_i, ray_last_i} :
+      {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
+
+  // ---- between two frames: the only time for new optics ----
+  logic within_q, take;
+  assign take = apply_q && !within_q;
+  assign valid = (stream_q ? ray_valid_i : walked_valid) && !take;
+  assign accept = valid && ready;
+  assign ray_ready_o = stream_q && ready && !take;
+  assign walked_ready = !stream_q && ready && !take;
+  assign begin_frame = start_q && !apply_q && !running;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {within_q, apply_q, start_q, stream_q} <= '0;
+    end else begin
+      if (accept) within_q <= !last;
+      apply_q <= set.control.apply.value || (apply_q && !take);
+      start_q <= set.control.start.value || (start_q && !begin_frame);
+      if (take) stream_q <= set.source.stream.value;
+    end
+  end
+
+  // ---- the optics ----
+  ray_lenslet #(
+    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+  ) i_lenslet (
+    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
+    .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
+    .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
+    .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
+  );
+
+  // The ends of frames wait beside the pipeline, in the order of its rays; a place for each of them.
+  localparam int AddressBits = $clog2(ray_latency(F, Grid, Model, Viewer, Aims, Walk) + 16);
+  logic unused_valid;
+  fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
+    .clk_i, .rst_ni, .write_i(accept), .data_i({first, last}),
+    .valid_o(unused_valid), .ready_i(exit_valid_o && exit_ready_i),
+    .data_o({exit_first_o, exit_last_o})
+  );
+
+endmodule
