@@ -7,10 +7,9 @@ of events out of the question, also where the latency is 0.
 """
 
 import json
-import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -106,30 +105,29 @@ def pack(widths: Widths, words: Mapping[str, Ints | int]) -> list[int]:
     return [int(w) for w in total]
 
 
-def stream(
-    instances: Sequence[Instance], select: Instance, segments: Sequence[Segment], bench: str, seed: int
-) -> None:
-    """Compile a bench and stream segments of words through one of its instances."""
+def stream(instances: Sequence[Instance], batch: Sequence[tuple[Instance, Segment]], bench: str, seed: int) -> None:
+    """Compile a bench and stream segments of words through instances of it."""
     folder = compiled("bench", bench=bench_text(instances), name=bench)
-    plan = {
-        "select": list(instances).index(select),
-        "inputs": dict(select.inputs),
-        "outputs": dict(select.outputs),
-        "segments": [
+    plan = []
+    for select, (config, words, expected) in batch:
+        packed, wanted = pack(select.inputs, words), pack(select.outputs, expected)
+        assert len(packed) == len(wanted) > 0
+        plan.append(
             {
-                "config": pack(select.config, s.config)[0] if select.config else 0,
-                "words": [f"{w:x}" for w in pack(select.inputs, s.words)],
-                "expected": [f"{w:x}" for w in pack(select.outputs, s.expected)],
+                "name": select.name,
+                "select": list(instances).index(select),
+                "inputs": dict(select.inputs),
+                "outputs": dict(select.outputs),
+                "config": f"{pack(select.config, config)[0]:x}" if select.config else "0",
+                "words": [f"{w:x}" for w in packed],
+                "expected": [f"{w:x}" for w in wanted],
             }
-            for s in segments
-        ],
-    }
-    for s in plan["segments"]:
-        assert len(s["words"]) == len(s["expected"]) > 0
-    path = folder / f"plan-{select.name}-{math.floor(seed)}.json"
-    path.write_text(json.dumps(plan))
-    simulate(folder, "bench", "stream_words", seed, {"LIPPMANN_PLAN": str(path)})
-    path.unlink()
+        )
+    assert plan
+    with tempfile.NamedTemporaryFile("w", dir=folder, prefix="plan-", suffix=".json") as file:
+        json.dump(plan, file)
+        file.flush()
+        simulate(folder, "bench", "stream_words", seed, {"LIPPMANN_PLAN": file.name})
 
 
 def unpack(widths: Widths, word: int) -> dict[str, int]:
@@ -140,9 +138,3 @@ def unpack(widths: Widths, word: int) -> dict[str, int]:
         values[port] = value - (1 << bits) if value >> (bits - 1) and bits > 1 else value
         word >>= bits
     return values
-
-
-def load_plan(path: str) -> dict[str, object]:
-    """The plan that `stream` wrote, read by the simulator's process."""
-    plan: dict[str, object] = json.loads(Path(path).read_text())
-    return plan

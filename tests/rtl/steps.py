@@ -87,4 +87,4 @@ def steps(f: int) -> dict[str, Instance]:
 def stream_step(name: str, f: int, segments: list[Segment], seed: int) -> None:
     """Stream words through one step's RTL and compare all that comes out."""
     made = steps(f)
-    stream(list(made.values()), made[name], segments, f"steps-F{f}", seed)
+    stream(list(made.values()), [(made[name], segment) for segment in segments], f"steps-F{f}", seed)
