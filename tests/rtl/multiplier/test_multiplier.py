@@ -28,7 +28,9 @@ def test_equals_twin_for_all_parameters():
         fits = (p >= signed(wa + wb - drop)[0]) & (p <= signed(wa + wb - drop)[1])
         assert fits.sum() > 600
         a, b, p = a[fits], b[fits], p[fits]
-        batch.append((multiplier(wa, wb, drop, square), Segment({}, {"a_i": a, "b_i": b}, {"p_o": p})))
+        for cells in (0, 1):
+            one = multiplier(wa, wb, drop, square, cells)
+            batch.append((one, Segment({}, {"a_i": a, "b_i": b}, {"p_o": p})))
         kind = "square" if square else "product"
         seen.point(f"{kind}, low bits of {'both' if la and lb else 'a' if la else 'b' if lb else 'none'}", len(a))
         seen.point("most negative by most positive", (a == signed(wa)[0]) & (b == signed(wb)[1]))
