@@ -10,7 +10,7 @@ import hashlib
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -115,9 +115,14 @@ def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str =
 
 
 def simulate(
-    folder: Path, top: str, modules: str | Sequence[str], seed: int, environment: Mapping[str, str] | None = None
+    folder: Path,
+    top: str,
+    module: str,
+    seed: int,
+    environment: Mapping[str, str] | None = None,
+    plusargs: Mapping[str, object] | None = None,
 ) -> None:
-    """Run the cocotb tests of Python modules on a compiled bench.
+    """Run the cocotb tests of a Python module on a compiled bench.
 
     Raises
     ------
@@ -132,7 +137,7 @@ def simulate(
     runner = PortsOnly()
     try:
         runner.test(
-            test_module=modules,
+            test_module=module,
             hdl_toplevel=top,
             hdl_toplevel_lang="verilog",
             build_dir=folder,
@@ -140,6 +145,7 @@ def simulate(
             results_xml=str(results),
             seed=seed,
             test_args=[f"+verilator+seed+{seed % (1 << 31) or 1}", "+verilator+rand+reset+2"],
+            plusargs=[f"+{key}={value}" for key, value in (plusargs or {}).items()],
             log_file=log,
             extra_env={**(environment or {}), "LIPPMANN_SEED": str(seed), "COCOTB_ANSI_OUTPUT": "0"},
         )
