@@ -16,9 +16,7 @@ module delay #(
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "delay: Width must be 1 or more and Cycles 0 or more");
-  end
-
-  if (Cycles == 0) begin : gen_wire
+  end else if (Cycles == 0) begin : gen_wire
     assign q_o = d_i;
     logic unused_clk;
     assign unused_clk = clk_i;

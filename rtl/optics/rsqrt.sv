@@ -2,7 +2,8 @@
 ///
 /// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output means nothing).
 /// Output y_o: near word, y = min(floor((q + 4) / 8), 2^(F + 1) - 1) / 2^(F + 1), with q from
-/// `quadratic`. |y - 1/sqrt(x)| < 2^-(F + 1). Latency rsqrt_latency().
+/// `quadratic`. |y - 1/sqrt(x)| < 2^-(F + 1); at x = 1, whose root no near word holds, it is equal.
+/// Latency rsqrt_latency().
 module rsqrt #(
   parameter int F = 23
 ) (

@@ -1,0 +1,125 @@
+"""Every module elaborates alone without a warning, under several parameters; a bad parameter stops with its message."""
+
+import re
+import subprocess
+
+import pytest
+from lippmann.sim.tools import optics_sources, repository, verilator_environment
+from runner import TOP
+
+FOLDER = repository() / "rtl" / "optics"
+MODULES = sorted(path.stem for path in FOLDER.glob("*.sv") if path.stem != "optics_pkg")
+
+F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
+GRID_SETS = [{"F": f, "Grid": g} for f in (14, 23) for g in (0, 1)]
+CELLS = [{"F": f, "CrossCells": 1} for f in (16, 23)]
+RAYS = [
+    {"F": 14, "Grid": 1, "Model": 0},
+    {"F": 18, "Grid": 0, "Model": 1, "Aims": 1},
+    {"F": 23, "Grid": 0, "Model": 1},
+    {"F": 23, "Grid": 1, "Model": 2},
+    {"F": 16, "Grid": 0, "Model": 2, "Aims": 1, "Walk": 1},
+    {"F": 22, "Grid": 1, "Model": 2, "Viewer": 1, "CrossCells": 1},
+    {"F": 23, "Grid": 1, "Model": 2, "Viewer": 1, "Aims": 1, "Walk": 2},
+]
+PARAMETERS = {
+    "aim": GRID_SETS,
+    "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}],
+    "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 4), (30, 33))],
+    "cell_step": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
+    "delay": [{"Width": w, "Cycles": c} for w, c in ((1, 0), (3, 1), (8, 2), (1, 5), (9, 17), (40, 40))],
+    "enter_dome": [*F_SETS, *CELLS],
+    "enter_flat": [*F_SETS, *CELLS],
+    "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
+    "fifo_memory": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
+    "flow_control": [{"Latency": c, "AddressBits": b, "Width": 9} for c, b in ((1, 4), (120, 7))],
+    "leave_dome": [*F_SETS, *CELLS],
+    "leave_flat": [*F_SETS, *CELLS],
+    "lenslet_hex": F_SETS,
+    "lenslet_square": F_SETS,
+    # Verilator takes a recursive top's inner instances for empty ones: the trees are seen to in `multiplier`.
+    "low_product": [{"Low": n, "Cell": c} for n, c in ((1, 0), (2, 0), (2, 1), (9, 1))],
+    "meet_dome": [{"F": f, "Upward": u, "CrossCells": c} for f, u, c in ((14, 0, 0), (16, 1, 1), (23, 1, 0), (23, 0, 1))],
+    "move_lenslet": GRID_SETS,
+    "mult18": [{}],
+    "multiplier": [
+        {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
+        for a, b, d, s in ((18, 18, 0, 0), (12, 16, 5, 0), (25, 25, 20, 1), (27, 18, 9, 0), (18, 20, 2, 0), (27, 25, 21, 0))
+        for c in (0, 1)
+    ],
+    "pixel_to_panel": F_SETS,
+    "quadratic": [{"F": f, "Root": r} for f in (14, 18, 23) for r in (0, 1)],
+    "ray_lenslet": RAYS[-2:],
+    "ray_pipeline": RAYS,
+    "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17))],
+    "rsqrt": F_SETS,
+    "saturate": [{"From": a, "To": b} for a, b in ((20, 18), (18, 18), (5, 1))],
+    "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
+    "unit_slope": [*F_SETS, *CELLS],
+}  # fmt: skip
+
+#: Parameters that must stop elaboration, and the message of each.
+REFUSED = [
+    ("block_ring", {"Cycles": 3}, "block_ring: Cycles must be 4 or more"),
+    ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
+    ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),
+    ("flow_control", {"Latency": 0}, "flow_control: Latency must be 1 to 8 less than the FIFO's places"),
+    ("flow_control", {"Latency": 25, "AddressBits": 5}, "flow_control: Latency must be 1 to 8 less than"),
+    ("low_product", {"Low": 18}, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes"),
+    ("low_product", {"Low": 9, "Latency": 2}, "low_product: Low must be 1 to 17 and Latency no shorter than"),
+    ("multiplier", {"Wa": 20, "Wb": 19, "Drop": 9, "Square": 1}, "multiplier: Square takes words of one width"),
+    ("multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "multiplier: Drop must cut off the product of the lower parts"),
+    ("pixel_to_panel", {"F": 13}, "pixel_to_panel: F must be 14 to 23"),
+    ("pixel_to_panel", {"F": 24}, "pixel_to_panel: F must be 14 to 23"),
+    ("quadratic", {"F": 13}, "quadratic: F must be 14 to 23"),
+    ("quadratic", {"F": 24}, "quadratic: F must be 14 to 23"),
+    ("ray_pipeline", {"F": 13}, "ray_pipeline: F must be 14 to 23"),
+    ("ray_pipeline", {"F": 24}, "ray_pipeline: F must be 14 to 23"),
+    ("ray_pipeline", {"Grid": 2}, "ray_pipeline: Grid must be GridSquare or GridHex"),
+    ("ray_pipeline", {"Model": 3}, "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact"),
+    (
+        "ray_pipeline", {"Model": 0, "Aims": 1},
+        "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray",
+    ),
+    ("ray_pipeline", {"Walk": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell"),
+    ("ray_pipeline", {"Walk": 5, "Aims": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
+    ("ray_pipeline", {"Walk": -1, "Aims": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
+    ("ring", {"Cycles": 1}, "ring: Cycles must be 2 to 17"),
+    ("ring", {"Cycles": 18}, "ring: Cycles must be 2 to 17"),
+]
+
+
+def lint(module: str, parameters: dict[str, int]) -> subprocess.CompletedProcess[str]:
+    command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
+    command += [f"-G{name}={value}" for name, value in parameters.items()]
+    command += map(str, optics_sources(TOP))
+    return subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+
+
+def test_no_module_is_left_out():
+    assert sorted(PARAMETERS) == MODULES
+    # The sources hold every refusal in so many words, and each is provoked below.
+    said = {
+        text for path in FOLDER.glob("*.sv") for text in re.findall(r'\$fatal\(1,\s*"([^"]+)"', path.read_text())
+    }  # fmt: skip
+    assert said
+    left = {text for text in said if not any(text.startswith(message) for *_, message in REFUSED)}
+    assert not left
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_lint_is_clean(module):
+    for parameters in PARAMETERS[module]:
+        done = lint(module, parameters)
+        assert done.returncode == 0, f"{module} {parameters}\n{done.stderr}"
+        assert not done.stderr.strip(), f"{module} {parameters}\n{done.stderr}"
+
+
+@pytest.mark.parametrize(
+    ("module", "parameters", "message"), REFUSED,
+    ids=["-".join([module, *(f"{k}{v}" for k, v in p.items())]) for module, p, _ in REFUSED],
+)  # fmt: skip
+def test_bad_parameter_stops_elaboration(module, parameters, message):
+    done = lint(module, parameters)
+    assert done.returncode != 0
+    assert message in done.stderr

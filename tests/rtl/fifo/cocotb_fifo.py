@@ -1,0 +1,93 @@
+"""fifo in the simulator."""
+
+import random
+
+import cocotb
+from cocotb.clock import Clock
+from rtl_coverage import Coverage
+from streams import PATTERNS, Monitor, pattern
+
+SEEN: dict[str, int] = {}
+
+
+async def start(dut, room):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.write_i.value = dut.ready_i.value = dut.data_i.value = 0
+
+    def put(word):
+        dut.data_i.value = word
+
+    monitor = Monitor(dut.clk_i, dut.write_i, None, dut.valid_o, dut.ready_i, dut.data_o, put, room)
+    monitor.seen = SEEN
+    await reset(dut, monitor)
+    return monitor
+
+
+async def reset(dut, monitor):
+    dut.rst_ni.value = 0
+    for _ in range(3):
+        await monitor.edge
+    assert not dut.valid_o.value
+    dut.rst_ni.value = 1
+    monitor._stalled = None
+    monitor.accepted, monitor.left, monitor.got = [], [], []
+
+
+def sizes(dut):
+    width, room = len(dut.data_i), 1 << int(cocotb.plusargs["address_bits"])
+    return room, [random.getrandbits(width) for _ in range(12 * room + 200)]
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def keeps_order_and_contract(dut, idle, pressure):
+    room, words = sizes(dut)
+    monitor = await start(dut, room)
+    await monitor.run(words, pattern(idle, random, 3 * room), pattern(pressure, random, 3 * room), 8 * room + 200)
+    assert monitor.got == words
+    SEEN["full"] = SEEN.get("full", 0) + sum(
+        k + room < len(words) and monitor.accepted[k + room - 1] < monitor.left[k] for k in range(len(words) - room)
+    )
+
+
+@cocotb.test()
+async def gives_a_word_each_clock_after_four(dut):
+    room, words = sizes(dut)
+    monitor = await start(dut, room)
+    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), 50)
+    assert monitor.got == words
+    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {4}
+    assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
+
+
+@cocotb.test()
+async def drains_without_a_bubble(dut):
+    room, words = sizes(dut)
+    monitor = await start(dut, room)
+    for word in words[:room]:
+        assert await monitor.clock(word, False)
+    for _ in range(6):
+        await monitor.clock(None, False)
+    for _ in range(room):
+        await monitor.clock(None, True)
+    assert monitor.got == words[:room]
+
+
+@cocotb.test()
+async def forgets_all_at_reset(dut):
+    room, words = sizes(dut)
+    monitor = await start(dut, room)
+    for count in (1, 2, 3, 4, 5, room):
+        for word in words[:count]:
+            await monitor.clock(word, random.random() < 0.2)
+        await reset(dut, monitor)
+        await monitor.run(words[: 2 * room], pattern("light", random, 0), pattern("light", random, 0), 200 + 8 * room)
+        assert monitor.got == words[: 2 * room]
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("fifo", cocotb.plusargs["case"])
+    for name, count in SEEN.items():
+        seen.point(name, count)
+    seen.close()

@@ -1,0 +1,125 @@
+"""flow_control in the simulator, around a pipeline that only delays."""
+
+import random
+
+import cocotb
+from cocotb.clock import Clock
+from rtl_coverage import Coverage
+from streams import PATTERNS, Monitor, pattern
+
+LATENCY = int(cocotb.plusargs["latency"])
+ROOM = 1 << int(cocotb.plusargs["address_bits"])
+PATIENCE = 8 * ROOM + 4 * LATENCY + 200
+SEEN: dict[str, int] = {}
+
+
+async def start(dut):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.valid_i.value = dut.ready_i.value = dut.data_i.value = dut.hold_i.value = 0
+
+    def put(word):
+        dut.data_i.value = word
+
+    monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.data_o, put)
+    monitor.seen = SEEN
+    await reset(dut, monitor)
+    return monitor
+
+
+async def reset(dut, monitor):
+    dut.rst_ni.value = 0
+    dut.valid_i.value = 0
+    # The first edge of a simulation may come before any of the clock's rising ones.
+    await monitor.edge
+    for _ in range(3):
+        await monitor.edge
+        assert not dut.valid_o.value
+    dut.rst_ni.value = 1
+    monitor._stalled = None
+    monitor.accepted, monitor.left, monitor.got = [], [], []
+    # A clock in which nothing is offered: the input opens.
+    await monitor.clock(None, False)
+    assert dut.idle_o.value
+
+
+def some_words(dut, count):
+    return [random.getrandbits(len(dut.data_i)) for _ in range(count)]
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def keeps_order_and_contract(dut, idle, pressure):
+    monitor = await start(dut)
+    words = some_words(dut, 8 * ROOM + 100)
+    stuck = 2 * ROOM + LATENCY
+    await monitor.run(words, pattern(idle, random, stuck), pattern(pressure, random, stuck), PATIENCE)
+    assert monitor.got == words
+    assert dut.idle_o.value
+
+
+@cocotb.test()
+async def takes_and_gives_a_word_each_clock(dut):
+    monitor = await start(dut)
+    words = some_words(dut, 6 * ROOM)
+    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), PATIENCE)
+    assert monitor.got == words
+    assert monitor.accepted == list(range(monitor.accepted[0], monitor.accepted[0] + len(words)))
+    # Latency clocks to the FIFO and four through it.
+    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {LATENCY + 4}
+
+
+@cocotb.test()
+async def has_room_for_as_many_as_it_says(dut):
+    monitor = await start(dut)
+    words = some_words(dut, ROOM + 50)
+    for _ in range(2 * ROOM + 2 * LATENCY):
+        await monitor.clock(words[len(monitor.accepted)], False)
+    # One or two places are held back for words that are accepted meanwhile.
+    assert ROOM - 2 <= len(monitor.accepted) <= ROOM
+    held = len(monitor.accepted)
+    for _ in range(held):
+        await monitor.clock(None, True)
+    assert monitor.got == words[:held], "a full FIFO gives a word each clock"
+    SEEN["full"] = SEEN.get("full", 0) + 1
+
+
+@cocotb.test()
+async def hold_closes_the_input_and_idle_tells_when_all_have_left(dut):
+    monitor = await start(dut)
+    for round_ in range(4):
+        words = some_words(dut, 4 * ROOM)
+        before = len(monitor.got)
+        for word in words[: ROOM // 2 + round_]:
+            await monitor.clock(word, random.random() < 0.5)
+        accepted = len(monitor.accepted)
+        dut.hold_i.value = 1
+        for _ in range(PATIENCE):
+            # The first of these clocks already finds the input closed: ready follows hold at once.
+            await monitor.clock(None, random.random() < 0.5)
+            assert not dut.ready_o.value
+            assert bool(dut.idle_o.value) == (len(monitor.left) == len(monitor.accepted))
+        assert len(monitor.accepted) == len(monitor.left) == accepted
+        assert monitor.got[before:] == words[: accepted - before]
+        dut.hold_i.value = 0
+        await monitor.clock(None, True)
+        SEEN["held"] = SEEN.get("held", 0) + 1
+
+
+@cocotb.test()
+async def forgets_all_at_reset(dut):
+    monitor = await start(dut)
+    for count in (1, 3, LATENCY, LATENCY + 4, 3 * ROOM):
+        words = some_words(dut, max(count, 3 * ROOM))
+        for word in words[:count]:
+            await monitor.clock(word, random.random() < 0.3)
+        await reset(dut, monitor)
+        await monitor.run(words, pattern("light", random, 0), pattern("light", random, 0), PATIENCE)
+        assert monitor.got == words
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("flow_control", cocotb.plusargs["case"])
+    for name, count in SEEN.items():
+        seen.point(name, count)
+    seen.close()

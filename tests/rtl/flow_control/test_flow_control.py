@@ -1,0 +1,18 @@
+"""flow_control: order, contract, throughput, hold and reset, under every pair of pauses."""
+
+from pathlib import Path
+
+import pytest
+from runner import compiled, seed, simulate
+
+BENCH = Path(__file__).with_name("flow_control_bench.sv")
+
+
+@pytest.mark.parametrize(
+    ("latency", "bits"), [(20, 5), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 4), (8, 4), (120, 7)))]
+)
+def test_flow_control(latency, bits):
+    parameters = {"Latency": latency, "AddressBits": bits, "Width": 20}
+    folder = compiled("flow_control_bench", parameters, BENCH.read_text())
+    plusargs = {"latency": latency, "address_bits": bits, "case": f"{latency}-{bits}"}
+    simulate(folder, "flow_control_bench", "cocotb_flow_control", seed(), plusargs=plusargs)

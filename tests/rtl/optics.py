@@ -1,0 +1,96 @@
+"""Displays and rays for the tests of the whole way of a ray."""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from lippmann.display import Array, Display, Panel
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.lenslet_hex import lenslet_hex
+from lippmann.fixed.lenslet_square import lenslet_square
+from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.words import PIXEL_BITS
+from words import Ints, around, mixed, signed
+
+PIXELS = signed(PIXEL_BITS)
+
+
+def display(build: Build, **numbers: Any) -> Display:
+    """A display for a build, mm: pitch, radius, index, thickness (None: the thinnest), gap, rotation, offset."""
+    n = {"pitch": 1.0, "radius": 1.2, "index": 1.5, "thickness": None, "gap": 0.4, "rotation": 0.0, "offset": (0, 0)}
+    n |= numbers
+    side = "viewer" if build.viewer else "panel"
+
+    def array(thickness: float) -> Array:
+        given = (n["pitch"], n["radius"], n["index"], thickness, side, None, n["rotation"], n["offset"])
+        return Array(build.grid, *given)
+
+    thickness = array(math.nan).sag_mm if n["thickness"] is None else n["thickness"]
+    panel = Panel(400, 300, n["pitch"] / n.get("across", 9.3))
+    return Display("case", panel, array(thickness), n["gap"])
+
+
+def random_configuration(rng: np.random.Generator, build: Build) -> Configuration:
+    """The registers of a random display that the formats hold; steep lenslets more often than flat ones."""
+    for _ in range(1000):
+        steep = rng.choice([0.62, 0.75, 1.2, 3.0])
+        numbers = {
+            "radius": steep * (1 + 0.1 * rng.random()),
+            "index": rng.uniform(1.2, 2.1),
+            "gap": rng.choice([0.0, 0.1, 0.6, 2.0]) * rng.random() if not build.viewer else rng.uniform(0.2, 2.0),
+            "thickness": rng.choice([None, 0.8, 2.0]),
+            "rotation": rng.choice([0.0, 0.0, rng.uniform(-30, 30)]),
+            "offset": tuple(rng.uniform(-0.5, 0.5, 2)),
+            "across": rng.choice([8, 20, 9.3]),
+        }
+        try:
+            return configuration(display(build, **numbers), build, build.model)
+        except (InputError, ValueError):
+            continue
+    raise AssertionError(f"no display for {build}")
+
+
+def ray_words(
+    rng: np.random.Generator, count: int, build: Build, config: Configuration
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """Pixels all over the words' range, near the axis and at its ends; aims at every place of the own cell and beyond."""
+    f = build.fraction_bits
+    panel = (-(1 << 12), 1 << 12)
+    u, v = mixed(rng, count, PIXELS, PIXELS)
+    near = rng.random(len(u)) < 0.8
+    u, v = (np.where(near, rng.integers(*panel, len(u)), w) for w in (u, v))
+    reach = 3 << (f - 1)
+    a, b = rng.integers(-(1 << (f - 1)), 1 << (f - 1), (2, len(u)))
+    far = rng.random(len(u)) < 0.3
+    a, b = (np.where(far, rng.integers(-reach, reach, len(u)), w) for w in (a, b))
+    edge = around(np.arange(-3, 4) << (f - 1), 1, -reach, reach)
+    on = rng.random(len(u)) < 0.2
+    a, b = np.where(on, rng.choice(edge, len(u)), a), np.where(on, rng.choice(edge, len(u)), b)
+    kept = within(u, v, a, b, build, config)
+    assert kept.sum() > len(u) // 10
+    return u[kept], v[kept], a[kept], b[kept]
+
+
+def within(u: Ints, v: Ints, a: Ints, b: Ints, build: Build, config: Configuration) -> npt.NDArray[np.bool_]:
+    """Which rays the host lets pass: less steep than 60 degrees, and met less than 4 radii from the axis."""
+    f = build.fraction_bits
+    locate = lenslet_hex if build.grid == "hex" else lenslet_square
+    lattice = [
+        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
+        for axis in "xy"
+    ]
+    own = locate(*lattice, f)[2:]
+    aimed = (a, b) if build.aims else (np.zeros_like(a), np.zeros_like(b))
+    step_i, step_j, *local = locate(*aimed, f)
+    shift = (step_i + (step_j / 2 if build.grid == "hex" else 0), step_j)
+    unit = float(1 << f)
+    slope, point = [], []
+    for axis, pixel, moved, aim in zip("xy", own, shift, local, strict=True):
+        x, to = pixel / unit - moved, aim / unit
+        k, m, p, q = (getattr(config, f"{name}_{axis}") / unit for name in ("slope", "slope_aim", "point", "point_aim"))
+        slope.append(k * (to - x) if build.model == "exact" else k * x + m * to)
+        point.append(p * x + q * to)
+    return (np.hypot(*slope) < 1.732) & (np.hypot(*point) < 3.99)

@@ -1,0 +1,56 @@
+"""The bench of the parts that steps are made of, under many parameters."""
+
+from bench import Instance, Segment, stream
+
+#: Widths of both operands, places dropped, square: one low part, none, both, of one to nine bits; 16 and 23 fraction
+#: bits' own products among them.
+MULTIPLIERS = [
+    (18, 18, 0, 0), (18, 18, 0, 1), (16, 12, 3, 0), (12, 18, 15, 0), (18, 18, 13, 1), (19, 18, 1, 0), (18, 19, 1, 0),
+    (19, 19, 2, 0), (19, 19, 2, 1), (20, 21, 13, 0), (23, 18, 5, 0), (18, 23, 7, 0), (22, 22, 17, 1), (25, 25, 20, 0),
+    (25, 25, 20, 1), (27, 25, 21, 0), (27, 27, 20, 1), (26, 26, 20, 1), (27, 27, 23, 0),
+]  # fmt: skip
+LOWS = [(low, None, cell) for low in range(1, 10) for cell in (0, 1)] + [(17, None, 0), (17, None, 1)]
+LOWS += [(1, 1, 0), (2, 4, 0), (5, 6, 1), (9, 5, 0)]
+DELAYS = [(w, c) for c in (0, 1, 2, 3, 4, 16, 17, 18, 19, 20, 34, 35, 40) for w in (1, 7, 65)]
+RINGS = [(9, c) for c in (2, 3, 4, 5, 8, 9, 10, 16, 17)] + [(1, 3), (70, 17)]
+BLOCK_RINGS = [(9, c) for c in (4, 5, 8, 9, 18, 33, 64, 65)] + [(70, 40)]
+SATURATES = [(20, 18), (19, 18), (18, 18), (36, 5), (5, 1), (3, 2)]
+
+
+def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance:
+    return Instance(
+        "multiplier", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"optics_pkg::mul_latency({wa}, {wb})",
+        {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square, "CrossCells": cells},
+    )  # fmt: skip
+
+
+def low_product(low: int, latency: int | None, cell: int) -> Instance:
+    parameters = {"Low": low, "Cell": cell} | ({} if latency is None else {"Latency": latency})
+    claimed = f"optics_pkg::low_latency({low})" if latency is None else str(latency)
+    return Instance("low_product", {"a_i": 18, "low_i": low}, {"p_o": 18 + low}, claimed, parameters)
+
+
+def delay(module: str, width: int, cycles: int) -> Instance:
+    return Instance(module, {"d_i": width}, {"q_o": width}, str(cycles), {"Width": width, "Cycles": cycles})
+
+
+def saturate(width: int, to: int) -> Instance:
+    return Instance("saturate", {"d_i": width}, {"q_o": to}, "1", {"From": width, "To": to})
+
+
+MULT18 = Instance("mult18", {"a_i": 18, "b_i": 18}, {"p_o": 36}, "3")
+
+PARTS = [
+    MULT18,
+    *(multiplier(*p, cells) for p in MULTIPLIERS for cells in (0, 1)),
+    *(low_product(*p) for p in LOWS),
+    *(delay("delay", *p) for p in DELAYS),
+    *(delay("ring", *p) for p in RINGS),
+    *(delay("block_ring", *p) for p in BLOCK_RINGS),
+    *(saturate(*p) for p in SATURATES),
+]
+
+
+def stream_parts(batch: list[tuple[Instance, Segment]], seed: int) -> None:
+    """Stream words through several of the parts, one after the other."""
+    stream(PARTS, batch, "parts", seed)

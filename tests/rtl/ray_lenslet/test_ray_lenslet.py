@@ -1,0 +1,47 @@
+"""ray_lenslet: rays in order and equal to the twin's, whatever the stalls, across resets and changes of the display."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench import pack
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.sim.harness import packed, parameters
+from optics import random_configuration, ray_words, within
+from runner import compiled, seed, simulate
+
+BENCH = Path(__file__).with_name("ray_lenslet_bench.sv")
+BUILDS = [
+    Build(14, "square", "paraxial", aims=True),
+    pytest.param(Build(16, "hex", "exact", aims=True, walk=1, cross_cells=True), marks=pytest.mark.full),
+    pytest.param(Build(23, "square", "exact", viewer=True), marks=pytest.mark.full),
+]
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=lambda b: f"{b.fraction_bits}-{b.grid}-{b.model}")
+def test_ray_lenslet(build):
+    s = seed()
+    rng = np.random.default_rng(s)
+    near, far = build.near, build.near + 2
+    displays = [random_configuration(rng, build) for _ in range(2)]
+    rays = ray_words(rng, 1200, build, displays[0])
+    kept = np.flatnonzero(within(*rays, build, displays[1]))
+    # Fewer than the streams could take: 35 tests pass through them.
+    kept = rng.choice(kept, 600, replace=False)
+    rays = tuple(word[kept] for word in rays)
+    inputs = {"b": near, "a": near, "v": 18, "u": 18}
+    outputs = {"status": 3, "dz": near, "dy": near, "dx": near, "z": far, "y": far, "x": far, "j": 12, "i": 12}
+    plan = {
+        "case": f"{build.fraction_bits}-{build.grid}-{build.model}",
+        "displays": [int.from_bytes(packed(d), "little") for d in displays],
+        "rays": pack(inputs, dict(zip("uvab", rays, strict=True))),
+        "exits": [pack(outputs, ray_pipeline(*rays, d, build)._asdict()) for d in displays],
+    }
+    folder = compiled("ray_lenslet_bench", parameters(build), BENCH.read_text())
+    with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".json") as file:
+        json.dump(plan, file)
+        file.flush()
+        simulate(folder, "ray_lenslet_bench", "cocotb_ray_lenslet", s, {"LIPPMANN_PLAN": file.name})

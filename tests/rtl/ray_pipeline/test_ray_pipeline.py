@@ -1,0 +1,83 @@
+"""ray_pipeline against its twin: every model, grid and orientation, over random displays."""
+
+import numpy as np
+import pytest
+from bench import Instance, Segment, stream
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.optics.status import Status
+from lippmann.sim.harness import packed, parameters
+from optics import random_configuration, ray_words
+from rtl_coverage import Coverage
+from runner import seed
+
+FAST = [
+    Build(23, "square", "exact", aims=True, walk=1),
+    Build(16, "hex", "exact", viewer=True, aims=True, walk=2, cross_cells=True),
+    Build(18, "hex", "paraxial", aims=True),
+    Build(14, "square", "pinhole"),
+]
+FULL = [
+    Build(f, grid, *rest)
+    for f, grid in ((14, "hex"), (21, "square"), (22, "hex"), (23, "hex"))
+    for rest in (
+        ("pinhole",), ("paraxial", False, False), ("paraxial", False, True), ("exact", False, False),
+        ("exact", False, True), ("exact", False, True, 4), ("exact", True, False), ("exact", True, False, 1),
+        ("exact", True, True, 2),
+    )
+]  # fmt: skip
+
+
+def instance(build: Build) -> Instance:
+    near, far = build.near, build.near + 2
+    p = parameters(build)
+    viewer, aims = f"1'b{p['Viewer']}", f"1'b{p['Aims']}"
+    return Instance(
+        "ray_pipeline",
+        {"u_i": 18, "v_i": 18, "a_i": near, "b_i": near},
+        {"i_o": 12, "j_o": 12, **dict.fromkeys(("x_o", "y_o", "z_o"), far),
+         **dict.fromkeys(("dx_o", "dy_o", "dz_o"), near), "status_o": 3},
+        f"optics_pkg::ray_latency({p['F']}, {p['Grid']}, {p['Model']}, {viewer}, {aims}, {p['Walk']})",
+        p,
+        {"config_i": 820},
+    )  # fmt: skip
+
+
+def statuses(build: Build) -> set[Status]:
+    """What becomes of a build's rays, over enough displays."""
+    if build.model == "pinhole":
+        return {Status.OK}
+    if build.model == "paraxial":
+        return {Status.OK, Status.CROSSTALK, Status.MISSED} if build.aims else {Status.OK}
+    found = {Status.OK, Status.INTERNAL_REFLECTION}
+    if build.aims or build.viewer:
+        found |= {Status.MISSED}
+    if build.aims or build.walk:
+        found |= {Status.CROSSTALK}
+    return found
+
+
+@pytest.mark.parametrize(
+    "build", [*FAST, *(pytest.param(b, marks=pytest.mark.full) for b in FULL)],
+    ids=lambda b: "-".join(f"{k}{v}" for k, v in parameters(b).items()),
+)  # fmt: skip
+def test_equals_twin(build):
+    s = seed()
+    rng = np.random.default_rng(s)
+    one = instance(build)
+    seen = Coverage("ray_pipeline", one.name)
+    batch = []
+    for _ in range(12):
+        config = random_configuration(rng, build)
+        u, v, a, b = ray_words(rng, 250, build, config)
+        rays: FixedRays = ray_pipeline(u, v, a, b, config, build)
+        words = {"u_i": u, "v_i": v, "a_i": a, "b_i": b}
+        expected = {f"{k}_o": w for k, w in rays._asdict().items()}
+        register = int.from_bytes(packed(config), "little")
+        batch.append((one, Segment({"config_i": register}, words, expected)))
+        for status in sorted(statuses(build)):
+            seen.point(f"status {status.name.lower()}", rays.status == int(status))
+        seen.point("towards +x", rays.dx > 0)
+        seen.point("towards -y", rays.dy < 0)
+    stream([one], batch, one.name, s)
+    seen.close()

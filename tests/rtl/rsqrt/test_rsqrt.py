@@ -1,0 +1,31 @@
+"""rsqrt against its twin; all of its inputs in tests/rtl/roots."""
+
+import numpy as np
+import pytest
+from bench import Segment
+from lippmann.fixed.rsqrt import rsqrt
+from rtl_coverage import Coverage
+from runner import seed
+from steps import FRACTIONS, stream_step
+from words import around
+
+
+@pytest.mark.parametrize("f", FRACTIONS)
+def test_equals_twin(f):
+    s = seed()
+    rng = np.random.default_rng(s)
+    one = 1 << (f + 1)
+    x = np.concatenate([
+        around([one, 2 * one, 3 * one, 4 * one], 300, one, 4 * one - 1), rng.integers(one, 4 * one, 5000),
+    ])  # fmt: skip
+    y = rsqrt(x, f)
+    stream_step("rsqrt", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
+
+    seen = Coverage("rsqrt", f"F{f}")
+    seen.point("lower octave", x < 2 * one)
+    seen.point("upper octave", x >= 2 * one)
+    seen.point("held at the largest word", y == one - 1)
+    seen.point("1", x == one)
+    seen.point("just below 2", x == 2 * one - 1)
+    seen.point("largest input", x == 4 * one - 1)
+    seen.close()

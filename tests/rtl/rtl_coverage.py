@@ -1,0 +1,58 @@
+"""Functional coverage: which of the situations that a module can be in were seen at its ports, and how often.
+
+Counted only from words that the RTL has answered. A test ends with `close`, which fails when a situation was never
+seen; the counts are kept in build/rtl-tests/coverage/, and pytest ends with their table.
+"""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from runner import BUILD
+
+FOLDER = BUILD / "coverage"
+
+
+class Coverage:
+    """The situations of one module in one test, each with the times it was seen."""
+
+    def __init__(self, module: str, case: str) -> None:
+        self.module, self.case = module, case
+        self.seen: dict[str, int] = {}
+
+    def point(self, name: str, seen: npt.ArrayLike) -> None:
+        """Count a situation: a mask over words, or a number."""
+        self.seen[name] = self.seen.get(name, 0) + int(np.sum(seen))
+
+    def values(self, name: str, got: npt.ArrayLike, wanted: Iterable[object]) -> None:
+        """Count each of the values that must come up."""
+        got = np.asarray(got)
+        for value in wanted:
+            self.point(f"{name} {value}", got == value)
+
+    def close(self) -> None:
+        """Keep the counts, and fail where one is 0."""
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        path = FOLDER / f"{self.module}-{self.case}.json"
+        path.write_text(json.dumps({"module": self.module, "case": self.case, "seen": self.seen}, indent=1))
+        missing = [name for name, count in self.seen.items() if count == 0]
+        assert self.seen, f"{self.module}: no situation was looked for"
+        assert not missing, f"{self.module} {self.case}: never seen: {', '.join(missing)}"
+
+
+def table(folder: Path = FOLDER) -> list[str]:
+    """One line a module: situations, and the one seen least over all its cases."""
+    modules: dict[str, dict[str, int]] = {}
+    for path in sorted(folder.glob("*.json")):
+        kept = json.loads(path.read_text())
+        counts = modules.setdefault(kept["module"], {})
+        for name, count in kept["seen"].items():
+            counts[name] = counts.get(name, 0) + count
+    lines = ["| module | situations seen | seen least |", "|---|---|---|"]
+    for module, counts in sorted(modules.items()):
+        least = min(counts, key=lambda name: counts[name])
+        hit = sum(count > 0 for count in counts.values())
+        lines.append(f"| {module} | {hit} of {len(counts)} | {least}: {counts[least]} |")
+    return lines

@@ -1,0 +1,30 @@
+"""saturate against its twin: both ends, the last words that fit, the first that do not."""
+
+import numpy as np
+from bench import Segment
+from lippmann.fixed.saturate import saturate as twin
+from parts import SATURATES, saturate, stream_parts
+from rtl_coverage import Coverage
+from runner import seed
+from words import mixed, signed
+
+
+def test_equals_twin_for_all_parameters():
+    s = seed()
+    rng = np.random.default_rng(s)
+    seen = Coverage("saturate", "all")
+    batch = []
+    for width, to in SATURATES:
+        low, high = signed(to)
+        (d,) = mixed(rng, 300, signed(width))
+        q = twin(d, to)
+        batch.append((saturate(width, to), Segment({}, {"d_i": d}, {"q_o": q})))
+        seen.point("held above", d > high)
+        seen.point("held below", d < low)
+        seen.point("last that fits above", d == high)
+        seen.point("last that fits below", d == low)
+        seen.point("first that does not above", d == high + 1)
+        seen.point("first that does not below", d == low - 1)
+        seen.point("no narrower", width == to)
+    stream_parts(batch, s)
+    seen.close()

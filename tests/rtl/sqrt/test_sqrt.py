@@ -1,0 +1,50 @@
+"""sqrt against its twin: every shift that normalises, from one bit to all."""
+
+import numpy as np
+import pytest
+from bench import Segment
+from lippmann.fixed.sqrt import sqrt
+from rtl_coverage import Coverage
+from runner import seed
+from steps import FRACTIONS, stream_step
+from words import around, specials
+
+
+@pytest.mark.parametrize("f", FRACTIONS)
+def test_normalised_equals_twin(f):
+    s = seed()
+    rng = np.random.default_rng(s)
+    bits = f + 3
+    top = (1 << bits) - 1
+    # As many words of every magnitude.
+    magnitude = rng.integers(0, bits, 6000)
+    x = np.concatenate([specials(0, top), around(4 ** np.arange(bits // 2 + 1), 20, 0, top),
+                        (1 << magnitude) + (rng.random(6000) * (1 << magnitude)).astype(np.int64)])  # fmt: skip
+    y = sqrt(x, f)
+    stream_step("sqrt-1", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
+
+    seen = Coverage("sqrt", f"normalised-F{f}")
+    # The shift from the number of bits, not by the twin's steps.
+    length = np.array([int(word).bit_length() for word in x])
+    seen.values("shift by", np.where(x > 0, (bits - length) // 2, -1), range((bits - 1) // 2 + 1))
+    seen.point("zero", x == 0)
+    seen.point("smallest", x == 1)
+    seen.point("largest, held at the largest word", (x == top) & (y == (1 << (f + 1)) - 1))
+    seen.close()
+
+
+@pytest.mark.parametrize("f", FRACTIONS)
+def test_plain_equals_twin(f):
+    s = seed()
+    rng = np.random.default_rng(s)
+    quarter = 1 << (f + 1)
+    x = np.concatenate([
+        around([quarter, 2 * quarter, 3 * quarter, 4 * quarter], 300, quarter, 4 * quarter - 1),
+        rng.integers(quarter, 4 * quarter, 5000),
+    ])  # fmt: skip
+    stream_step("sqrt-0", f, [Segment({}, {"x_i": x}, {"y_o": sqrt(x, f, normalise=False)})], s)
+
+    seen = Coverage("sqrt", f"plain-F{f}")
+    seen.point("lower octave", x < 2 * quarter)
+    seen.point("upper octave", x >= 2 * quarter)
+    seen.close()

@@ -1,0 +1,93 @@
+"""The ports of every step of the ray for F fraction bits, and the bench that holds them all."""
+
+from collections.abc import Mapping
+
+import pytest
+from bench import Instance, Segment, stream
+
+GRIDS = ("square", "hex")
+
+#: Compiled at every commit: the widest and the compact configuration. The others cover each change of the formats:
+#: the least F, words of one and of several low bits, a slope's fraction at its limit.
+FRACTIONS = [pytest.param(f, marks=[] if f in (16, 23) else pytest.mark.full) for f in (14, 16, 18, 21, 22, 23)]
+
+
+def steps(f: int) -> dict[str, Instance]:
+    """Every step as an instance, by a short name."""
+    near, point, far = f + 2, f + 3, f + 4
+    lattice, index = 12 + f, 12
+    made: dict[str, Instance] = {}
+    # The same words must come out of products whose cross terms are in cells.
+    cells = {"CrossCells": 1} if f in (18, 22) else {}
+
+    def add(name, module, inputs, outputs, latency, config=None, **parameters):
+        latency = f"optics_pkg::{latency}" if "(" in latency else latency
+        made[name] = Instance(module, inputs, outputs, latency, {"F": f, **parameters}, config or {})
+
+    def each(names: str, bits: int) -> Mapping[str, int]:
+        return dict.fromkeys(names.split(), bits)
+
+    for root, number in (("reciprocal", 0), ("square", 1)):
+        add(f"quadratic-{root}", "quadratic", {"x_i": f + 3}, {"y_o": f + 5}, "quadratic_latency()", Root=number)
+    add("rsqrt", "rsqrt", {"x_i": f + 3}, {"y_o": near}, "rsqrt_latency()")
+    for normalise in (0, 1):
+        latency = f"sqrt_latency(1'b{normalise})"
+        add(f"sqrt-{normalise}", "sqrt", {"x_i": f + 3}, {"y_o": near}, latency, Normalise=normalise)
+    add(
+        "pixel_to_panel", "pixel_to_panel", each("u_i v_i", 18), each("x_o y_o", lattice), "pixel_latency()",
+        {**each("x_from_u_i x_from_v_i", 35), "x_offset_i": 52, **each("y_from_u_i y_from_v_i", 35), "y_offset_i": 52},
+    )  # fmt: skip
+    for grid in GRIDS:
+        number = GRIDS.index(grid)
+        local = {**each("i_o j_o", index), **each("x_o y_o", near)}
+        add(f"lenslet_{grid}", f"lenslet_{grid}", each("x_i y_i", lattice), local, f"lenslet_latency({number})")
+        add(
+            f"aim-{grid}", "aim", {**each("i_i j_i", index), **each("x_i y_i a_i b_i", near)},
+            {**local, **each("a_o b_o", near), **each("stray_o beyond_o", 1)}, f"aim_latency({number})", Grid=number,
+        )  # fmt: skip
+        add(
+            f"cell_step-{grid}", "cell_step", each("nx_i ny_i", near), {**each("di_o dj_o", 2), "inside_o": 1},
+            f"cell_step_latency({number}, {f})", {"half_i": near}, Grid=number, **cells,
+        )  # fmt: skip
+        add(
+            f"move_lenslet-{grid}", "move_lenslet", {**each("hx_i hy_i", point), **each("di_i dj_i", 2)},
+            each("hx_o hy_o", point), "2", each("cx_i cy_i", near), Grid=number,
+        )  # fmt: skip
+    for second in (0, 1):
+        add(
+            f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": point}, f"blend_latency({f})",
+            each("k_i l_i", near), Second=second, **cells,
+        )  # fmt: skip
+    add("unit_slope", "unit_slope", each("mx_i my_i", near), each("ex_o ey_o ez_o", near), f"unit_latency({f})",
+        **cells)  # fmt: skip
+    add(
+        "enter_flat", "enter_flat", each("ex_i ey_i", near), each("tx_o ty_o dz_o", near),
+        f"enter_flat_latency({f})", {"index_inverse_i": near}, **cells,
+    )  # fmt: skip
+    for upward in (0, 1):
+        add(
+            f"meet_dome-{upward}", "meet_dome", {**each("hx_i hy_i", point), **each("dx_i dy_i dz_i", near)},
+            {**each("nx_o ny_o nz_o cos_o", near), "s_o": far, "missed_o": 1}, f"meet_dome_latency({f})",
+            {"zc_i": far, "oz_i": f + 9}, Upward=upward, **cells,
+        )  # fmt: skip
+    add(
+        "leave_dome", "leave_dome", {**each("nx_i ny_i nz_i cos_i ex_i ey_i dz_i", near), "s_i": far},
+        {**each("dx_o dy_o dz_o", near), "reflected_o": 1}, f"dome_latency({f})",
+        {"index_i": point, "index_square_i": far}, **cells,
+    )  # fmt: skip
+    add(
+        "enter_dome", "enter_dome", {**each("nx_i ny_i cos_i ex_i ey_i", near), "s_i": far}, each("dx_o dy_o", near),
+        f"dome_latency({f})", {"index_inverse_i": near, "index_inverse_square_i": far}, **cells,
+    )  # fmt: skip
+    add(
+        "leave_flat", "leave_flat", each("nx_i ny_i nz_i dx_i dy_i", near),
+        {**each("x_o y_o", far), **each("dx_o dy_o dz_o", near), "reflected_o": 1}, f"leave_flat_latency({f})",
+        {"zc_i": far, "index_i": point, "index_square_i": far}, **cells,
+    )  # fmt: skip
+    return made
+
+
+def stream_step(name: str, f: int, segments: list[Segment], seed: int) -> None:
+    """Stream words through one step's RTL and compare all that comes out."""
+    made = steps(f)
+    stream(list(made.values()), [(made[name], segment) for segment in segments], f"steps-F{f}", seed)

@@ -1,0 +1,108 @@
+"""Valid/ready streams for cocotb: pauses at both ends, and a monitor of the contract.
+
+A stream that is offered stays offered, unchanged, until it is taken; that is checked at every clock.
+"""
+
+import random
+from collections.abc import Callable, Iterator
+
+from cocotb.triggers import FallingEdge
+
+#: How both ends of a stream behave: each yields whether it is active in the next clock.
+PATTERNS = ("always", "light", "heavy", "bursts", "stuck")
+
+
+def pattern(name: str, random_: random.Random, stuck: int) -> Iterator[bool]:
+    """Activity of one end: without pauses, few, many, in bursts of any length, or none for `stuck` clocks first."""
+    if name == "stuck":
+        for _ in range(stuck):
+            yield False
+        name = "always"
+    if name == "bursts":
+        while True:
+            for active in (True, False):
+                for _ in range(random_.choice([1, 2, 3, 5, 20, stuck])):
+                    yield active
+    share = {"always": 1.0, "light": 0.8, "heavy": 0.15}[name]
+    while True:
+        yield random_.random() < share
+
+
+class Monitor:
+    """Drives both ends of a device between two streams, clock by clock, between the rising edges.
+
+    Parameters
+    ----------
+    clock, valid_i, ready_o
+        Handles; `ready_o` is None where whoever writes must know that there is room.
+    valid_o, ready_i, data_o
+        Handles of the output.
+    put
+        Sets the input's data to a word.
+    room
+        Words that the device holds, where there is no `ready_o`.
+    """
+
+    def __init__(self, clock, valid_i, ready_o, valid_o, ready_i, data_o, put: Callable[[int], None], room: int = 0):
+        self.edge = FallingEdge(clock)
+        self.valid_i, self.ready_o, self.put, self.room = valid_i, ready_o, put, room
+        self.valid_o, self.ready_i, self.data_o = valid_o, ready_i, data_o
+        self.clocks = 0
+        #: Clock at which each word was taken in and out.
+        self.accepted: list[int] = []
+        self.left: list[int] = []
+        self.got: list[int] = []
+        self.seen: dict[str, int] = {}
+        self._offered = False
+        self._stalled: int | None = None
+
+    def count(self, name: str, seen: bool) -> None:
+        self.seen[name] = self.seen.get(name, 0) + bool(seen)
+
+    async def clock(self, word: int | None, take: bool) -> bool:
+        """Offer a word, or none, and take what is there, or not, for one clock; return whether the word went in."""
+        ready = len(self.accepted) - len(self.left) < self.room if self.ready_o is None else bool(self.ready_o.value)
+        valid = bool(self.valid_o.value)
+        data = int(self.data_o.value) if valid else None
+        if self._stalled is not None:
+            assert valid, f"clock {self.clocks}: valid fell before the word was taken"
+            assert data == self._stalled, f"clock {self.clocks}: the word changed under stall"
+        offered = word is not None and (ready or self.ready_o is not None)
+        if word is not None:
+            self.put(word)
+        self.valid_i.value = offered
+        self.ready_i.value = take
+        into = offered and ready
+        inside = len(self.accepted) - len(self.left)
+        if into:
+            self.accepted.append(self.clocks)
+        if valid and take:
+            self.left.append(self.clocks)
+            self.got.append(data)
+        self._stalled = data if valid and not take else None
+        self.count("in and out in one clock", into and valid and take)
+        self.count("output stalled", valid and not take)
+        self.count("output wanted, nothing there", take and not valid)
+        self.count("input closed", word is not None and not ready)
+        self.count("empty", inside == 0)
+        self.count("into an empty device", into and inside == 0)
+        self.count("last word leaves", valid and take and inside == 1 and not into)
+        await self.edge
+        self.clocks += 1
+        return into
+
+    async def run(self, words: list[int], idle: Iterator[bool], pressure: Iterator[bool], patience: int) -> None:
+        """Pass words through, and see that no further ones follow."""
+        sent, waited, offered = 0, 0, False
+        already = len(self.got)
+        while len(self.got) - already < len(words):
+            # What was offered stays offered: that is the sender's side of the contract.
+            offered = offered or (sent < len(words) and next(idle))
+            before = len(self.got)
+            if await self.clock(words[sent] if offered else None, next(pressure)):
+                sent, offered = sent + 1, False
+            waited = 0 if len(self.got) > before else waited + 1
+            assert waited < patience, f"no word came for {patience} clocks; {len(self.got) - already} of {len(words)}"
+        for _ in range(patience // 4):
+            await self.clock(None, True)
+        assert len(self.got) - already == len(words), "more words came out than went in"

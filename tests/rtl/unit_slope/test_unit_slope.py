@@ -1,0 +1,39 @@
+"""unit_slope against its twin: along the axis, along each coordinate, and up to 60 degrees."""
+
+import numpy as np
+import pytest
+from bench import Segment
+from lippmann.fixed.unit_slope import unit_slope
+from rtl_coverage import Coverage
+from runner import seed
+from steps import FRACTIONS, stream_step
+from words import mixed, word
+
+
+@pytest.mark.parametrize("f", FRACTIONS)
+def test_equals_twin(f):
+    s = seed()
+    rng = np.random.default_rng(s)
+    most = int(np.sqrt(3.0) * (1 << f)) - 1
+    mx, my = mixed(rng, 4000, (-most, most), (-most, most))
+    angle, size = rng.random(1500) * 2 * np.pi, np.sqrt(3.0) * (1 - rng.random(1500) ** 4 * 0.5)
+    mx = np.concatenate([mx, word(size * np.cos(angle), f)])
+    my = np.concatenate([my, word(size * np.sin(angle), f)])
+    square = mx * mx + my * my
+    # 3 itself does not fit; the sum is rounded.
+    within = square < (3 << (2 * f)) - (1 << f)
+    mx, my, square = mx[within], my[within], square[within]
+    ex, ey, ez = unit_slope(mx, my, f)
+    stream_step("unit_slope", f, [Segment({}, {"mx_i": mx, "my_i": my}, {"ex_o": ex, "ey_o": ey, "ez_o": ez})], s)
+
+    seen = Coverage("unit_slope", f"F{f}")
+    seen.point("along the axis", (mx == 0) & (my == 0))
+    seen.point("along x", (mx != 0) & (my == 0))
+    seen.point("along y", (mx == 0) & (my != 0))
+    seen.point("lower octave", square < 1 << (2 * f))
+    seen.point("upper octave", square > 1 << (2 * f))
+    seen.point("within 1 % of 60 degrees", square > 2.94 * (1 << (2 * f)))
+    for name, e in (("x", ex), ("y", ey)):
+        seen.point(f"{name} negative", e < 0)
+        seen.point(f"{name} positive", e > 0)
+    seen.close()
