@@ -48,15 +48,12 @@ module ray_lenslet #(
   localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
 
   // ---- the optics in use ----
-  optics_config_t config_q;
-  logic pending_q, idle;
-  assign busy_o = pending_q;
-  always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) pending_q <= 1'b1;
-    else if (apply_i) pending_q <= 1'b1;
-    else if (idle) pending_q <= 1'b0;
-  end
-  always_ff @(posedge clk_i) if (pending_q && idle) config_q <= config_i;
+  optics_config_t used;
+  logic busy, idle;
+  config_bank #(.Width($bits(optics_config_t))) i_config_bank (
+    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
+  );
+  assign busy_o = busy;
 
   // ---- the pipeline ----
   logic signed [PixelBits-1:0] u_q, v_q;
@@ -72,14 +69,14 @@ module ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
     .Walk(Walk)
   ) i_pipeline (
-    .clk_i, .config_i(config_q), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
+    .clk_i, .config_i(used), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
     .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),
     .status_o(status)
   );
   assign piped = {i, j, x, y, z, dx, dy, dz, status};
 
   flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(Width)) i_flow (
-    .clk_i, .rst_ni, .hold_i(pending_q), .idle_o(idle),
+    .clk_i, .rst_ni, .hold_i(busy), .idle_o(idle),
     .valid_i(ray_valid_i), .ready_o(ray_ready_o), .piped_i(piped),
     .valid_o(exit_valid_o), .ready_i(exit_ready_i), .data_o(out)
   );
