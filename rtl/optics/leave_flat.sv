@@ -4,7 +4,7 @@
 ///
 ///   g    = floor(max(0, floor(dx^2 2^(F+5)) + floor(dy^2 2^(F+5))) / 2^2) / 2^(F+3)
 ///   y    = 1 - 2^-(F+3) - g
-///   r    = rsqrt(4 y) = 1 / (2 dz)
+///   r    = min(rsqrt(4 y), 1 - 2^-(F+1)) = 1 / (2 dz)
 ///   u    = floor((N_z 2^(F+1) + 1) / 2) / 2^F - zc,   zc = 1 - T/R      (the depth to go)
 ///   l    = floor((floor(2 u r 2^(F+1)) + 1) / 2) / 2^F                  (a far word)
 ///   X    = round(N + l d), Y likewise                                   F + 1 fraction bits
@@ -61,10 +61,12 @@ module leave_flat #(
   // ---- the way to the flat face ----
   localparam int PathDrop = F - 2 + 1;
   localparam int Wl = Wf + W - PathDrop;
-  logic signed [W-1:0] half_inverse;
+  logic [F+1:0] inverse;
+  logic signed [W-1:0] half_inverse;  // 1 is no near word
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
-  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(half_inverse));
+  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(inverse));
+  assign half_inverse = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);
   // floor((nz + 1) / 2) - zc = floor((nz + (1 - 2 zc)) / 2)
   logic signed [Wf:0] half_less_zc_q, depth_d;
   assign depth_d = (Wf + 1)'(nz_i) + half_less_zc_q;

@@ -1,23 +1,20 @@
 /// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
 ///
 /// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output means nothing).
-/// Output y_o: near word, y = min(floor((q + 4) / 8), 2^(F + 1) - 1) / 2^(F + 1), with q from
-/// `quadratic`. |y - 1/sqrt(x)| < 2^-(F + 1); at x = 1, whose root no near word holds, it is equal.
-/// Latency rsqrt_latency().
+/// Output y_o: unsigned, F + 1 fraction bits, y = floor((q + 4) / 8) / 2^(F + 1) in [1/2, 1], with q
+/// from `quadratic`. |y - 1/sqrt(x)| < 2^-(F + 1). Latency rsqrt_latency().
 module rsqrt #(
   parameter int F = 23
 ) (
   input  logic                clk_i,
   input  logic        [F+2:0] x_i,
-  output logic signed [F+1:0] y_o
+  output logic        [F+1:0] y_o
 );
   import optics_pkg::*;
 
   logic [F+4:0] q;
   quadratic #(.F(F), .Root(RootReciprocal)) i_quadratic (.clk_i, .x_i, .y_o(q));
 
-  logic [F+1:0] rounded_d;
-  assign rounded_d = (F+2)'((q + (F+5)'(4)) >> Guard);
-  always_ff @(posedge clk_i) y_o <= rounded_d[F+1] ? {1'b0, {(F + 1){1'b1}}} : rounded_d;
+  always_ff @(posedge clk_i) y_o <= (F+2)'((q + (F+5)'(4)) >> Guard);
 
 endmodule

@@ -1,7 +1,7 @@
 /// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
 ///   x  = 1 + floor((floor(m_x^2 2^(F+4)) + floor(m_y^2 2^(F+4)) + 4) / 2^3) / 2^(F+1)
-///   ez = rsqrt(x),   ex = round(m_x ez), ey = round(m_y ez), with 3 guard bits
+///   ez = min(rsqrt(x), 1 - 2^-(F+1)),   ex = round(m_x ez), ey = round(m_y ez), with 3 guard bits
 ///
 /// Input: wide words, m_x^2 + m_y^2 < 3. Output: near words. Latency unit_latency(F).
 module unit_slope #(
@@ -37,8 +37,10 @@ module unit_slope #(
   end
 
   // ---- 1 / sqrt(1 + m^2) ----
+  logic [F+1:0] inverse;
   logic signed [W-1:0] ez;
-  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q), .y_o(ez));
+  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q), .y_o(inverse));
+  assign ez = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);  // 1 is no near word
 
   // ---- the direction ----
   localparam int Drop = F - Guard;

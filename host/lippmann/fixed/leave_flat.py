@@ -31,7 +31,7 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
     """Carry rays in the glass from the dome to the flat face and refract them; the formulas are the RTL module's."""
     near, far = f + 2, f + 4
     rest = left_of_unit(dx, dy, f)
-    half_inverse = rsqrt(rest, f)
+    half_inverse = np.minimum(rsqrt(rest, f), (1 << (f + 1)) - 1)  # 1 is no near word
     to_go = wrapped((met.nz + (1 - 2 * depth)) >> 1, far)
     path = wrapped(halved(multiplier(to_go, half_inverse, far, near, f - 1)), far)
     drop = f - GUARD

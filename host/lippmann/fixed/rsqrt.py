@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from lippmann.fixed.quadratic import quadratic
 from lippmann.fixed.words import Ints, guarded
 
 
 def rsqrt(x: Ints, f: int) -> Ints:
-    """Return 1 / sqrt(x), a near word, of x in [1, 4) with F + 1 fraction bits."""
-    return np.minimum(guarded(quadratic(x, "reciprocal", f)), (1 << (f + 1)) - 1)
+    """Return 1 / sqrt(x), F + 1 fraction bits and in [1/2, 1], of x in [1, 4) with F + 1 fraction bits."""
+    return guarded(quadratic(x, "reciprocal", f))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.words import GUARD, Ints, guarded
@@ -11,12 +13,12 @@ def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words with m^2 < 3.
 
     x = 1 + floor((floor(m_x^2) + floor(m_y^2) + 4) / 8), the squares with F + 4 fraction bits;
-    e_z = rsqrt(x), e = round(m e_z).
+    e_z = min(rsqrt(x), 1 - 2^-(F+1)), e = round(m e_z).
     """
     word = f + 2
     square = multiplier(mx, mx, word, word, f - 4) + multiplier(my, my, word, word, f - 4)
     x = (guarded(square) + (1 << (f + 1))) & ((1 << (f + 3)) - 1)
-    ez = rsqrt(x, f)
+    ez = np.minimum(rsqrt(x, f), (1 << (f + 1)) - 1)  # 1 is no near word
     ex = guarded(multiplier(mx, ez, word, word, f - GUARD))
     ey = guarded(multiplier(my, ez, word, word, f - GUARD))
     return ex, ey, ez

@@ -78,7 +78,8 @@ REFUSED = [
     ("ray_pipeline", {"Grid": 2}, "ray_pipeline: Grid must be GridSquare or GridHex"),
     ("ray_pipeline", {"Model": 3}, "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact"),
     (
-        "ray_pipeline", {"Model": 0, "Aims": 1},
+        "ray_pipeline",
+        {"Model": 0, "Aims": 1},
         "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray",
     ),
     ("ray_pipeline", {"Walk": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell"),
