@@ -1,12 +1,12 @@
-/// Delays a word by 4 or more cycles in a ring of block memory: q(t) = d(t - Cycles).
+/// Delays a word by 5 or more cycles in a ring of block memory: q(t) = d(t - Cycles).
 ///
-/// A word is read Cycles - 2 clocks after it was written, and the memory answers after two; no
-/// place is read and written at once. Kept as a module of its own in synthesis, or all rings would
+/// A word is read Cycles - 3 clocks after it was written, the memory answers after two, and a
+/// register lets the word travel; no place is read and written at once. Kept as a module of its own in synthesis, or all rings would
 /// share their pointers.
 (* keep_hierarchy *)
 module block_ring #(
   parameter int Width = 1,
-  parameter int Cycles = 4
+  parameter int Cycles = 5
 ) (
   input  logic             clk_i,
   input  logic [Width-1:0] d_i,
@@ -15,21 +15,23 @@ module block_ring #(
 
   localparam int PlaceBits = $clog2(Cycles);
 
-  if (Cycles < 4) begin : gen_illegal
-    $fatal(1, "block_ring: Cycles must be 4 or more");
+  if (Cycles < 5) begin : gen_illegal
+    $fatal(1, "block_ring: Cycles must be 5 or more");
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
   initial begin
-    write_at_q = PlaceBits'(Cycles - 2);
+    write_at_q = PlaceBits'(Cycles - 3);
     read_at_q = '0;
   end
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= read_at_q + 1'b1;
 
+  logic [Width-1:0] word;
+  always_ff @(posedge clk_i) q_o <= word;
   fifo_memory #(.Width(Width), .AddressBits(PlaceBits)) i_memory (
     .clk_i, .write_i(1'b1), .write_at_i(write_at_q), .write_data_i(d_i),
-    .read_at_i(read_at_q), .read_data_o(q_o)
+    .read_at_i(read_at_q), .read_data_o(word)
   );
 
 endmodule

@@ -241,7 +241,7 @@ package optics_pkg;
     before_dome = lens_latency(grid, aims) + slope_latency(f) + unit_latency(f);
     if (model != ModelExact) return before_dome + 2;
     if (!viewer) before_dome += enter_flat_latency(f);
-    after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 0);
+    after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 1);
     return before_dome + walk * walk_latency(grid, f) + meet_dome_latency(f) + after_dome + 2;
   endfunction
 

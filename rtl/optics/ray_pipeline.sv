@@ -297,9 +297,11 @@ module ray_pipeline #(
       // A chief ray through the flat face stays in its lenslet.
       assign inside_late = 1'b1;
     end
-    delay #(.Width(1), .Cycles(OutAt - DomeAt)) i_missed (
-      .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_late)
+    logic missed_early;
+    delay #(.Width(1), .Cycles(OutAt - DomeAt - 1)) i_missed (
+      .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_early)
     );
+    always_ff @(posedge clk_i) missed_late <= missed_early;
     delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt)) i_lens_out (
       .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({out_i, out_j})
     );
@@ -328,7 +330,8 @@ module ray_pipeline #(
       logic unused_dz;
       assign unused_dz = ^walk_dz[Walk];
     end else begin : gen_panel
-      logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz;
+      logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
+      logic reflected_early, keep_q;
       logic signed [W-1:0] late_nx, late_ny, late_nz, glass_dx, glass_dy, glass_dz;
       delay #(.Width(W), .Cycles(DomeAt - LastAt)) i_dz (
         .clk_i, .d_i(walk_dz[Walk]), .q_o(dome_dz)
@@ -337,7 +340,7 @@ module ray_pipeline #(
         .clk_i, .nx_i(nx), .ny_i(ny), .nz_i(nz), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
         .ex_i(dome_ex), .ey_i(dome_ey), .dz_i(dome_dz),
         .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
-        .dx_o(air_dx), .dy_o(air_dy), .dz_o(air_dz), .reflected_o(reflected)
+        .dx_o(air_dx), .dy_o(air_dy), .dz_o(air_dz), .reflected_o(reflected_early)
       );
       delay #(.Width(3 * W), .Cycles(OutAt - DomeAt)) i_n (
         .clk_i, .d_i({nx, ny, nz}), .q_o({late_nx, late_ny, late_nz})
@@ -350,8 +353,13 @@ module ray_pipeline #(
       assign out_y = Wf'(late_ny);
       assign out_z = Wf'(late_nz) - (Wf'(1) <<< (F + 1));
       // A ray that does not get out keeps the direction in the glass.
-      assign {out_dx, out_dy, out_dz} = reflected || missed_late ?
-          {glass_dx, glass_dy, glass_dz} : {air_dx, air_dy, air_dz};
+      always_ff @(posedge clk_i) begin
+        keep_q <= reflected_early || missed_early;
+        reflected <= reflected_early;
+        {air_dx_q, air_dy_q, air_dz_q} <= {air_dx, air_dy, air_dz};
+      end
+      assign {out_dx, out_dy, out_dz} =
+          keep_q ? {glass_dx, glass_dy, glass_dz} : {air_dx_q, air_dy_q, air_dz_q};
     end
 
     // ---- its fate ----

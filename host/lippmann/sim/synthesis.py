@@ -194,7 +194,7 @@ def place(named: Named, seed: int) -> Placed:
 def stages(named: Named) -> int:
     """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
     top = repository()
-    files = [str(optics_sources(top)[0]), str(top / "sim" / "synth" / "latency.sv")]
+    files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
     values = [f"-G{name}={value}" for name, value in parameters(named.build).items()]
     command = ["verilator", "--lint-only", *values, "--top-module", "latency", *files]
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)

@@ -25,7 +25,7 @@ RAYS = [
 PARAMETERS = {
     "aim": GRID_SETS,
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}],
-    "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 4), (30, 33))],
+    "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "cell_step": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
     "delay": [{"Width": w, "Cycles": c} for w, c in ((1, 0), (3, 1), (8, 2), (1, 5), (9, 17), (40, 40))],
     "enter_dome": [*F_SETS, *CELLS],
@@ -60,7 +60,7 @@ PARAMETERS = {
 
 #: Parameters that must stop elaboration, and the message of each.
 REFUSED = [
-    ("block_ring", {"Cycles": 3}, "block_ring: Cycles must be 4 or more"),
+    ("block_ring", {"Cycles": 4}, "block_ring: Cycles must be 5 or more"),
     ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("flow_control", {"Latency": 0}, "flow_control: Latency must be 1 to 8 less than the FIFO's places"),
