@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full lint bench registers scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -36,6 +36,9 @@ test: lint ## lint, then the tests that take minutes at most (JOBS=2)
 
 test-full: lint ## lint, then every test
 	$(BIN)/pytest -n $(JOBS)
+
+formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
+	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
 lint: $(READY) ## style, format and types
 	$(BIN)/ruff check
