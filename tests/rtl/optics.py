@@ -56,7 +56,7 @@ def random_configuration(rng: np.random.Generator, build: Build) -> Configuratio
 def ray_words(
     rng: np.random.Generator, count: int, build: Build, config: Configuration
 ) -> tuple[Ints, Ints, Ints, Ints]:
-    """Pixels all over the words' range, near the axis and at its ends; aims at every place of the own cell and beyond."""
+    """Pixels all over the words' range, near the axis, at its ends; aims all over the own cell and beyond."""
     f = build.fraction_bits
     panel = (-(1 << 12), 1 << 12)
     u, v = mixed(rng, count, PIXELS, PIXELS)

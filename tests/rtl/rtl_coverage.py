@@ -1,12 +1,12 @@
 """Functional coverage: which of the situations that a module can be in were seen at its ports, and how often.
 
 Counted only from words that the RTL has answered. A test ends with `close`, which fails when a situation was never
-seen; the counts are kept in build/rtl-tests/coverage/, and pytest ends with their table.
+seen; the counts are kept in build/rtl-tests/coverage/, and pytest ends with their table (tests/conftest.py).
 """
 
 import json
+import shutil
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -42,14 +42,21 @@ class Coverage:
         assert not missing, f"{self.module} {self.case}: never seen: {', '.join(missing)}"
 
 
-def table(folder: Path = FOLDER) -> list[str]:
-    """One line a module: situations, and the one seen least over all its cases."""
+def clear() -> None:
+    """Forget the counts of earlier runs."""
+    shutil.rmtree(FOLDER, ignore_errors=True)
+
+
+def table() -> list[str]:
+    """One line a module: situations, and the one seen least over all its cases; nothing where none was counted."""
     modules: dict[str, dict[str, int]] = {}
-    for path in sorted(folder.glob("*.json")):
+    for path in sorted(FOLDER.glob("*.json")):
         kept = json.loads(path.read_text())
         counts = modules.setdefault(kept["module"], {})
         for name, count in kept["seen"].items():
             counts[name] = counts.get(name, 0) + count
+    if not modules:
+        return []
     lines = ["| module | situations seen | seen least |", "|---|---|---|"]
     for module, counts in sorted(modules.items()):
         least = min(counts, key=lambda name: counts[name])

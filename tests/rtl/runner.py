@@ -1,4 +1,4 @@
-"""cocotb under Verilator for pytest: compile a bench once, run a module's cocotb tests, fail when one fails or none ran.
+"""cocotb under Verilator for pytest: compile a bench once, run its cocotb tests, fail when one fails or none ran.
 
 Two departures from cocotb's own runner: `--public-flat-rw`, which makes every signal of the design public and costs
 minutes of compilation, gives way to a control file that names the ports; and what a bench is compiled from decides

@@ -29,7 +29,7 @@ def test_equals_twin(f, grid):
         q0, q1 = rng.choice([-half, half], (2, 500)) + rng.integers(-2, 3, (2, 500))
         if grid == "hex":
             which = rng.integers(0, 3, 500)
-            q0, q1 = np.where(which == 2, q1 - q0, q0), q1
+            q0 = np.where(which == 2, q1 - q0, q0)
             q1 = np.where(which == 1, rng.integers(-half, half, 500, endpoint=True), q1)
             q1 = np.floor((q1 - q0 / 2) / np.sqrt(0.75) + 0.5).astype(np.int64)
         edge = (q0 >= low) & (q0 <= high) & (q1 >= low) & (q1 <= high)

@@ -39,12 +39,16 @@ PARAMETERS = {
     "lenslet_square": F_SETS,
     # Verilator takes a recursive top's inner instances for empty ones: the trees are seen to in `multiplier`.
     "low_product": [{"Low": n, "Cell": c} for n, c in ((1, 0), (2, 0), (2, 1), (9, 1))],
-    "meet_dome": [{"F": f, "Upward": u, "CrossCells": c} for f, u, c in ((14, 0, 0), (16, 1, 1), (23, 1, 0), (23, 0, 1))],
+    "meet_dome": [
+        {"F": f, "Upward": u, "CrossCells": c} for f, u, c in ((14, 0, 0), (16, 1, 1), (23, 1, 0), (23, 0, 1))
+    ],
     "move_lenslet": GRID_SETS,
     "mult18": [{}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
-        for a, b, d, s in ((18, 18, 0, 0), (12, 16, 5, 0), (25, 25, 20, 1), (27, 18, 9, 0), (18, 20, 2, 0), (27, 25, 21, 0))
+        for a, b, d, s in (
+            (18, 18, 0, 0), (12, 16, 5, 0), (25, 25, 20, 1), (27, 18, 9, 0), (18, 20, 2, 0), (27, 25, 21, 0),
+        )
         for c in (0, 1)
     ],
     "pixel_to_panel": F_SETS,

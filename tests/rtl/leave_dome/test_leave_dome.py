@@ -43,8 +43,9 @@ def test_equals_twin(f):
         # Words around C' = 0, the ray straight through, and everything else.
         edge = around([one / n**2, 0, one - 1], 12, 0, one - 1)
         words = [*word(normal, f + 1), word(cos, f + 1), *word(n * d[:2], f + 1), word(d[2], f + 1), word(s, f + 3)]
-        words = [np.concatenate([np.clip(w, *near) if k < 7 else np.clip(w, 0, one - 1), v])
-                 for k, (w, v) in enumerate(zip(words, mixed(rng, 300, *[near] * 7, (0, one - 1)), strict=True))]  # fmt: skip
+        limits = [near] * 7 + [(0, one - 1)]
+        wild = mixed(rng, 300, *limits)
+        words = [np.concatenate([np.clip(w, *r), v]) for w, r, v in zip(words, limits, wild, strict=True)]
         words[7][300 : 300 + len(edge)] = edge
         segments.append((index, square, words))
     for index, square in zip(*(w[:9].tolist() for w in mixed(rng, 0, (1, signed(f + 3)[1]), (1, far[1]))), strict=True):

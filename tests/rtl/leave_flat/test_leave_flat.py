@@ -23,7 +23,7 @@ def laterals(rng, count, n, f):
 def test_equals_twin(f):
     s = seed()
     rng = np.random.default_rng(s)
-    near, one = signed(f + 2), 1 << (f + 3)
+    near = signed(f + 2)
     seen = Coverage("leave_flat", f"F{f}")
     segments = []
     optics = [(n, depth) for n in (1.16, 1.5, 2.2) for depth in (0.99, 0.0, -2.99)]
