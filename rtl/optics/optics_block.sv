@@ -12,6 +12,7 @@
 /// the registers; docs/reference/optics-block.md tells how software uses them.
 module optics_block #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = optics_pkg::GridSquare,
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
@@ -99,6 +100,7 @@ module optics_block #(
   assign status.build.viewer.next = Viewer;
   assign status.build.aims.next = Aims;
   assign status.build.walk.next = 3'(Walk);
+  assign status.build.cross_cells.next = CrossCells;
   assign status.status.busy.next = busy || apply_q;
   assign status.status.running.next = running || start_q;
   assign status.status.refused.next = refused;
@@ -183,7 +185,8 @@ module optics_block #(
 
   // ---- the optics ----
   ray_lenslet #(
-    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk)
   ) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
