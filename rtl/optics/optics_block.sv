@@ -3,16 +3,16 @@
 /// Rays come from the raster or from the stream at this block's port, as the register `source` says,
 /// and leave in order; exit_first_o and exit_last_o mark the ends of a frame, as its rays brought them.
 ///
-/// The registers are written at any time. Control's `apply` asks for optics and source to be taken
-/// over: at once between two frames, else when the last ray of the frame on its way was accepted;
-/// status' `busy` until the pipeline has them. `start` asks for a frame of the raster; one is
-/// remembered while another runs, and it begins after an apply that waits with it. So
-/// every frame is traced by one set of optics, and starts see the applies written before them.
+/// Software writes the optics aside. `apply` asks for them, and for the source, to be taken over: at
+/// once between two frames, else when the frame's last ray was accepted; `busy` until they are in
+/// use. `start` asks for a frame of the raster; one is remembered while another runs, and begins
+/// behind it. So every frame is traced by one set of optics, and a start sees the applies before it.
 ///
-/// The bus writes and reads whole words; its low two address bits are ignored.
-/// registers.rdl defines the registers, docs/reference/registers.md lists them.
+/// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
+/// the registers; docs/reference/optics-block.md tells how software uses them.
 module optics_block #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = optics_pkg::GridSquare,
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
@@ -100,6 +100,7 @@ module optics_block #(
   assign status.build.viewer.next = Viewer;
   assign status.build.aims.next = Aims;
   assign status.build.walk.next = 3'(Walk);
+  assign status.build.cross_cells.next = CrossCells;
   assign status.status.busy.next = busy || apply_q;
   assign status.status.running.next = running || start_q;
   assign status.status.refused.next = refused;
@@ -169,7 +170,8 @@ module optics_block #(
   assign accept = valid && ready;
   assign ray_ready_o = stream_q && ready && !take;
   assign walked_ready = !stream_q && ready && !take;
-  assign begin_frame = start_q && !apply_q && !running;
+  // An apply that waits is taken before the first ray has come out of the raster.
+  assign begin_frame = start_q && !running;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {within_q, apply_q, start_q, stream_q} <= '0;
@@ -183,7 +185,8 @@ module optics_block #(
 
   // ---- the optics ----
   ray_lenslet #(
-    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk)
   ) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),

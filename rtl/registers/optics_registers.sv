@@ -1776,6 +1776,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h8)][8] = hwif_in.build.viewer.next;
             readback_data_var[ad_hi(8'h8)][9] = hwif_in.build.aims.next;
             readback_data_var[ad_hi(8'h8)][12:10] = hwif_in.build.walk.next;
+            readback_data_var[ad_hi(8'h8)][13] = hwif_in.build.cross_cells.next;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h10)) begin
             readback_data_var[ad_hi(8'h10)][0] = hwif_in.status.busy.next;

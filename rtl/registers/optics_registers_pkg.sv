@@ -33,12 +33,17 @@ package optics_registers_pkg;
     } optics_registers__build__walk__in_t;
 
     typedef struct {
+        logic next;
+    } optics_registers__build__cross_cells__in_t;
+
+    typedef struct {
         optics_registers__build__fraction_bits__in_t fraction_bits;
         optics_registers__build__grid__in_t grid;
         optics_registers__build__model__in_t model;
         optics_registers__build__viewer__in_t viewer;
         optics_registers__build__aims__in_t aims;
         optics_registers__build__walk__in_t walk;
+        optics_registers__build__cross_cells__in_t cross_cells;
     } optics_registers__build__in_t;
 
     typedef struct {

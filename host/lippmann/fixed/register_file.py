@@ -129,4 +129,5 @@ def build_of(words: Mapping[str, int]) -> Build:
         bool(fields["viewer"]),
         bool(fields["aims"]),
         fields["walk"],
+        bool(fields["cross_cells"]),
     )

@@ -59,6 +59,9 @@ REGISTERS: dict[str, Register] = {
             "viewer": Field(8, 1, None, False, "", "", "Plano side to the viewer."),
             "aims": Field(9, 1, None, False, "", "", "Rays aim at aperture points; else chief rays only."),
             "walk": Field(10, 3, None, False, "", "", "Further domes tried."),
+            "cross_cells": Field(
+                13, 1, None, False, "", "", "Cross terms of products are in multiplier cells; the words are the same."
+            ),
         },
     ),
     "control": Register(

@@ -26,6 +26,7 @@ PARAMETERS = {
     "aim": GRID_SETS,
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
+    "config_bank": [{"Width": w} for w in (1, 820)],
     "cell_step": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
     "delay": [{"Width": w, "Cycles": c} for w, c in ((1, 0), (3, 1), (8, 2), (1, 5), (9, 17), (40, 40))],
     "enter_dome": [*F_SETS, *CELLS],
@@ -51,8 +52,10 @@ PARAMETERS = {
         )
         for c in (0, 1)
     ],
+    "optics_block": RAYS[-2:],
     "pixel_to_panel": F_SETS,
     "quadratic": [{"F": f, "Root": r} for f in (14, 18, 23) for r in (0, 1)],
+    "raster": F_SETS,
     "ray_lenslet": RAYS[-2:],
     "ray_pipeline": RAYS,
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17))],
@@ -77,6 +80,10 @@ REFUSED = [
     ("pixel_to_panel", {"F": 24}, "pixel_to_panel: F must be 14 to 23"),
     ("quadratic", {"F": 13}, "quadratic: F must be 14 to 23"),
     ("quadratic", {"F": 24}, "quadratic: F must be 14 to 23"),
+    ("raster", {"F": 13}, "raster: F must be 14 to 23"),
+    ("raster", {"F": 24}, "raster: F must be 14 to 23"),
+    ("optics_block", {"F": 24}, "raster: F must be 14 to 23"),
+    ("optics_block", {"Grid": 2}, "ray_pipeline: Grid must be GridSquare or GridHex"),
     ("ray_pipeline", {"F": 13}, "ray_pipeline: F must be 14 to 23"),
     ("ray_pipeline", {"F": 24}, "ray_pipeline: F must be 14 to 23"),
     ("ray_pipeline", {"Grid": 2}, "ray_pipeline: Grid must be GridSquare or GridHex"),
@@ -97,7 +104,7 @@ REFUSED = [
 def lint(module: str, parameters: dict[str, int]) -> subprocess.CompletedProcess[str]:
     command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
     command += [f"-G{name}={value}" for name, value in parameters.items()]
-    command += map(str, optics_sources(TOP))
+    command += map(str, (TOP / "rtl" / "registers" / "lint.vlt", *optics_sources(TOP)))
     return subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
 
 

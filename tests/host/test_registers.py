@@ -1,0 +1,166 @@
+"""The registers: nothing made from their definition is stale, and RTL and host speak of the same words."""
+
+import dataclasses
+import math
+import re
+
+import pytest
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.register_file import build_of, optics_writes, read, table_writes, write
+from lippmann.fixed.registers import REGISTERS
+from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
+from lippmann.sim.generate_registers import generate
+from lippmann.sim.tools import repository
+from optics_cases import display_of
+
+TOP = repository()
+
+
+def test_what_is_committed_is_what_the_definition_gives(tmp_path):
+    made = generate(TOP, tmp_path)
+    assert len(made) == 4
+    for path in made:
+        assert (TOP / path).read_text() == (tmp_path / path).read_text(), f"{path} is stale: run make registers"
+    kept = {path.name for path in (TOP / "rtl/registers").iterdir()}
+    assert kept == {path.name for path in made if path.parts[0] == "rtl"} | {"lint.vlt"}
+
+
+def test_a_definition_without_descriptions_is_refused(tmp_path):
+    text = (TOP / "rtl/registers.rdl").read_text()
+    (tmp_path / "rtl").mkdir()
+    (tmp_path / "rtl/registers.rdl").write_text(text.replace('desc = "Further domes tried.";', ""))
+    with pytest.raises(InputError, match="walk has no desc"):
+        generate(tmp_path, tmp_path)
+
+
+def test_a_wrong_definition_is_refused(tmp_path, capsys):
+    (tmp_path / "rtl").mkdir()
+    (tmp_path / "rtl/registers.rdl").write_text("addrmap optics_registers { nonsense };")
+    with pytest.raises(InputError, match=r"registers\.rdl is wrong"):
+        generate(tmp_path, tmp_path)
+    assert "error" in capsys.readouterr().err
+
+
+def package_fields():
+    """Name: (bits, comment) of optics_config_t, read from the package's text."""
+    text = (TOP / "rtl/optics/optics_pkg.sv").read_text()
+    constants = {name: int(value) for name, value in re.findall(r"localparam int (\w+) = (\d+);", text)}
+    body = re.search(r"typedef struct packed \{([^}]*)\} optics_config_t;", text).group(1)
+    fields = {}
+    for line in body.strip().splitlines():
+        high, name, comment = re.fullmatch(r"\s*logic signed \[(.*):0\]\s+(\w+);(.*)", line).groups()
+        fields[name] = (constants[high[:-2]] if high.endswith("-1") else int(high) + 1, comment)
+    return fields
+
+
+def optics_registers():
+    """Name: (bits, fraction) of the words that the registers hold, two registers where a word needs them."""
+    words = {}
+    for name, register in REGISTERS.items():
+        if not name.startswith("optics_"):
+            continue
+        (value,) = register.fields.values()
+        base = name.removeprefix("optics_")
+        if base.endswith("_low"):
+            assert (value.low, value.width, value.signed) == (0, 32, False)
+            words[base.removesuffix("_low")] = (32, "")
+            continue
+        assert value.signed
+        whole = base.removesuffix("_high")
+        below = words[whole][0] if base.endswith("_high") else 0
+        if below:
+            assert REGISTERS[f"optics_{whole}_low"].address == register.address - 4
+        words[whole] = (below + value.width, value.fraction)
+    return words
+
+
+def test_registers_package_and_configuration_agree():
+    package, registers = package_fields(), optics_registers()
+    names = [field.name for field in dataclasses.fields(Configuration)]
+    assert len(names) == 24
+    assert list(package) == names
+    assert list(registers) == names
+    # The formats that the host's words have (lippmann.fixed.configuration).
+    fraction = dict.fromkeys(names, "F")
+    fraction.update(dict.fromkeys(("index_inverse", "exit_z", "cell_half"), "F + 1"), depth_rest="F + 3")
+    for name, (bits, text) in registers.items():
+        assert package[name][0] == bits, name
+        if "_from_" in name:
+            assert (bits, text) == (SLOPE_BITS, str(SLOPE_FRACTION))
+        elif name.endswith("_offset"):
+            assert (bits, text) == (OFFSET_BITS, str(OFFSET_FRACTION))
+        else:
+            assert (bits, text) == (32, fraction[name]), name
+
+
+def test_words_have_the_fraction_bits_that_the_registers_tell():
+    f = 20
+    display = display_of("hex", "viewer", pitch=0.8, radius=2.0, index=1.6, thickness=0.9, gap=1.0, offset=(0.3, -0.2))
+    build = Build.of(display, "exact", f, aims=False)
+    config = configuration(display, build, "exact")
+    row = 0.8 * math.sqrt(0.75)
+    known = {
+        "x_from_u": 0.0625 / 0.8, "x_from_v": 0.0, "y_from_u": 0.0, "y_from_v": 0.0625 / row,
+        "x_offset": -0.3 / 0.8, "y_offset": 0.2 / row, "slope_x": 0.8, "slope_y": row,
+        "point_x": 0.0, "index": 1.6, "index_square": 2.56, "index_inverse": 0.625, "index_inverse_square": 0.390625,
+        "depth": 0.55, "depth_rest": 1 - 0.55**2, "exit_z": 0.45, "cell_half": 0.2, "cell_pitch_x": 0.4,
+        "cell_pitch_y": row / 2.0,
+    }  # fmt: skip
+    for name, (_, fraction) in optics_registers().items():
+        if name in known:
+            bits = sum(int(part) if part != "F" else f for part in fraction.split(" + "))
+            value = math.ldexp(getattr(config, name), -bits)
+            assert abs(value - known[name]) <= 2.0**-f, name
+
+
+def test_a_configuration_is_written_and_read_back():
+    names = [field.name for field in dataclasses.fields(Configuration)]
+    widths = {name: bits for name, (bits, _) in optics_registers().items()}
+    for sign in (1, -1):
+        values = {name: sign * ((1 << (widths[name] - 2)) + 977 * k) for k, name in enumerate(names)}
+        written = {w.address: w.word for w in optics_writes(Configuration(**values))}
+        assert len(written) == 30
+        assert all(0 <= word < 1 << 32 for word in written.values())
+        for name, value in values.items():
+            if widths[name] == 32:
+                assert read(f"optics_{name}", written[REGISTERS[f"optics_{name}"].address])["value"] == value
+            else:
+                low = written[REGISTERS[f"optics_{name}_low"].address]
+                high = written[REGISTERS[f"optics_{name}_high"].address]
+                assert high << 32 | low == value & ((1 << widths[name]) - 1)
+
+
+def test_addresses_do_not_overlap():
+    taken = [at for r in REGISTERS.values() for at in range(r.address, r.address + 4 * r.entries)]
+    assert len(taken) == len(set(taken))
+    assert max(taken) < 1 << 9
+    for register in REGISTERS.values():
+        bits = [b for field in register.fields.values() for b in range(field.low, field.low + field.width)]
+        assert len(bits) == len(set(bits))
+        assert all(b < 32 for b in bits)
+
+
+def test_values_out_of_range_are_refused():
+    assert write("raster_columns", first=3, last=16383).word == 3 | 16383 << 16
+    assert write("raster_jitter", mode=2).word == 2 << 16 | 1, "samples keep their reset value"
+    with pytest.raises(InputError, match=r"raster_columns, field first: 16384 is outside its range \[0, 16384\)"):
+        write("raster_columns", first=16384)
+    with pytest.raises(InputError, match="field value"):
+        write("optics_depth", value=1 << 31)
+    with pytest.raises(InputError, match="no field"):
+        write("raster_columns", second=1)
+    with pytest.raises(InputError, match="do not fit"):
+        table_writes([0] * 3, 62)
+
+
+def test_a_block_tells_its_build():
+    words = {"identity": 0x4C495050, "version": 0x00010007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
+    build = Build(23, "hex", "exact", viewer=True, aims=True, walk=3)
+    assert build_of(words) == build
+    assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
+    with pytest.raises(InputError, match="0x4C495051"):
+        build_of({**words, "identity": 0x4C495051})
+    with pytest.raises(InputError, match="version 2"):
+        build_of({**words, "version": 0x00020000})

@@ -1,0 +1,37 @@
+"""optics_block, from a display file to exit rays, as software drives it."""
+
+import pytest
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.sim.harness import parameters
+from lippmann.sim.tools import repository
+from runner import compiled, seed, simulate
+
+DISPLAYS = repository() / "scenes" / "displays"
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "f", "walk"),
+    [
+        ("paper-square", "pinhole", 14, 0),
+        pytest.param("paper-hex", "exact", 16, 1),
+        pytest.param("paper-square", "exact", 23, 2, marks=pytest.mark.full),
+    ],
+)
+def test_frames_from_a_display_file(name, model, f, walk, tmp_path):
+    path = DISPLAYS / f"{name}.toml"
+    build = Build.of(load_display(path), model, f, model != "pinhole", walk)
+    # Another display for the same build: its array turned, and another pitch of pixels.
+    text = path.read_text()
+    other = tmp_path / "other.toml"
+    other.write_text(text.replace("[array]", "[array]\nrotation_deg = 3.0\noffset_mm = [0.11, -0.07]"))
+    assert other.read_text() != text
+    folder = compiled("optics_block", parameters(build))
+    environment = {
+        "BLOCK_DISPLAY": str(path),
+        "BLOCK_OTHER": str(other),
+        "BLOCK_MODEL": model,
+        "BLOCK_F": str(f),
+        "BLOCK_WALK": str(walk),
+    }
+    simulate(folder, "optics_block", "block_frames", seed(), environment)

@@ -1,0 +1,16 @@
+"""raster, against its twin."""
+
+import pytest
+from runner import compiled, seed, simulate
+
+
+@pytest.mark.parametrize("f", [14, 23])
+def test_raster_equals_the_twin(f):
+    folder = compiled("raster", {"F": f})
+    simulate(folder, "raster", "raster_frames", seed(), {"RASTER_F": str(f)})
+
+
+@pytest.mark.full
+def test_raster_with_the_most_samples():
+    folder = compiled("raster", {"F": 23})
+    simulate(folder, "raster", "raster_frames", seed(), {"RASTER_F": "23", "RASTER_LONG": "1"})
