@@ -75,21 +75,22 @@ class Placed:
 
 
 def sources(top: Path) -> list[Path]:
-    """Return the files that yosys reads for `probe_top`, the package first, ECP5's cells in place of the generic ones.
+    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones.
 
     A file is named like its module; those that no other names are left out.
     """
     folder = top / "sim" / "synth"
-    package, *optics = optics_sources(top)
-    files = {path.stem: path for path in optics}
+    files = {path.stem: path for path in optics_sources(top)}
     files |= {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
     files["probe_top"] = folder / "probe_top.sv"
-    found, open_ = set[str](), {"probe_top"}
+    seen, open_ = set[str](), {"probe_top"}
     while open_:
-        found |= open_
-        words = set().union(*(re.findall(r"\w+", files[name].read_text()) for name in open_))
-        open_ = (words & files.keys()) - found
-    return [package, folder / "ecp5_cells.sv", *(files[name] for name in sorted(found))]
+        seen |= open_
+        texts = (re.sub(r"//.*", "", files[name].read_text()) for name in open_)
+        words = set().union(*(re.findall(r"\w+", text) for text in texts))
+        open_ = (words & files.keys()) - seen
+    found = sorted(seen, key=lambda name: (not name.endswith("_pkg"), name))
+    return [*(files[name] for name in found), folder / "ecp5_cells.sv"]
 
 
 def elaboration(named: Named, top: Path) -> str:
