@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -51,6 +51,12 @@ bench: $(READY) ## how fast rays are traced and scenes rendered
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.sim.generate_registers
+
+synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
+	$(BIN)/python -m lippmann.sim.synthesis
+
+report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
+	$(BIN)/lippmann bench fixed --report docs/reports > /dev/null
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

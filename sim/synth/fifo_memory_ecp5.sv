@@ -26,6 +26,8 @@ module fifo_memory #(
   assign read_at = 10'(read_at_i);
   assign write_data = (18 * Cells)'(write_data_i);
   assign read_data_o = read_data[Width-1:0];
+  logic unused_read;
+  assign unused_read = ^read_data;
 
   for (genvar k = 0; k < Cells; k++) begin : gen_cell
     logic [17:0] d, q;

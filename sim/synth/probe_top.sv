@@ -5,6 +5,7 @@
 /// folded one, so that nothing is optimised away and no path to a pin counts.
 module probe_top #(
   parameter int F = 23,
+  parameter bit CrossCells = 1'b0,
   parameter int Grid = optics_pkg::GridSquare,
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
@@ -45,7 +46,8 @@ module probe_top #(
   end
 
   ray_lenslet #(
-    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk)
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk)
   ) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .ray_valid_i(valid_q), .ray_ready_o(ready),

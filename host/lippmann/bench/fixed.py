@@ -29,7 +29,7 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.status import Status, gets_through
 from lippmann.optics.system import System
-from lippmann.optics.trace import Floats, Rays, trace
+from lippmann.optics.trace import Floats, Model, Rays, trace
 from lippmann.sim.configurations import Named
 
 Bools = npt.NDArray[np.bool_]
@@ -150,7 +150,7 @@ def stated_nm(fraction_bits: int) -> float:
 # ---- sets of rays ----
 
 
-def frame_words(display: Display, build: Build, seed: int, most: int = WHOLE) -> Iterator[Words]:
+def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterator[Words]:
     """Yield a panel's pixel centres in chunks: all, or `SAMPLE` random ones of a panel of more than `most` pixels.
 
     A build with aims gets a random point of the lenslet's cell for each.
@@ -322,9 +322,9 @@ def _aims(display: Display, build: Build, words: Words) -> Floats | None:
     return aims_of_words(display, words.a, words.b, build.fraction_bits) if build.aims else None
 
 
-def _golden(display: Display, build: Build, pixel: Floats, aims: Floats | None) -> Ints:
+def _golden(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
     """Return golden's fates, (N, 5): status, lenslet left through, lenslet started in."""
-    rays = trace(display, pixel, aims, build.model)
+    rays = trace(display, pixel, aims, model)
     return np.column_stack([rays.status, rays.lenslet, _golden_start(display, pixel)]).astype(np.int64)
 
 
@@ -348,20 +348,23 @@ def _golden_start(display: Display, pixel: Floats) -> Ints:
 def fates(display: Display, build: Build, u: Ints, v: Ints, a: Ints, b: Ints) -> Ints:
     """Return golden's fates of rays given in words, (N, 5): status, lenslet left through, lenslet started in."""
     aims = aims_of_words(display, a, b, build.fraction_bits)
-    return _golden(display, build, pixels_of_words(display, u, v), aims)
+    return _golden(display, build.model, pixels_of_words(display, u, v), aims)
 
 
-def edge_distance_nm(display: Display, build: Build, words: Words, twin: Rays, stated: float) -> Floats:
+def edge_distance_nm(
+    display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
+) -> Floats:
     """Return how far rays are, in golden, from the edge that parts their fate from the twin's, (N,), nm.
 
     A ray is moved on the panel, at the aperture, or both, in eight directions, until golden gives it the twin's fate:
     the distance to the cell's edge, or to the critical angle, measured as a length. Golden calls next to no ray
     missed; a ray that the twin calls missed is moved until it meets any other dome, or has any other fate.
-    Infinite where 64 times the stated error does not do.
+    Infinite where 64 times the stated error does not do. `model` is the build's when left out.
     """
     pixel = pixels_of_words(display, words.u, words.v)
     aims = _aims(display, build, words)
-    own = _golden(display, build, pixel, aims)
+    model = model or build.model
+    own = _golden(display, model, pixel, aims)
     wanted = np.column_stack([twin.status, twin.lenslet, *_start(display, build, words.u, words.v)])
     lost = twin.status == int(Status.MISSED)
     distance = np.full(len(pixel), np.inf)
@@ -374,7 +377,7 @@ def edge_distance_nm(display: Display, build: Build, words: Words, twin: Rays, s
             for on_panel, at_aim in ways:
                 # Rows of pixels go down.
                 moved = pixel + on_panel * step_mm / display.panel.pixel_pitch_mm * way * (1.0, -1.0)
-                fate = _golden(display, build, moved, None if aims is None else aims + at_aim * step_mm * way)
+                fate = _golden(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
                 same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
                 distance[same] = np.minimum(distance[same], reach * stated)
     return distance
@@ -443,9 +446,10 @@ def _rows(rays: Rays, rows: Ints) -> Rays:
 
 
 def measure_configuration(
-    named: Named, scenes: Path, seed: int, most: int = WHOLE, log: Callable[[str], None] | None = None
+    named: Named, scenes: Path, seed: int, log: Callable[[str], None] | None = None
 ) -> list[FixedError]:
-    """Measure a configuration on its displays: frames (panels of up to `most` pixels whole), and adversarial rays."""
+    """Measure a configuration on its displays: frames (panels of up to `WHOLE` pixels whole), and adversarial rays."""
+    most = WHOLE
     rows = []
     build = named.build
     for display in named.displays(scenes):
@@ -465,13 +469,14 @@ def measure_configuration(
 # ---- budget ----
 
 
-def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> list[StageError]:
+def budget(named: Named, display: Display, seed: int) -> list[StageError]:
     """Return what each step adds to the error of an exact configuration, over random pixels (and aims in the cell).
 
     The rows are in the order of the ray. The first is the rounding of the configuration's words, the last the whole.
     """
     build, f = named.build, named.build.fraction_bits
     random = np.random.default_rng(seed)
+    count = min(BUDGET, WHOLE)
     words = Words(*_random_pixels(display, random, count), *_cell_aims(build, random, count))
     config = configuration(display, build, build.model)
     stages = stages_of(build, config)

@@ -75,21 +75,22 @@ class Placed:
 
 
 def sources(top: Path) -> list[Path]:
-    """Return the files that yosys reads for `probe_top`, the package first, ECP5's cells in place of the generic ones.
+    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones.
 
     A file is named like its module; those that no other names are left out.
     """
     folder = top / "sim" / "synth"
-    package, *optics = optics_sources(top)
-    files = {path.stem: path for path in optics}
+    files = {path.stem: path for path in optics_sources(top)}
     files |= {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
     files["probe_top"] = folder / "probe_top.sv"
-    found, open_ = set[str](), {"probe_top"}
+    seen, open_ = set[str](), {"probe_top"}
     while open_:
-        found |= open_
-        words = set().union(*(re.findall(r"\w+", files[name].read_text()) for name in open_))
-        open_ = (words & files.keys()) - found
-    return [package, folder / "ecp5_cells.sv", *(files[name] for name in sorted(found))]
+        seen |= open_
+        texts = (re.sub(r"//.*", "", files[name].read_text()) for name in open_)
+        words = set().union(*(re.findall(r"\w+", text) for text in texts))
+        open_ = (words & files.keys()) - seen
+    found = sorted(seen, key=lambda name: (not name.endswith("_pkg"), name))
+    return [*(files[name] for name in found), folder / "ecp5_cells.sv"]
 
 
 def elaboration(named: Named, top: Path) -> str:
@@ -195,7 +196,8 @@ def stages(named: Named) -> int:
     """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
     top = repository()
     files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
-    values = [f"-G{name}={value}" for name, value in parameters(named.build).items()]
+    # Where the cross terms are computed does not count.
+    values = [f"-G{name}={value}" for name, value in parameters(named.build).items() if name != "CrossCells"]
     command = ["verilator", "--lint-only", *values, "--top-module", "latency", *files]
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)

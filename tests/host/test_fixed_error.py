@@ -1,0 +1,260 @@
+"""The fixed-point pipeline against golden, within what is promised; and the error report's own tools.
+
+u = 2^-F below, half of it the rounding of a wide word. What is promised of the exact model at F = 23, max(1, 0.5 /
+cos theta_t) microradian and 2 nm, is asked of each F in proportion to u.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import click.testing
+import numpy as np
+import pytest
+from lippmann.bench import fixed, stages
+from lippmann.cli import cli
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.trace import aims_of_words, trace_fixed, words_of_aims
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import HALF_SQRT3
+from lippmann.optics.status import Status, gets_through
+from lippmann.optics.system import System
+from lippmann.optics.trace import MODELS, trace
+from lippmann.sim.configurations import CONFIGURATIONS, DISPLAYS, turned_over
+from lippmann.sim.tools import repository
+from optics_cases import exit_cosine, random_in_cell
+
+SCENES = repository() / "scenes"
+RAYS = 20_000
+SEED = 7
+
+
+def shipped(name, side):
+    display = load_display(SCENES / "displays" / f"{name}.toml")
+    return display if side == "panel" else turned_over(display)
+
+
+def random_words(display, build, count=RAYS, seed=SEED):
+    """Random pixels, and aims in the cell where the build has any, as words."""
+    print(f"seed {seed}")
+    random = np.random.default_rng(seed)
+    panel = display.panel
+    size = (panel.width_px, panel.height_px)
+    u, v = fixed.words_of_pixels(display, random.uniform((0, 0), size, (count, 2)))
+    if not build.aims:
+        return fixed.Words(u, v, 0 * u, 0 * u)
+    points = random_in_cell(random, display, count)
+    assert len(points) == count
+    return fixed.Words(u, v, *words_of_aims(display, points, build.fraction_bits))
+
+
+def direction_bound(display, model, f):
+    """Largest angle of an ideal model's direction, in radians.
+
+    Each slope is k x + l a. k and l are words, u/2 off, times |x| < 0.6 and |a| < 0.6; x is u/2 off, times k; the sum
+    is rounded, u/2, its products cut off, u/8 each. The slopes' errors turn the ray by their length at most. In
+    `unit_slope` the root is a word off, u/2, and scales a vector of length 2 at most (slopes stay below sqrt(3)); its
+    argument is 3u/8 off, half of which counts; the two products are rounded, u/4, and cut off, u/16.
+    """
+    k = display.array.pitch_mm / display.aperture_distance_mm
+    sums = 1 if model == "pinhole" else 2
+    slope = (0.3 * sums + 0.5 * k + 0.5 + 0.125 * sums) * np.sqrt(2.0)
+    unit = 0.5 * 2.0 + 0.5 * 0.375 + (0.25 + 0.0625) * np.sqrt(2.0)
+    return (slope + unit) * 2.0**-f
+
+
+@pytest.mark.parametrize("f", [16, 23])
+@pytest.mark.parametrize("side", ["panel", "viewer"])
+@pytest.mark.parametrize("name", [*DISPLAYS["square"], *DISPLAYS["hex"]])
+@pytest.mark.parametrize("aperture", ["chief", "full"])
+@pytest.mark.parametrize("model", MODELS)
+def test_against_golden(model, aperture, name, side, f):
+    display = shipped(name, side)
+    build = Build.of(display, model, f, aperture == "full")
+    words = random_words(display, build)
+    aims = aims_of_words(display, words.a, words.b, f) if build.aims else None
+    # The pixels are words already: nothing is rounded away before the comparison.
+    pixel = fixed.pixels_of_words(display, words.u, words.v)
+    twin = trace_fixed(display, pixel, aims, model, f)
+    golden = trace(display, twin.pixel, aims, model)
+    assert (twin.pixel == pixel).all()
+
+    same = (twin.status == golden.status) & (twin.lenslet == golden.lenslet).all(axis=1)
+    alive = same & gets_through(golden.status)
+    assert alive.sum() > 0.95 * RAYS
+    turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[alive]
+    shift = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[alive] * 1e6
+    stated_nm = 2.0 * 2 ** (23 - f)
+    if model == "exact":
+        cosine = exit_cosine(display, golden.local_mm, golden.direction)[alive]
+        bound = np.maximum(1.0, 0.5 / cosine) * 1e-6 * 2 ** (23 - f)
+        assert (turn <= bound).all()
+        assert shift.max() <= stated_nm
+    else:
+        assert turn.max() <= direction_bound(display, model, f)
+        # Two coordinates: the rounding of two coefficients times 0.6, of x, of the sum, and its cut-off products.
+        assert shift.max() <= np.sqrt(2.0) * (0.6 + 0.5 + 0.5 + 0.25) * 2.0**-f * display.array.radius_mm * 1e6
+    # The bounds are no more than some times what there is: a pipeline of one bit less would be seen.
+    assert turn.max() > 2.0**-f * 0.4
+
+    differs = np.flatnonzero(~same)
+    assert len(differs) < 0.001 * RAYS
+    if len(differs):
+        some = fixed.Words(*(column[differs] for column in words))
+        away = fixed.edge_distance_nm(display, build, some, fixed._rows(twin, differs), stated_nm, model)
+        assert away.max() <= stated_nm
+
+
+@pytest.mark.parametrize("name", ["compact-square", "compact-hex"])
+def test_compact_configurations_promise_60_microradian_on_the_papers_displays(name):
+    named = CONFIGURATIONS[name]
+    display = named.displays(SCENES)[0]
+    found, _ = fixed.compare(display, named.build, random_words(display, named.build, 200_000))
+    assert found.alive.mean() > 0.999
+    assert found.turn_urad[found.alive].max() <= 60.0
+
+
+def test_rays_near_the_critical_angle_and_on_edges():
+    """Pairs of rays, a word of the aim apart, on both sides of golden's boundaries."""
+    named = CONFIGURATIONS["widest-aims-hex"]
+    display = named.displays(SCENES)[0]
+    words = fixed.boundary_words(display, named.build, SEED, 1000)
+    half = len(words.u) // 2
+    assert half > 200
+    a, b = words.a, words.b
+    assert np.abs(a[:half] - a[half:]).max() <= 1
+    assert np.abs(b[:half] - b[half:]).max() <= 1
+    fates = fixed.fates(display, named.build, *words)
+    assert (fates[:half] != fates[half:]).any(axis=1).all()
+    # Total internal reflection is among them.
+    assert (fates[:, 0] == Status.INTERNAL_REFLECTION).sum() > 100
+    row = fixed.measure(named, display, "boundaries", iter([words]))
+    assert row.kept
+    assert row.status_differs > 0
+
+
+@pytest.mark.parametrize("name", ["widest-square", "widest-aims-hex"])
+def test_edge_words_lie_on_edges(name):
+    named = CONFIGURATIONS[name]
+    for display in named.displays(SCENES):
+        words = fixed.edge_words(display, named.build, SEED, 2000)
+        system = System.of(display)
+        pixel = fixed.pixels_of_words(display, words.u, words.v)
+        # Pixels at the panel's rim were moved onto it.
+        inner = (pixel > 1.0).all(axis=1) & (pixel < (display.panel.width_px - 1, display.panel.height_px - 1)).all(
+            axis=1
+        )
+        assert inner.mean() > 0.9
+        x, y = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixel[inner].T))
+        _, _, x, y = system.lattice.locate(NumpyBackend(), x, y)
+        axes = [(1.0, 0.0), (0.0, 1.0)]
+        if display.array.grid == "hex":
+            axes = [(1.0, 0.0), (0.5, HALF_SQRT3), (-0.5, HALF_SQRT3)]
+        away = 0.5 * display.array.pitch_mm - np.max([np.abs(px * x + py * y) for px, py in axes], axis=0)
+        # Half a step of 1/16 pixel by rounding, and one more, each way.
+        assert away.max() <= 1.5 / 16 * np.sqrt(2.0) * display.panel.pixel_pitch_mm * 1.001
+
+
+def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
+    named = CONFIGURATIONS["widest-aims-hex"]
+    display = named.displays(SCENES)[0]
+    row = fixed.measure(named, display, "wide", iter([fixed.wide_words(display, named.build, SEED, 20_000)]))
+    assert 0 < row.refused < 0.05 * row.rays
+    # With enough domes to try none is lost.
+    more = dataclasses.replace(named, build=dataclasses.replace(named.build, walk=4))
+    row = fixed.measure(more, display, "wide", iter([fixed.wide_words(display, more.build, SEED, 20_000)]))
+    assert row.lost == 0
+    assert row.edge_nm <= 2.0
+
+
+# ---- the budget ----
+
+BUDGETED = ["widest-square", "widest-hex", "widest-aims-square", "widest-aims-hex", "compact-hex", "viewer-square"]
+
+
+@pytest.mark.parametrize("name", BUDGETED)
+def test_steps_in_integers_are_the_twin(name):
+    build = CONFIGURATIONS[name].build
+    for display in CONFIGURATIONS[name].displays(SCENES):
+        config = configuration(display, build, "exact")
+        words = random_words(display, build)
+        twin = ray_pipeline(*words, config, build)
+        start = {"u": words.u, "v": words.v, **({"a": words.a, "b": words.b} if build.aims else {})}
+        steps = stages.stages_of(build, config)
+        out = stages.hybrid(steps, len(steps), start, build.fraction_bits)
+        alive = gets_through(twin.status)
+        assert alive.mean() > 0.95
+        for axis in ("x", "y", "z", "dx", "dy", "dz"):
+            words_out = np.ldexp(out[f"out_{axis}"], build.fraction_bits + 1)
+            assert (words_out == getattr(twin, axis))[alive].all()
+        assert (out["i"] == twin.i)[alive].all()
+
+
+@pytest.mark.parametrize("name", BUDGETED)
+def test_steps_in_float64_are_golden_but_for_the_configuration(name):
+    """Of the configuration's words, each u/2 off or less, some twenty count, each less than once in radii."""
+    named = CONFIGURATIONS[name]
+    f = named.build.fraction_bits
+    for display in named.displays(SCENES):
+        rows = {row.stage: row for row in fixed.budget(named, display, SEED)}
+        first, last = rows["configuration"], rows["all"]
+        assert 0.0 < first.rms_direction_urad < 10.0 * 2.0**-f * 1e6
+        assert 0.0 < first.max_point_nm < 10.0 * 2.0**-f * display.array.radius_mm * 1e6
+        # What only adds integers adds no error.
+        assert rows[f"lenslet_{named.build.grid}"].max_direction_urad < 1e-3
+        # Shares are of one size, and independent: their squares add up, within a factor of two.
+        squares = sum(row.rms_direction_urad**2 for stage, row in rows.items() if stage != "all")
+        assert 0.25 < squares / last.rms_direction_urad**2 < 4.0
+
+
+def test_a_worse_step_shows_in_its_own_row(monkeypatch):
+    named = CONFIGURATIONS["widest-square"]
+    display = named.displays(SCENES)[0]
+    before = {row.stage: row for row in fixed.budget(named, display, SEED)}
+    good = stages.leave_dome
+
+    def bad(*args):
+        dx, dy, dz, reflected = good(*args)
+        return dx + 64, dy, dz, reflected
+
+    monkeypatch.setattr(stages, "leave_dome", bad)
+    after = {row.stage: row for row in fixed.budget(named, display, SEED)}
+    # 64 near words; the step's own rounding is some hundredths of that.
+    assert after["leave_dome"].rms_direction_urad == pytest.approx(64 * 2.0**-24 * 1e6, rel=0.02)
+    assert after["leave_dome"].left_rms_direction_urad == pytest.approx(before["leave_dome"].left_rms_direction_urad)
+    for stage in ("configuration", "pixel_to_panel", "blend", "unit_slope", "enter_flat", "meet_dome"):
+        assert after[stage].rms_direction_urad == before[stage].rms_direction_urad
+
+
+def test_report(monkeypatch, tmp_path):
+    monkeypatch.setattr(fixed, "WHOLE", 5_000)
+    arguments = [
+        "bench",
+        "fixed",
+        "--scenes",
+        str(SCENES),
+        "--configuration",
+        "widest-square",
+        "--report",
+        str(tmp_path),
+    ]
+    result = click.testing.CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    page = (tmp_path / "fixed-point-error.md").read_text()
+    for said in ("machine: ", "date: ", "command: lippmann bench fixed", "--seed 0", "| widest-square | 23 | uhd-8k |"):
+        assert said in page
+    assert "**no**" not in page
+    rows = (tmp_path / "fixed-point-error.csv").read_text().splitlines()
+    assert rows[-1].startswith("widest-square,23,uhd-8k,edges,")
+    assert (tmp_path / "fixed-point-budget.csv").exists()
+
+
+def test_unknown_configuration_is_refused():
+    result = click.testing.CliRunner().invoke(
+        cli, ["bench", "fixed", "--scenes", str(SCENES), "--configuration", "wide"]
+    )
+    assert result.exit_code != 0
+    assert "unknown configuration 'wide'" in str(result.exception)

@@ -1,0 +1,105 @@
+/// Benches of modules that a family's cells stand in for: each prints its ports each clock, behind its
+/// name.
+module bench (
+  input logic clk_i
+);
+
+  mult18_bench i_mult18 (.clk_i);
+  fifo_memory_bench #(.Width(36), .AddressBits(9)) i_memory_36 (.clk_i);
+  fifo_memory_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
+  fifo_memory_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
+  fifo_bench i_fifo (.clk_i);
+
+endmodule
+
+/// Random operands, extreme ones among them, into `mult18`; prints operands and product each clock.
+module mult18_bench (
+  input logic clk_i
+);
+
+  logic signed [17:0] a_q, b_q;
+  logic signed [35:0] p;
+  mult18 i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
+
+  function automatic logic [17:0] operand(logic [31:0] bits);
+    case (bits[31:28])
+      4'd0: return 18'h20000;
+      4'd1: return 18'h1ffff;
+      4'd2: return 18'h3ffff;
+      4'd3: return 18'h00000;
+      default: return bits[17:0];
+    endcase
+  endfunction
+
+  always_ff @(posedge clk_i) begin
+    a_q <= operand($urandom);
+    b_q <= operand($urandom);
+    $display("mult18 %0d %0d %0d", a_q, b_q, p);
+  end
+
+endmodule
+
+/// Random writes and reads of `fifo_memory`; prints its ports each clock.
+module fifo_memory_bench #(
+  parameter int Width = 36,
+  parameter int AddressBits = 9
+) (
+  input logic clk_i
+);
+
+  logic write_q;
+  logic [AddressBits-1:0] write_at_q, read_at_q;
+  logic [Width-1:0] data_q, out;
+  fifo_memory #(.Width(Width), .AddressBits(AddressBits)) i_dut (
+    .clk_i, .write_i(write_q), .write_at_i(write_at_q), .write_data_i(data_q),
+    .read_at_i(read_at_q), .read_data_o(out)
+  );
+
+  logic [223:0] noise;
+  always_ff @(posedge clk_i) begin
+    noise = {$urandom, $urandom, $urandom, $urandom, $urandom, $urandom, $urandom};
+    write_q <= noise[223];
+    // Half of the addresses are the outermost ones: first, last, all but one bit.
+    write_at_q <= noise[222] ? noise[221-:AddressBits] : {AddressBits{noise[210]}};
+    data_q <= Width'(noise[191:0]);
+    read_at_q <= noise[209] ? noise[208-:AddressBits] : {AddressBits{noise[194]}};
+    $display("fifo_memory%0d %0d %0d %0h %0d %0h", Width, write_q, write_at_q, data_q, read_at_q, out);
+  end
+
+endmodule
+
+/// Random traffic through `fifo`, full and empty included; prints what goes in and what comes out.
+module fifo_bench #(
+  parameter int Width = 24,
+  parameter int AddressBits = 4
+) (
+  input logic clk_i
+);
+
+  localparam int Room = 1 << AddressBits;
+
+  logic [2:0] reset_q = '0;
+  logic write, valid, ready_q, busy_q;
+  logic [Width-1:0] data_q, out;
+  int inside_q = 0;
+  fifo #(.Width(Width), .AddressBits(AddressBits)) i_dut (
+    .clk_i, .rst_ni(reset_q[2]), .write_i(write), .data_i(data_q),
+    .valid_o(valid), .ready_i(ready_q), .data_o(out)
+  );
+  assign write = reset_q[2] && busy_q && inside_q < Room;
+
+  logic [223:0] noise;
+  int clock_q = 0;
+  always_ff @(posedge clk_i) begin
+    noise = {$urandom, $urandom, $urandom, $urandom, $urandom, $urandom, $urandom};
+    reset_q <= {reset_q[1:0], 1'b1};
+    clock_q <= clock_q + 1;
+    // By turns more comes in, or more goes out.
+    busy_q <= clock_q[8] ? noise[223] || noise[222] : noise[223] && noise[222];
+    ready_q <= clock_q[8] ? noise[221] && noise[220] : noise[221] || noise[220];
+    data_q <= Width'(noise[191:0]);
+    inside_q <= inside_q + int'(write) - int'(valid && ready_q);
+    $display("fifo %0d %0h %0d %0h %0d", write, data_q, valid && ready_q && reset_q[2], out, inside_q);
+  end
+
+endmodule

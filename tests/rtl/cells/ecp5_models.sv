@@ -1,0 +1,146 @@
+/// Models of ECP5's cells as its data sheet tells of them, for the uses that sim/synth makes of them.
+///
+/// Written apart from the modules under test: what they do not use is refused.
+
+/* verilator lint_off UNUSEDSIGNAL */
+
+/// Multiplier 18 x 18: registers at the operands, in the middle and at the product, each used or not.
+module MULT18X18D #(
+  parameter REG_INPUTA_CLK = "NONE",
+  parameter REG_INPUTA_CE = "NONE",
+  parameter REG_INPUTA_RST = "NONE",
+  parameter REG_INPUTB_CLK = "NONE",
+  parameter REG_INPUTB_CE = "NONE",
+  parameter REG_INPUTB_RST = "NONE",
+  parameter REG_PIPELINE_CLK = "NONE",
+  parameter REG_PIPELINE_CE = "NONE",
+  parameter REG_PIPELINE_RST = "NONE",
+  parameter REG_OUTPUT_CLK = "NONE",
+  parameter REG_OUTPUT_CE = "NONE",
+  parameter REG_OUTPUT_RST = "NONE",
+  parameter GSR = "NONE",
+  parameter RESETMODE = "NONE"
+) (
+  input CLK0, CLK1, CLK2, CLK3, CE0, CE1, CE2, CE3, RST0, RST1, RST2, RST3, SIGNEDA,
+    SIGNEDB, SOURCEA, SOURCEB, A0, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12,
+    A13, A14, A15, A16, A17, B0, B1, B2, B3, B4, B5, B6, B7, B8, B9, B10, B11, B12, B13,
+    B14, B15, B16, B17,
+  output P0, P1, P2, P3, P4, P5, P6, P7, P8, P9, P10, P11, P12, P13, P14, P15, P16, P17, P18,
+    P19, P20, P21, P22, P23, P24, P25, P26, P27, P28, P29, P30, P31, P32, P33, P34, P35
+);
+
+  logic signed [17:0] a, b, a_q, b_q, a_in, b_in;
+  logic signed [35:0] product, product_q, middle, p_q, p;
+  assign a = {
+    A17, A16, A15, A14, A13, A12, A11, A10, A9, A8, A7, A6, A5, A4, A3, A2, A1, A0
+  };
+  assign b = {
+    B17, B16, B15, B14, B13, B12, B11, B10, B9, B8, B7, B6, B5, B4, B3, B2, B1, B0
+  };
+  assign {
+    P35, P34, P33, P32, P31, P30, P29, P28, P27, P26, P25, P24, P23, P22, P21, P20, P19, P18,
+    P17, P16, P15, P14, P13, P12, P11, P10, P9, P8, P7, P6, P5, P4, P3, P2, P1, P0
+  } = p;
+
+  initial begin
+    if (GSR != "DISABLED" || RESETMODE != "SYNC") $fatal(1, "MULT18X18D: not modelled");
+  end
+  always_ff @(posedge CLK0) begin
+    if (CLK1 || CLK2 || CLK3 || SOURCEA || SOURCEB || !SIGNEDA || !SIGNEDB)
+      $fatal(1, "MULT18X18D: not modelled");
+  end
+
+  always_ff @(posedge CLK0) begin
+    if (RST0) begin
+      {a_q, b_q, product_q, p_q} <= '0;
+    end else if (CE0) begin
+      a_q <= a;
+      b_q <= b;
+      product_q <= product;
+      p_q <= middle;
+    end
+  end
+  assign a_in = REG_INPUTA_CLK == "CLK0" ? a_q : a;
+  assign b_in = REG_INPUTB_CLK == "CLK0" ? b_q : b;
+  assign product = a_in * b_in;
+  assign middle = REG_PIPELINE_CLK == "CLK0" ? product_q : product;
+  assign p = REG_OUTPUT_CLK == "CLK0" ? p_q : middle;
+
+endmodule
+
+/// Block memory of 1024 x 18 bits: port A writes, port B reads.
+///
+/// In this width the address is AD[13:4], and ADA[1:0] enable the bytes of 9 bits that are written.
+/// What is read while the other port writes it is not defined: here, its complement.
+module DP16KD #(
+  parameter DATA_WIDTH_A = 18,
+  parameter DATA_WIDTH_B = 18,
+  parameter REGMODE_A = "NONE",
+  parameter REGMODE_B = "NONE",
+  parameter RESETMODE = "NONE",
+  parameter ASYNC_RESET_RELEASE = "NONE",
+  parameter WRITEMODE_A = "NONE",
+  parameter WRITEMODE_B = "NONE",
+  parameter CSDECODE_A = "NONE",
+  parameter CSDECODE_B = "NONE",
+  parameter GSR = "NONE"
+) (
+  input CLKA, CEA, OCEA, WEA, RSTA, CSA0, CSA1, CSA2, ADA0, ADA1, ADA2, ADA3, ADA4, ADA5, ADA6,
+    ADA7, ADA8, ADA9, ADA10, ADA11, ADA12, ADA13, DIA0, DIA1, DIA2, DIA3, DIA4, DIA5, DIA6,
+    DIA7, DIA8, DIA9, DIA10, DIA11, DIA12, DIA13, DIA14, DIA15, DIA16, DIA17, CLKB, CEB, OCEB,
+    WEB, RSTB, CSB0, CSB1, CSB2, ADB0, ADB1, ADB2, ADB3, ADB4, ADB5, ADB6, ADB7, ADB8, ADB9,
+    ADB10, ADB11, ADB12, ADB13, DIB0, DIB1, DIB2, DIB3, DIB4, DIB5, DIB6, DIB7, DIB8, DIB9,
+    DIB10, DIB11, DIB12, DIB13, DIB14, DIB15, DIB16, DIB17,
+  output DOA0, DOA1, DOA2, DOA3, DOA4, DOA5, DOA6, DOA7, DOA8, DOA9, DOA10, DOA11, DOA12, DOA13,
+    DOA14, DOA15, DOA16, DOA17, DOB0, DOB1, DOB2, DOB3, DOB4, DOB5, DOB6, DOB7, DOB8, DOB9,
+    DOB10, DOB11, DOB12, DOB13, DOB14, DOB15, DOB16, DOB17
+);
+
+  logic [13:0] ada, adb;
+  logic [17:0] dia, dob, word_q, out_q;
+  assign ada = {
+    ADA13, ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2, ADA1, ADA0
+  };
+  assign adb = {
+    ADB13, ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2, ADB1, ADB0
+  };
+  assign dia = {
+    DIA17, DIA16, DIA15, DIA14, DIA13, DIA12, DIA11, DIA10, DIA9, DIA8, DIA7, DIA6, DIA5,
+    DIA4, DIA3, DIA2, DIA1, DIA0
+  };
+  assign {
+    DOB17, DOB16, DOB15, DOB14, DOB13, DOB12, DOB11, DOB10, DOB9, DOB8, DOB7, DOB6, DOB5,
+    DOB4, DOB3, DOB2, DOB1, DOB0
+  } = dob;
+  assign {
+    DOA17, DOA16, DOA15, DOA14, DOA13, DOA12, DOA11, DOA10, DOA9, DOA8, DOA7, DOA6, DOA5,
+    DOA4, DOA3, DOA2, DOA1, DOA0
+  } = '0;
+
+  initial begin
+    if (DATA_WIDTH_A != 18 || DATA_WIDTH_B != 18 || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
+        || RESETMODE != "SYNC" || WRITEMODE_A != "NORMAL" || GSR != "DISABLED")
+      $fatal(1, "DP16KD: not modelled");
+  end
+
+  logic [17:0] words[1024];
+  logic write;
+  assign write = CEA && WEA && {CSA2, CSA1, CSA0} == 3'b000;
+  always_ff @(posedge CLKA) begin
+    if (write && ada[0]) words[ada[13:4]][8:0] <= dia[8:0];
+    if (write && ada[1]) words[ada[13:4]][17:9] <= dia[17:9];
+  end
+  always_ff @(posedge CLKB) begin
+    if (WEB) $fatal(1, "DP16KD: writing through port B is not modelled");
+    if (RSTB) begin
+      word_q <= '0;
+      out_q <= '0;
+    end else begin
+      if (CEB && {CSB2, CSB1, CSB0} == 3'b000)
+        word_q <= write && ada[13:4] == adb[13:4] ? ~words[adb[13:4]] : words[adb[13:4]];
+      if (OCEB) out_q <= word_q;
+    end
+  end
+  assign dob = REGMODE_B == "OUTREG" ? out_q : word_q;
+
+endmodule

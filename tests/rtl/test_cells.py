@@ -1,0 +1,131 @@
+"""ECP5's cells in the place of generic modules: both behave as the modules' descriptions say, clock for clock.
+
+The expected outputs are computed here, from the ports that a bench prints.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections import deque
+from pathlib import Path
+
+import pytest
+from lippmann.sim.configurations import CONFIGURATIONS
+from lippmann.sim.synthesis import elaborate, place, sources, stages
+from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
+
+TOP = repository()
+HERE = Path(__file__).parent / "cells"
+CLOCKS = 20_000
+SEED = 1
+
+
+@pytest.fixture(scope="module", params=["generic", "ecp5"])
+def printed(request, tmp_path_factory):
+    """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
+    folder = tmp_path_factory.mktemp(request.param)
+    optics, synth = TOP / "rtl" / "optics", TOP / "sim" / "synth"
+    files = {
+        "generic": [optics / "mult18.sv", optics / "fifo_memory.sv"],
+        "ecp5": [synth / "mult18_ecp5.sv", synth / "fifo_memory_ecp5.sv", HERE / "ecp5_models.sv"],
+    }[request.param]
+    command = [
+        "verilator", "--cc", "--exe", "--build", "-Mdir", str(folder), "--top-module", "bench", "-o", "bench",
+        "-Wno-PINMISSING",  # the wrappers leave the cells' unused ports open
+        *(word for flag in (*MAKE_FLAGS, "OPT_GLOBAL=-O0") for word in ("-MAKEFLAGS", flag)),
+        *map(str, [HERE / "bench.sv", HERE / "main.cpp", optics / "fifo.sv", *files]),
+    ]  # fmt: skip
+    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    run = [str(folder / "bench"), str(CLOCKS), f"+verilator+seed+{SEED}"]
+    print(f"seed {SEED}")
+    said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
+    rows: dict[str, list[list[str]]] = {}
+    for line in said.splitlines():
+        name, *words = line.split()
+        rows.setdefault(name, []).append(words)
+    assert {len(lines) for lines in rows.values()} == {CLOCKS}
+    return rows
+
+
+def test_mult18(printed):
+    rows = [[int(word) for word in row] for row in printed["mult18"]]
+    for (a, b, _), (_, _, p) in zip(rows[1:], rows[4:], strict=False):
+        assert p == a * b
+    pairs = {(a, b) for a, b, _ in rows}
+    assert (-(1 << 17), -(1 << 17)) in pairs
+    assert len(pairs) > CLOCKS // 2
+
+
+@pytest.mark.parametrize(("width", "address_bits"), [(36, 9), (183, 8), (19, 10)])
+def test_fifo_memory(printed, width, address_bits):
+    memory: dict[str, int] = {}
+    checked = 0
+    expected: deque[int | None] = deque([None, None])
+    for write, write_at, data, read_at, out in printed[f"fifo_memory{width}"]:
+        wanted = expected.popleft()
+        if wanted is not None:
+            assert int(out, 16) == wanted
+            checked += 1
+        clash = write == "1" and write_at == read_at
+        expected.append(None if clash else memory.get(read_at))
+        if write == "1":
+            memory[write_at] = int(data, 16)
+    assert checked > CLOCKS // 2
+    assert {"0", str((1 << address_bits) - 1)} <= memory.keys()
+    # The widest bit, and not only small numbers.
+    assert max(memory.values()) >> (width - 1) == 1
+
+
+def test_fifo_never_reads_what_is_being_written(printed):
+    """The model of the cell gives a wrong word then, and the FIFO would."""
+    queue: deque[str] = deque()
+    taken = 0
+    levels = set()
+    for write, data, take, out, inside in printed["fifo"]:
+        if take == "1":
+            assert out == queue.popleft()
+            taken += 1
+        if write == "1":
+            queue.append(data)
+        levels.add(int(inside))
+    assert taken > CLOCKS // 4
+    assert {0, 16} <= levels
+
+
+def test_fifo_memory_refuses_what_the_cell_cannot_hold():
+    command = [
+        "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "fifo_memory", "-GAddressBits=11",
+        str(TOP / "sim" / "synth" / "fifo_memory_ecp5.sv"), str(HERE / "ecp5_models.sv"),
+    ]  # fmt: skip
+    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    assert result.returncode != 0
+    assert "AddressBits must be 1 to 10" in result.stderr
+
+
+def test_sources_of_the_probe():
+    files = sources(TOP)
+    names = [path.name for path in files]
+    assert names[0] == "optics_pkg.sv"
+    assert {"probe_top.sv", "ray_lenslet.sv", "mult18_ecp5.sv", "fifo_memory_ecp5.sv"} <= set(names)
+    assert {"mult18.sv", "fifo_memory.sv", "optics_block.sv", "optics_registers.sv"}.isdisjoint(names)
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_configuration_elaborates(name):
+    """yosys reads each configuration, checks its hierarchy, and finds no loop and no net with two drivers."""
+    said = elaborate(CONFIGURATIONS[name])
+    assert "Found and reported 0 problems" in said
+    assert stages(CONFIGURATIONS[name]) > 30
+
+
+@pytest.mark.full
+def test_place_and_route_of_the_smallest():
+    placed = place(CONFIGURATIONS["pinhole-compact"], seed=1)
+    print(placed)
+    # The clock of a seed is luck within some percent; what is there is not.
+    assert placed.mhz > 148.5
+    assert 0 < placed.mult18x18d <= 31
+    # 2 x 12 + 3 x 20 + 3 x 18 + 3 bits in cells of 18.
+    assert placed.dp16kd == 8
+    assert placed.ff > placed.probe_ff > 500
