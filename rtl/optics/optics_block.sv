@@ -164,8 +164,9 @@ module optics_block #(
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
 
   // ---- between two frames: the only time for new optics ----
-  logic within_q, take;
-  assign take = apply_q && !within_q;
+  // Decided a clock ahead, for it closes the input in the clock in which they are taken over.
+  logic within_d, within_q, take;
+  assign within_d = accept ? !last : within_q;
   assign valid = (stream_q ? ray_valid_i : walked_valid) && !take;
   assign accept = valid && ready;
   assign ray_ready_o = stream_q && ready && !take;
@@ -174,9 +175,10 @@ module optics_block #(
   assign begin_frame = start_q && !running;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {within_q, apply_q, start_q, stream_q} <= '0;
+      {within_q, take, apply_q, start_q, stream_q} <= '0;
     end else begin
-      if (accept) within_q <= !last;
+      within_q <= within_d;
+      take <= apply_q && !within_d && !take;
       apply_q <= set.control.apply.value || (apply_q && !take);
       start_q <= set.control.start.value || (start_q && !begin_frame);
       if (take) stream_q <= set.source.stream.value;
