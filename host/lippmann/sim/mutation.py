@@ -1,9 +1,9 @@
 """`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
 
 A fault changes one operator or flips one bit of one number in one line of rtl/optics. The faulty RTL is compiled into
-the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls, as tests/rtl/test_batch.py
-does; what passes is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught
-when a word differs, rays stop coming, or a test fails.
+the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls, as
+tests/rtl/test_batch.py does; what passes is given to the tests of its module, tests/rtl/<module>, in a copy of the
+checkout. A fault is caught when a word differs, rays stop coming, or a test fails.
 
 Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet; and
 what is not in the harness, the raster and the register block, which have tests of their own.
