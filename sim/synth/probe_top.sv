@@ -24,13 +24,14 @@ module probe_top #(
   localparam int RayBits = 2 * PixelBits + 2 * W;
   localparam int OutBits = 2 * IndexBits + 3 * (W + 2) + 3 * W + 3;
 
-  logic [1:0] reset_q;
-  logic [ConfigBits-1:0] config_q;
-  logic [RayBits-1:0] ray_q;
-  logic apply_q, valid_q, ready_q;
+  // The names are kept, so that the report can tell the probe's registers from the engine's.
+  (* keep *) logic [1:0] reset_q;
+  (* keep *) logic [ConfigBits-1:0] config_q;
+  (* keep *) logic [RayBits-1:0] ray_q;
+  (* keep *) logic apply_q, valid_q, ready_q;
   logic ready, valid, busy;
   logic [OutBits-1:0] out;
-  logic [OutBits+2:0] out_q, fold_q;
+  (* keep *) logic [OutBits+2:0] out_q, fold_q;
   status_e status;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) reset_q <= '0;

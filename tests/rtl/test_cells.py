@@ -126,6 +126,6 @@ def test_place_and_route_of_the_smallest():
     # The clock of a seed is luck within some percent; what is there is not.
     assert placed.mhz > 148.5
     assert 0 < placed.mult18x18d <= 31
-    # 2 x 12 + 3 x 20 + 3 x 18 + 3 bits in cells of 18.
-    assert placed.dp16kd == 8
+    # The FIFO's: 2 x 12 + 3 x 20 + 3 x 18 + 3 bits in cells of 18.
+    assert placed.dp16kd >= 8
     assert placed.ff > placed.probe_ff > 500

