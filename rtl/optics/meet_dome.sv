@@ -5,10 +5,10 @@
 /// cosine between ray and normal is cos = sqrt(1 - |V|^2 + b^2), at the length cos - b (upward, out
 /// of the glass) or -b - cos (downward, into it); the point there *is* the unit normal N.
 ///
-///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, F kept
+///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, F + 2 kept
 ///   C    = (1 - zc^2) - hx^2 - hy^2 + b^2               squares cut at F + 3 fraction bits
 ///   cos  = sqrt(min(max(C, 0), 1 - 2^-(F+3))),  s = min(max(1 - C, 0), 1 - 2^-(F+3))
-///   l    = floor((cos - 2 b + 1) / 2)                   in units of 2^-(F+1); downward -cos - 2 b
+///   l    = floor((2 cos - b + 2) / 4)                   in units of 2^-(F+2); downward -2 cos - b
 ///   N    = saturate(round(V + l d))                     products with 3 guard bits, F + 1 kept
 ///
 /// missed_o: C < 0. Downward the plane of the vertices holds V: zc = 1, and dz is its size.
@@ -38,6 +38,7 @@ module meet_dome #(
   localparam int W = F + 2;
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
+  localparam int Wb = Wf + 2;  // b keeps two more bits: its square is taken
   localparam int FootLatency = foot_latency(F);
 
   // ---- b, the length from the foot of the perpendicular ----
@@ -45,7 +46,7 @@ module meet_dome #(
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
-  logic signed [Wf-1:0] b_q;
+  logic signed [Wb-1:0] b_q;
   multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
     .clk_i, .a_i(hx_i), .b_i(dx_i), .p_o(bx_early)
   );
@@ -72,7 +73,7 @@ module meet_dome #(
   always_ff @(posedge clk_i) begin
     bxy_q <= bx + by;
     b_sum_q <= bxy_q + bz_late;
-    b_q <= Wf'((b_sum_q + Wd'(4)) >>> Guard);
+    b_q <= Wb'((b_sum_q + Wd'(1)) >>> (Guard - 2));
   end
 
   // ---- C, the squared cosine ----
@@ -92,9 +93,9 @@ module meet_dome #(
   end
   delay #(
     .Width(Ws),
-    .Cycles(FootLatency + mul_latency(Wf, Wf) - mul_latency(Wh, Wh) - 2)
+    .Cycles(FootLatency + mul_latency(Wb, Wb) - mul_latency(Wh, Wh) - 2)
   ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
-  multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SquareDrop), .Square(1'b1)) i_b2 (
+  multiplier #(.CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 4), .Square(1'b1)) i_b2 (
     .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
   );
   always_ff @(posedge clk_i) c_q <= rest + b2;
@@ -114,15 +115,15 @@ module meet_dome #(
   sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
 
   // ---- the length to the dome ----
-  localparam int LengthLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);  // from b
-  localparam int Wl = Wf + 1;
-  logic signed [Wf-1:0] b_late;
-  logic signed [Wl-1:0] twice_b, length_d;
+  localparam int LengthLatency = mul_latency(Wb, Wb) + 2 + sqrt_latency(1'b1);  // from b
+  localparam int Wl = Wb + 1;
+  logic signed [Wb-1:0] b_late;
+  logic signed [Wl-1:0] twice_cos, length_d;
   logic signed [Wf-1:0] length_q;
-  delay #(.Width(Wf), .Cycles(LengthLatency)) i_b (.clk_i, .d_i(b_q), .q_o(b_late));
-  assign twice_b = Wl'(b_late) <<< 1;
-  assign length_d = Upward ? Wl'(cos) - twice_b : -Wl'(cos) - twice_b;
-  always_ff @(posedge clk_i) length_q <= Wf'((length_d + Wl'(1)) >>> 1);
+  delay #(.Width(Wb), .Cycles(LengthLatency)) i_b (.clk_i, .d_i(b_q), .q_o(b_late));
+  assign twice_cos = Wl'(cos) <<< 1;
+  assign length_d = (Upward ? twice_cos : -twice_cos) - Wl'(b_late);
+  always_ff @(posedge clk_i) length_q <= Wf'((length_d + Wl'(2)) >>> 2);
 
   // ---- the point there, which is the normal ----
   localparam int PointDrop = F - Guard;

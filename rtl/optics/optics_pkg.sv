@@ -194,7 +194,7 @@ package optics_pkg;
   endfunction
 
   function automatic int meet_dome_latency(int f);
-    return foot_latency(f) + mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 1
+    return foot_latency(f) + mul_latency(f + 6, f + 6) + 2 + sqrt_latency(1'b1) + 1
         + mul_latency(f + 4, f + 2) + 2;
   endfunction
 

@@ -31,22 +31,22 @@ def meet_dome(
 
     Upward zc is `depth` and `depth_rest` 1 - zc^2; downward zc = 1 and dz is the size of the direction's part.
     """
-    near, point, far = f + 2, f + 3, f + 4
+    near, point, far, foot = f + 2, f + 3, f + 4, f + 6
     drop = f + 1 - GUARD
     total = multiplier(hx, dx, point, near, drop) + multiplier(hy, dy, point, near, drop)
     along = multiplier(np.int64(depth) + 0 * dz, dz, far, near, drop) if upward else -(dz << (GUARD - 1))
-    b = wrapped(guarded(total + along), far)
+    b = wrapped(halved(total + along), foot)
 
     drop = f - 3
     h2 = multiplier(hx, hx, point, point, drop) + multiplier(hy, hy, point, point, drop)
     rest = (depth_rest if upward else 0) - h2
-    c = wrapped(rest + multiplier(b, b, far, far, drop), 2 * far - drop)
+    c = wrapped(rest + multiplier(b, b, foot, foot, drop + 4), 2 * far - drop)
     most = (1 << (f + 3)) - 1
     cos = sqrt(np.clip(c, 0, most), f)
     s = np.clip((1 << (f + 3)) - c, 0, most)
     s = np.where(c > most, 0, s)
 
-    length = wrapped(halved((cos if upward else -cos) - 2 * b), far)
+    length = wrapped(((2 * cos if upward else -2 * cos) - b + 2) >> 2, far)
     drop = f - GUARD
     lx, ly, lz = (multiplier(length, d, far, near, drop) for d in (dx, dy, dz))
     nx = saturate(guarded((hx << (GUARD + 1)) + lx), near)
