@@ -25,6 +25,8 @@ module ray_lenslet_properties #(
     .idle_o(idle), .accept_o(accept), .watched_enters_o(enters), .watched_inside_o(inside)
   );
 
+  (* hierconn *) wire \i_config_bank.copy_q ;
+
   // ---- the configuration as each ray sees it ----
   reg [Width-1:0] entered_with_q, used_q;
   reg known_q, idle_q;  // known_q: used_q and idle_q are the last clock's, without a reset between
@@ -48,6 +50,7 @@ module ray_lenslet_properties #(
 
   always @(posedge clk_i) begin
     if (rst_ni) begin
+      copy_idle: assert(!\i_config_bank.copy_q || (busy && idle));
       only_idle: assert(!known_q || used == used_q || idle_q);
       one_configuration: assert(!inside || used == entered_with_q);
       closed: assert(!busy || !accept);

@@ -59,12 +59,12 @@ FAULTS = {
     "idle before the last ray has left": (
         "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0", "idle_o = valid_q == '0", "idle"),
     "copy taken while rays are on the way": (
-        "ray_lenslet bmc", "config_bank.sv", "if (pending_q && idle_i) config_q", "if (pending_q) config_q",
-        "only_idle|one_configuration"),
+        "ray_lenslet bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
+        "copy_idle|only_idle|one_configuration"),
     "request forgotten": (
-        "ray_lenslet bmc", "config_bank.sv", "else if (apply_i) pending_q <= 1'b1;", "", "steady|taken_over"),
+        "ray_lenslet bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q", "steady|taken_over"),
     "no copy after reset": (
-        "ray_lenslet bmc", "config_bank.sv", "if (!rst_ni) pending_q <= 1'b1;", "if (!rst_ni) pending_q <= 1'b0;",
+        "ray_lenslet bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
         "steady|taken_over"),
 }  # fmt: skip
 
