@@ -61,9 +61,12 @@ int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config,
   clock(*top);
   clock(*top);
   top->rst_ni = 1;
-  while (top->busy_o) clock(*top);
 
   const int64_t patience = 4096;
+  for (int64_t waited = 0; top->busy_o; ++waited) {
+    if (waited > patience) return -1;
+    clock(*top);
+  }
   int64_t sent = 0, received = 0, clocks = 0, waited = 0;
   bool offered = false;
   while (received < count) {
