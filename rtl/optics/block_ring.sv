@@ -1,8 +1,9 @@
 /// Delays a word by 5 or more cycles in a ring of block memory: q(t) = d(t - Cycles).
 ///
 /// A word is read Cycles - 3 clocks after it was written, the memory answers after two, and a
-/// register lets the word travel; no place is read and written at once. Kept as a module of its own in synthesis, or all rings would
-/// share their pointers.
+/// register lets the word travel; no place is read and written at once. The place that is read
+/// follows from the one that is written, so that any start is right after a clock. Kept as a module
+/// of its own in synthesis, or all rings would share their counters.
 (* keep_hierarchy *)
 module block_ring #(
   parameter int Width = 1,
@@ -20,12 +21,9 @@ module block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial begin
-    write_at_q = PlaceBits'(Cycles - 3);
-    read_at_q = '0;
-  end
+  initial write_at_q = '0;  // for simulators that start with unknown words
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
-  always_ff @(posedge clk_i) read_at_q <= read_at_q + 1'b1;
+  always_ff @(posedge clk_i) read_at_q <= write_at_q + PlaceBits'(4 - Cycles + (2 << PlaceBits));
 
   logic [Width-1:0] word;
   always_ff @(posedge clk_i) q_o <= word;

@@ -12,7 +12,7 @@ module delay #(
 );
 
   localparam int LongestChain = 5;
-  localparam int LongestRing = 17;  // 16 places
+  localparam int LongestRing = 17;  // 16 places: what a small memory of FPGAs holds
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "delay: Width must be 1 or more and Cycles 0 or more");

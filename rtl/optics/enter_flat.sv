@@ -7,7 +7,7 @@
 ///   x  = 1 - 2^-(F+3) - g             (a small square may be cut to less than 0)
 ///   dz = sqrt(x)
 ///
-/// Words: near. 1/n is at most sqrt(3)/2 of what |e| < sqrt(3)/2 leaves: x >= 1/4.
+/// Words: near. n >= 1.16 and |e| < sqrt(3)/2, so x > 1/4.
 /// Latency enter_flat_latency(F).
 module enter_flat #(
   parameter int F = 23,

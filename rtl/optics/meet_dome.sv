@@ -5,10 +5,10 @@
 /// cosine between ray and normal is cos = sqrt(1 - |V|^2 + b^2), at the length cos - b (upward, out
 /// of the glass) or -b - cos (downward, into it); the point there *is* the unit normal N.
 ///
-///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, F + 2 kept
+///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, 2 of them kept
 ///   C    = (1 - zc^2) - hx^2 - hy^2 + b^2               squares cut at F + 3 fraction bits
 ///   cos  = sqrt(min(max(C, 0), 1 - 2^-(F+3))),  s = min(max(1 - C, 0), 1 - 2^-(F+3))
-///   l    = floor((2 cos - b + 2) / 4)                   in units of 2^-(F+2); downward -2 cos - b
+///   l    = floor((2 cos - b + 2) / 4) / 2^F             words cos and b; downward -2 cos - b
 ///   N    = saturate(round(V + l d))                     products with 3 guard bits, F + 1 kept
 ///
 /// missed_o: C < 0. Downward the plane of the vertices holds V: zc = 1, and dz is its size.
@@ -101,14 +101,16 @@ module meet_dome #(
 
   // ---- cosine and squared sine ----
   localparam logic [F+2:0] Most = '1;
-  logic [F+2:0] clamped_q;
-  logic signed [F+3:0] s_q;
-  logic missed_q;
+  logic [F+2:0] clamped_q, minus_q, s_q;
+  logic above_q, missed_q, missed_q2;
   always_ff @(posedge clk_i) begin
     missed_q <= c_q < 0;
+    above_q <= c_q > Ws'(Most);
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
-    s_q <= c_q < 0 ? {1'b0, Most} : c_q > Ws'(Most) ? '0 :
-        {1'b0, c_q == '0 ? Most : (F + 3)'(-c_q)};
+    // 1 - C, modulo 1; the sine of a cosine of 0 is held below 1.
+    minus_q <= (F + 3)'(-c_q);
+    missed_q2 <= missed_q;
+    s_q <= missed_q || (!above_q && clamped_q == '0) ? Most : above_q ? '0 : minus_q;
   end
   logic signed [W-1:0] cos;
   sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
@@ -166,8 +168,10 @@ module meet_dome #(
   // ---- what is known earlier waits ----
   localparam int PointLatency = 1 + mul_latency(Wf, W) + 2;
   delay #(.Width(W), .Cycles(PointLatency)) i_cos (.clk_i, .d_i(cos), .q_o(cos_o));
-  delay #(.Width(F + 5), .Cycles(sqrt_latency(1'b1) + PointLatency)) i_s (
-    .clk_i, .d_i({s_q, missed_q}), .q_o({s_o, missed_o})
+  logic [F+2:0] s_late;
+  assign s_o = $signed({1'b0, s_late});
+  delay #(.Width(F + 4), .Cycles(sqrt_latency(1'b1) + PointLatency - 1)) i_s (
+    .clk_i, .d_i({s_q, missed_q2}), .q_o({s_late, missed_o})
   );
 
 endmodule

@@ -1,7 +1,8 @@
-/// Delays a word by 4 to 17 cycles in a small ring memory: q(t) = d(t - Cycles).
+/// Delays a word by 2 to 17 cycles in a small ring memory: q(t) = d(t - Cycles).
 ///
-/// A word is read Cycles - 1 clocks after it was written; the register behind adds one. Kept as a
-/// module of its own in synthesis, or all rings would share their pointers.
+/// A word is read Cycles - 1 clocks after it was written; the register behind adds one. The place
+/// that is read follows from the one that is written, so that any start is right after a clock.
+/// Kept as a module of its own in synthesis, or all rings would share their counters.
 (* keep_hierarchy *)
 module ring #(
   parameter int Width = 1,
@@ -12,7 +13,8 @@ module ring #(
   output logic [Width-1:0] q_o
 );
 
-  localparam int PlaceBits = $clog2(Cycles);
+  // Read before write: with 16 places a word may wait 16 clocks.
+  localparam int PlaceBits = Cycles > 2 ? $clog2(Cycles - 1) : 1;
   localparam int Places = 1 << PlaceBits;
 
   if (Cycles < 2 || Cycles > 17) begin : gen_illegal
@@ -21,13 +23,10 @@ module ring #(
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial begin
-    write_at_q = PlaceBits'(Cycles - 1);
-    read_at_q = '0;
-  end
+  initial write_at_q = '0;  // for simulators that start with unknown words
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
-  always_ff @(posedge clk_i) read_at_q <= read_at_q + 1'b1;
+  always_ff @(posedge clk_i) read_at_q <= write_at_q + PlaceBits'(2 - Cycles + 2 * Places);
   always_ff @(posedge clk_i) places[write_at_q] <= d_i;
   always_ff @(posedge clk_i) q_o <= places[read_at_q];
 
