@@ -1,8 +1,9 @@
-/// The words in use beside the words being written: a copy is taken over only while nothing uses it.
+/// The words in use beside the words being written: a copy is taken over only while nothing uses
+/// it.
 ///
-/// apply_i asks for a new copy of config_i, which is made once idle_i is high. busy_o tells that a copy
-/// is still to be made: nothing may start to use config_o before, so that idle_i stays high until the
-/// copy is made. After reset a copy is asked for at once.
+/// apply_i asks for a new copy of config_i, which is made once idle_i is high. busy_o tells that a
+/// copy is still to be made: nothing may start to use config_o before, so that idle_i stays high
+/// until the copy is made. After reset a copy is asked for at once.
 module config_bank #(
   parameter int Width = 32
 ) (

@@ -94,7 +94,9 @@ module meet_dome #(
     .Width(Ws),
     .Cycles(FootLatency + mul_latency(Wb, Wb) - mul_latency(Wh, Wh) - 2)
   ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
-  multiplier #(.CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 4), .Square(1'b1)) i_b2 (
+  multiplier #(
+    .CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 4), .Square(1'b1)
+  ) i_b2 (
     .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
   );
   always_ff @(posedge clk_i) c_q <= rest + b2;

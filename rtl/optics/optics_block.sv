@@ -1,12 +1,14 @@
 /// The optics with their registers: software configures it over APB, frames of exit rays come out.
 ///
-/// Rays come from the raster or from the stream at this block's port, as the register `source` says,
-/// and leave in order; exit_first_o and exit_last_o mark the ends of a frame, as its rays brought them.
+/// Rays come from the raster or from the stream at this block's port, as the register `source`
+/// says, and leave in order; exit_first_o and exit_last_o mark the ends of a frame, as its rays
+/// brought them.
 ///
-/// Software writes the optics aside. `apply` asks for them, and for the source, to be taken over: at
-/// once between two frames, else when the frame's last ray was accepted; `busy` until they are in
-/// use. `start` asks for a frame of the raster; one is remembered while another runs, and begins
-/// behind it. So every frame is traced by one set of optics, and a start sees the applies before it.
+/// Software writes the optics aside. `apply` asks for them, and for the source, to be taken over:
+/// at once between two frames, else when the frame's last ray was accepted; `busy` until they are
+/// in use. `start` asks for a frame of the raster; one is remembered while another runs, and begins
+/// behind it. So every frame is traced by one set of optics, and a start sees the applies before
+/// it.
 ///
 /// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
 /// the registers; docs/reference/optics-block.md tells how software uses them.
@@ -196,7 +198,8 @@ module optics_block #(
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
   );
 
-  // The ends of frames wait beside the pipeline, in the order of its rays; a place for each of them.
+  // The ends of frames wait beside the pipeline, in the order of its rays; a place for each of
+  // them.
   localparam int AddressBits = $clog2(ray_latency(F, Grid, Model, Viewer, Aims, Walk) + 16);
   logic unused_valid;
   fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (

@@ -1,8 +1,8 @@
 /// Walks a window of the panel, row by row from the top left: one ray every clock, valid/ready.
 ///
 /// start_i, heeded while running_o is low, copies config_i and begins a frame: `samples` rays for
-/// each pixel. A window that is empty or not on the panel is refused: refused_o until the next start.
-/// running_o stays high until the frame's last ray was taken.
+/// each pixel. A window that is empty or not on the panel is refused: refused_o until the next
+/// start. running_o stays high until the frame's last ray was taken.
 ///
 /// Pixel (c, r), counted from the panel's top left, gives with half-pixels as integers
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
@@ -13,9 +13,9 @@
 ///   JitterLfsr   the ray's random word read as an entry, bits 11 and 10 of ja and of jb
 ///                replaced by their bit 9: all over the pixel, and aims in [-1/2, 1/2)
 ///
-/// Random words are states of a Galois LFSR of x^32 + x^22 + x^2 + x + 1, a primitive polynomial, 32
-/// steps apart, bit k standing for x^k: the frame's first ray has the seed itself (1 for seed 0), each
-/// ray behind it s <- s x^32.
+/// Random words are states of a Galois LFSR of x^32 + x^22 + x^2 + x + 1, a primitive polynomial,
+/// 32 steps apart, bit k standing for x^k: the frame's first ray has the seed itself (1 for seed
+/// 0), each ray behind it s <- s x^32.
 module raster #(
   parameter int F = 23
 ) (

@@ -2,8 +2,9 @@
 /// sides.
 ///
 /// Rays leave in the order in which they came. The optics in use are a copy of config_i: apply_i
-/// asks for a new copy, which is made as soon as the rays on the way have left (busy_o until then, and
-/// the input is closed), so that no frame sees two displays. After reset a copy is made at once.
+/// asks for a new copy, which is made as soon as the rays on the way have left (busy_o until then,
+/// and the input is closed), so that no frame sees two displays. After reset a copy is made at
+/// once.
 ///
 /// Words as in `ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
 module ray_lenslet #(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import warnings
 import zipfile
 from pathlib import Path
 from typing import cast
@@ -144,11 +145,14 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
             with path.open("rb") as stream:
                 table = np.load(stream)["pixel"]
         elif path.suffix in (".csv", ".txt"):
-            table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
+            with warnings.catch_warnings(action="ignore"):  # of an empty file, which is refused below
+                table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
         else:
             raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
     except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
+    if isinstance(table, np.ndarray) and table.size == 0:
+        raise input_error(spec, "holds no pixels", "give columns u, v")
     if (
         not isinstance(table, np.ndarray)
         or table.ndim != 2

@@ -117,7 +117,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
         _check_depth(display, build)
     rest = 1.0 - (zc_word / (1 << f)) ** 2
     values["depth_rest"] = _word("depth_rest", rest, f + 9, f + 3)
-    n = n if exact else 1.5
+    n = n if exact else 1.5  # any index that the words hold: the simpler models do not read it
     values["index"] = _word("index", n, near + 1, f)
     values["index_square"] = _word("index_square", n * n, far, f)
     values["index_inverse"] = _word("index_inverse", 1.0 / n, near, f + 1)
@@ -166,7 +166,8 @@ _REMEDIES = {
     **dict.fromkeys(("x_offset", "y_offset"), "bring array.offset_mm nearer to the panel"),
     **dict.fromkeys(
         ("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"),
-        "the panel stands too near for the pitch: raise gap_mm or array.thickness_mm, or lower array.pitch_mm",
+        "the panel stands too near for the pitch: raise gap_mm, or array.thickness_mm where the plano side faces the panel, "
+        "or lower array.pitch_mm",
     ),
     **dict.fromkeys(
         ("point_x", "point_y", "point_aim_x", "point_aim_y", "cell_half", "cell_pitch_x", "cell_pitch_y"),
@@ -212,8 +213,8 @@ def _check_panel(display: Display) -> None:
     limit = 1 << (INDEX_BITS - 1)
     if lenslets >= limit - 4:
         raise InputError(
-            f"lenslet index: up to {lenslets:.0f} lenslets from the axis are outside its range [-{limit}, {limit}); "
-            "raise array.pitch_mm or take a smaller panel"
+            f"lenslet index: up to {lenslets:.6g} lenslets from the axis are outside its range [-{limit}, {limit}); "
+            "raise array.pitch_mm, take a smaller panel, or bring array.offset_mm nearer to it"
         )
 
 
@@ -232,7 +233,8 @@ def _check_reach(
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"slope of a ray: up to {steepest:.3g} is outside its range, below {math.sqrt(MAX_SLOPE_SQUARE):.3f} "
-            "(60 degrees); the f-number is too small: raise gap_mm or array.thickness_mm, or lower array.pitch_mm"
+            "(60 degrees); the f-number is too small: raise gap_mm, or array.thickness_mm where the plano side faces the "
+            "panel, or lower array.pitch_mm"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
     if furthest >= MAX_POINT:

@@ -13,12 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
 from lippmann.sim.tools import MAKE_FLAGS, optics_sources, repository, verilator_environment
+
+
+class RtlError(LippmannError):
+    """Verilator or the compiler refuses the RTL."""
+
+    exit_code = 3
+
 
 #: Output words of a ray.
 OUT_WORDS = len(FixedRays._fields)
@@ -30,7 +37,9 @@ class Harness:
     Raises
     ------
     MissingLibraryError
-        When a tool is missing, or the compilation fails.
+        When a tool is missing.
+    RtlError
+        When the compilation fails.
     """
 
     def __init__(self, build: Build, library: Path | None = None) -> None:
@@ -143,7 +152,9 @@ def compile_library(build: Build, sources: list[Path], library: Path, optimise: 
     Raises
     ------
     MissingLibraryError
-        When a tool is missing, or Verilator or the compiler refuses.
+        When a tool is missing.
+    RtlError
+        When Verilator or the compiler refuses.
     """
     environment = verilator_environment()
     main = repository() / "sim" / "batch" / "batch.cpp"
@@ -162,5 +173,5 @@ def compile_library(build: Build, sources: list[Path], library: Path, optimise: 
         if result.returncode or not built.exists():
             lines = (result.stderr + result.stdout).strip().splitlines()
             wrong = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
-            raise MissingLibraryError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
+            raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
         os.replace(built, library)

@@ -26,13 +26,13 @@ import numpy as np
 
 from lippmann.bench.report import table, write_report
 from lippmann.cli.common import log
-from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.machine import provenance
-from lippmann.sim.harness import Harness, compile_library
+from lippmann.sim.harness import Harness, RtlError, compile_library
 from lippmann.sim.random_cases import configured_display, random_rays
-from lippmann.sim.tools import optics_sources, repository
+from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
 #: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
 BUILDS = (
@@ -50,6 +50,7 @@ OUTSIDE = ("optics_block.sv", "raster.sv")
 SWAPS = {
     " + ": " - ",
     " - ": " + ",
+    " * ": " + ",
     " < ": " <= ",
     " >= ": " > ",
     " <= ": None,  # nearly always an assignment
@@ -136,7 +137,7 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
         try:
             library = work / f"{os.urandom(6).hex()}.so"
             compile_library(build, sources, library, optimise="-O0")
-        except MissingLibraryError:
+        except RtlError:
             continue
         tried = True
         if not _equal(build, library, seed):
@@ -222,6 +223,7 @@ def main(count: int, seed: int, report: str) -> None:
     Example: python -m lippmann.sim.mutation --count 20 --report out
     """
     random = np.random.default_rng(seed)
+    verilator_environment()  # a missing tool is no fault caught
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
     per_file = [faults_of(path) for path in files if path.name not in OUTSIDE]
     rows: list[tuple[Fault, str]] = []
@@ -261,4 +263,8 @@ def main(count: int, seed: int, report: str) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main(standalone_mode=False)
+    except LippmannError as error:
+        log(f"lippmann: {error}")
+        sys.exit(error.exit_code)
