@@ -62,7 +62,8 @@ FAULTS = {
         "ray_lenslet bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
         "copy_idle|only_idle|one_configuration"),
     "request forgotten": (
-        "ray_lenslet bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q", "steady|taken_over"),
+        "ray_lenslet bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q",
+        "steady|taken_over"),
     "no copy after reset": (
         "ray_lenslet bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
         "steady|taken_over"),

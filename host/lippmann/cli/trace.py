@@ -7,7 +7,7 @@ import time
 import warnings
 import zipfile
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import click
 import numpy as np
@@ -137,20 +137,7 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
     path = Path(spec)
     if not path.is_file():
         raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
-    try:
-        if path.suffix == ".npy":
-            with path.open("rb") as stream:
-                table = np.load(stream)
-        elif path.suffix == ".npz":
-            with path.open("rb") as stream:
-                table = np.load(stream)["pixel"]
-        elif path.suffix in (".csv", ".txt"):
-            with warnings.catch_warnings(action="ignore"):  # of an empty file, which is refused below
-                table = np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
-        else:
-            raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
-    except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-        raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
+    table = _table(path)
     if isinstance(table, np.ndarray) and table.size == 0:
         raise input_error(spec, "holds no pixels", "give columns u, v")
     if (
@@ -173,6 +160,24 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDA
             "give columns u, v within it",
         )
     return values
+
+
+def _table(path: Path) -> Any:
+    """Return what a file of pixels holds."""
+    spec = str(path)
+    try:
+        if path.suffix == ".npy":
+            with path.open("rb") as stream:
+                return np.load(stream)
+        if path.suffix == ".npz":
+            with path.open("rb") as stream:
+                return np.load(stream)["pixel"]
+        if path.suffix in (".csv", ".txt"):
+            with warnings.catch_warnings(action="ignore"):  # of an empty file, which is refused below
+                return np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
+        raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
+    except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
 
 
 def _aperture(display: Display, count: int, random: np.random.Generator) -> npt.NDArray[np.float64]:

@@ -166,8 +166,8 @@ _REMEDIES = {
     **dict.fromkeys(("x_offset", "y_offset"), "bring array.offset_mm nearer to the panel"),
     **dict.fromkeys(
         ("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"),
-        "the panel stands too near for the pitch: raise gap_mm, or array.thickness_mm where the plano side faces the panel, "
-        "or lower array.pitch_mm",
+        "the panel stands too near for the pitch: raise gap_mm, or array.thickness_mm where the plano side faces "
+        "the panel, or lower array.pitch_mm",
     ),
     **dict.fromkeys(
         ("point_x", "point_y", "point_aim_x", "point_aim_y", "cell_half", "cell_pitch_x", "cell_pitch_y"),
@@ -233,8 +233,8 @@ def _check_reach(
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"slope of a ray: up to {steepest:.3g} is outside its range, below {math.sqrt(MAX_SLOPE_SQUARE):.3f} "
-            "(60 degrees); the f-number is too small: raise gap_mm, or array.thickness_mm where the plano side faces the "
-            "panel, or lower array.pitch_mm"
+            "(60 degrees); the f-number is too small: raise gap_mm, or array.thickness_mm where the plano side faces "
+            "the panel, or lower array.pitch_mm"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
     if furthest >= MAX_POINT:
