@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 3: the lenslet that a ray aims at.
 ///
 /// The aperture point (a, b) is measured from the centre of the pixel's lenslet (in pitches and, on
@@ -70,3 +72,5 @@ module aim #(
   end
 
 endmodule
+
+`default_nettype wire

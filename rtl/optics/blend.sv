@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Sum of two products, one coordinate of a point or slope in the aperture plane:
 /// y = k x + l a.
 ///
@@ -42,3 +44,5 @@ module blend #(
   end
 
 endmodule
+
+`default_nettype wire

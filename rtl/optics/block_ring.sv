@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Delays a word by 5 or more cycles in a ring of block memory: q(t) = d(t - Cycles).
 ///
 /// A word is read Cycles - 3 clocks after it was written, the memory answers after two, and a
@@ -33,3 +35,5 @@ module block_ring #(
   );
 
 endmodule
+
+`default_nettype wire

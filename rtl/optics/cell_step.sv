@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 5: whether the point on the dome is in the lenslet's own cell, and else which cell is next.
 ///
 /// The union of the domes is met where the ray meets a dome *inside its own cell*; else the dome of
@@ -94,3 +96,5 @@ module cell_step #(
   end
 
 endmodule
+
+`default_nettype wire

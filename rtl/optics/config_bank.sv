@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// The words in use beside the words being written: a copy is taken over only while nothing uses
 /// it.
 ///
@@ -35,3 +37,5 @@ module config_bank #(
   always_ff @(posedge clk_i) if (copy_q) config_q <= config_i;
 
 endmodule
+
+`default_nettype wire

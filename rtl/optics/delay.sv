@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Delays a word by a fixed number of cycles: q(t) = d(t - Cycles).
 ///
 /// Longer delays are ring memories, small ones in logic or large ones in block memory: a simulator
@@ -37,3 +39,5 @@ module delay #(
   end
 
 endmodule
+
+`default_nettype wire

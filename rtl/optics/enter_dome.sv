@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 4, plano side to the viewer: refraction into the glass at the dome.
 ///
 /// d' = e/n - (cos' - cos/n) N; the part along the axis follows from the unit length at the flat
@@ -103,3 +105,5 @@ module enter_dome #(
   );
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 4, plano side to the panel: refraction into the glass at the flat face.
 ///
 /// The tangential part of n d is kept: t = e / n, and dz = sqrt(1 - t_x^2 - t_y^2).
@@ -63,3 +65,5 @@ module enter_flat #(
   );
 
 endmodule
+
+`default_nettype wire

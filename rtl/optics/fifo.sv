@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// First in, first out, with a valid/ready stream at its output.
 ///
 /// Whoever writes must know that there is room: 2^AddressBits words. The output stays valid and
@@ -69,3 +71,5 @@ module fifo #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Memory of a FIFO: one port writes, the other reads, with a latency of two.
 ///
 /// read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. A memory cell and the
@@ -25,3 +27,5 @@ module fifo_memory #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Valid and ready around a pipeline that never stops: rays enter only while there is room for all.
 ///
 /// A ray accepted at the input is marked valid and comes out Latency clocks later into a FIFO,
@@ -59,3 +61,5 @@ module flow_control #(
   );
 
 endmodule
+
+`default_nettype wire

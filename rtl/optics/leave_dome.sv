@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 6, plano side to the panel: refraction out of the glass at the dome.
 ///
 /// d' = n d + (cos' - n cos) N, and n times the tangential part of d is the air's e:
@@ -126,3 +128,5 @@ module leave_dome #(
   ) i_reflected (.clk_i, .d_i(reflected_q), .q_o(reflected_o));
 
 endmodule
+
+`default_nettype wire

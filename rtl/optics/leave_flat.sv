@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 6, plano side to the viewer: through the glass to the flat face, and refraction out of it.
 ///
 /// From the point N on the dome (z = N_z - 1, the mirrored vertices at z = 0) along d to z = -T:
@@ -191,3 +193,5 @@ module leave_flat #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 2, hexagonal grid: the lenslet whose cell a point is in, and the point from its centre.
 ///
 /// x in pitches, t = y in rows (pitch sqrt(3)/2). Oblique coordinates s = x - t/2 and t, with
@@ -80,3 +82,5 @@ module lenslet_hex #(
   end
 
 endmodule
+
+`default_nettype wire

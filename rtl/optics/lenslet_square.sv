@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 2, square grid: the lenslet whose cell a point is in, and the point from its centre.
 ///
 ///   i = floor(x + 1/2),   local x = x - i in [-1/2, 1/2), likewise j and y
@@ -33,3 +35,5 @@ module lenslet_square #(
   assign y_o = (F+2)'($signed({~y_q[F-1], y_q[F-2:0]}));
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Product of a signed word and a few unsigned bits: p(t) = a(t - Latency) * low(t - Latency).
 ///
 /// Cell = 0: in logic, digits of two bits, summed pairwise in a tree. Cell = 1: one hardware
@@ -52,3 +54,5 @@ module low_product #(
   end
 
 endmodule
+
+`default_nettype wire

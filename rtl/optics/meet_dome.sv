@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 5: the ray meets the dome.
 ///
 /// Lengths in radii of curvature from the sphere's centre, which is (0, 0, 0) here: the point
@@ -177,3 +179,5 @@ module meet_dome #(
   );
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 5: the ray's point V measured from the dome that lies a step (di, dj) further.
 ///
 ///   hx' = hx - di cx - dj cx / 2 (square: hx - di cx),   hy' = hy - dj cy
@@ -38,3 +40,5 @@ module move_lenslet #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
 ///
 /// Registers at the operands, inside and at the product, as the cells of FPGAs have them. Synthesis
@@ -20,3 +22,5 @@ module mult18 (
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Product of two signed words from one hardware multiplier, cut below a given place.
 ///
 /// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. The
@@ -100,3 +102,5 @@ module multiplier #(
   end
 
 endmodule
+
+`default_nettype wire

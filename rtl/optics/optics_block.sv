@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// The optics with their registers: software configures it over APB, frames of exit rays come out.
 ///
 /// Rays come from the raster or from the stream at this block's port, as the register `source`
@@ -209,3 +211,5 @@ module optics_block #(
   );
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Formats, latencies and constant tables that the steps of the ray share.
 ///
 /// F is the number of fraction bits of the configuration, W = F + 2 its word:
@@ -247,3 +249,5 @@ package optics_pkg;
 
   /* verilator lint_on UNUSEDPARAM */
 endpackage
+
+`default_nettype wire

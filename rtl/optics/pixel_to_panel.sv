@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 1: pixel coordinates to lattice coordinates, with the array's pitch, rotation and offset.
 ///
 ///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol    (each coefficient 2^17 ah + al)
@@ -75,3 +77,5 @@ module pixel_to_panel #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Root of a number in [1, 4) by a quadratic over each segment of a table.
 ///
 /// Root = RootReciprocal: y = 1 / sqrt(x);  Root = RootSquare: y = sqrt(x) / 2;  both in (1/2, 1].
@@ -128,3 +130,5 @@ module quadratic #(
   always_ff @(posedge clk_i) y_o <= c0_late + W0'(rise);
 
 endmodule
+
+`default_nettype wire

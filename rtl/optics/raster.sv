@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Walks a window of the panel, row by row from the top left: one ray every clock, valid/ready.
 ///
 /// start_i, heeded while running_o is low, copies config_i and begins a frame: `samples` rays for
@@ -173,3 +175,5 @@ module raster #(
   end
 
 endmodule
+
+`default_nettype wire

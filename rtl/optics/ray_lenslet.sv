@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both
 /// sides.
 ///
@@ -86,3 +88,5 @@ module ray_lenslet #(
   assign exit_status_o = status_e'(out[2:0]);
 
 endmodule
+
+`default_nettype wire

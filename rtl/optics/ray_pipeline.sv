@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// The way of a ray, from pixel to exit ray: one ray every clock, always on the move.
 ///
 ///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> blend, unit_slope ->
@@ -400,3 +402,5 @@ module ray_pipeline #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Delays a word by 2 to 17 cycles in a small ring memory: q(t) = d(t - Cycles).
 ///
 /// A word is read Cycles - 1 clocks after it was written; the register behind adds one. The place
@@ -31,3 +33,5 @@ module ring #(
   always_ff @(posedge clk_i) q_o <= places[read_at_q];
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
 ///
 /// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output means nothing).
@@ -18,3 +20,5 @@ module rsqrt #(
   always_ff @(posedge clk_i) y_o <= (F+2)'((q + (F+5)'(4)) >> Guard);
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Narrows a signed word: values that do not fit become the largest or smallest. Latency 1.
 module saturate #(
   parameter int From = 20,
@@ -15,3 +17,5 @@ module saturate #(
   end
 
 endmodule
+
+`default_nettype wire

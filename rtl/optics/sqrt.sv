@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1), the cosine of a squared cosine.
 ///
 /// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word.
@@ -67,3 +69,5 @@ module sqrt #(
   always_ff @(posedge clk_i) y_o <= rounded_d[F+1] ? {1'b0, {(F + 1){1'b1}}} : rounded_d;
 
 endmodule
+
+`default_nettype wire

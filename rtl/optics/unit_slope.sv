@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
 ///   x  = 1 + floor((floor(m_x^2 2^(F+4)) + floor(m_y^2 2^(F+4)) + 4) / 2^3) / 2^(F+1)
@@ -63,3 +65,5 @@ module unit_slope #(
   delay #(.Width(W), .Cycles(MulLatency + 1)) i_ez (.clk_i, .d_i(ez), .q_o(ez_o));
 
 endmodule
+
+`default_nettype wire

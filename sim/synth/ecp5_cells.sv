@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Ports of ECP5's multiplier cell, for the reader of SystemVerilog; place-and-route knows the rest.
 module MULT18X18D #(
   parameter REG_INPUTA_CLK = "NONE",
@@ -49,3 +51,5 @@ module DP16KD #(
     DOB10, DOB11, DOB12, DOB13, DOB14, DOB15, DOB16, DOB17
 );
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// ECP5's block memory in the place of `fifo_memory`: the register at its output is the cell's own.
 ///
 /// Same ports and behaviour as rtl/optics/fifo_memory.sv, in cells of 1024 words x 18 bits: port A
@@ -60,3 +62,5 @@ module fifo_memory #(
   end
 
 endmodule
+
+`default_nettype wire

@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// Tells the latency of a build when it is elaborated, for the report of place-and-route.
 module latency #(
   parameter int F = 23,
@@ -11,3 +13,5 @@ module latency #(
   $info("ray_latency = %0d", optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk));
 
 endmodule
+
+`default_nettype wire

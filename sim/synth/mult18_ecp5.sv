@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// ECP5's multiplier cell in the place of `mult18`: all three ranks of its registers are used.
 ///
 /// Same ports and behaviour as rtl/optics/mult18.sv. The cell is a black box to yosys.
@@ -34,3 +36,5 @@ module mult18 (
   );
 
 endmodule
+
+`default_nettype wire

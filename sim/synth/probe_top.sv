@@ -1,3 +1,5 @@
+`default_nettype none
+
 /// What place-and-route is given: the whole `ray_lenslet` between registers that a few pins fill and
 /// read.
 ///
@@ -64,3 +66,5 @@ module probe_top #(
   assign out[2:0] = status;
 
 endmodule
+
+`default_nettype wire

