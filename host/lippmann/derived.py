@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from lippmann.display import Display
-from lippmann.optics.lattice import HALF_SQRT3
 
 #: Where eyes are taken to be, mm from the display.
 VIEWING_DISTANCE_MM = 600.0
@@ -77,7 +76,7 @@ def derive(display: Display) -> Derived:
     """Compute the derived numbers of a display."""
     panel, array = display.panel, display.array
     distance = display.aperture_distance_mm
-    row_pitch = array.pitch_mm * (HALF_SQRT3 if array.grid == "hex" else 1.0)
+    row_pitch = array.row_pitch_mm
     across = _whole_lenslets(panel.width_mm / array.pitch_mm)
     down = _whole_lenslets(panel.height_mm / row_pitch)
     half_field_deg = math.degrees(math.atan2(0.5 * array.pitch_mm, distance))

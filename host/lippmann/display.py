@@ -109,6 +109,11 @@ class Array:
         return self.pitch_mm / (math.sqrt(2.0) if self.grid == "square" else math.sqrt(3.0))
 
     @property
+    def row_pitch_mm(self) -> float:
+        """Distance of neighbouring rows of lenslets, mm."""
+        return self.pitch_mm * (0.5 * math.sqrt(3.0) if self.grid == "hex" else 1.0)
+
+    @property
     def flat_distance_mm(self) -> float:
         """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
         # Factored, since R^2 - rho^2 loses digits where a lenslet is nearly a hemisphere.

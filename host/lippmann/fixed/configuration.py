@@ -79,7 +79,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     _check_build(display, build, model)
     f = build.fraction_bits
     p, R = array.pitch_mm, array.radius_mm
-    row = p * (HALF_SQRT3 if array.grid == "hex" else 1.0)
+    row = array.row_pitch_mm
     n, T = array.index, array.thickness_mm
     frame = System.of(display).frame
     _check_panel(display)

@@ -17,7 +17,6 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import PIXEL_FRACTION, Ints
-from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.system import System
 from lippmann.optics.trace import Model, Rays
 
@@ -53,8 +52,7 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
         For points further than one and a half pitches from the centre, which the words may not hold.
     """
     array = display.array
-    row = array.pitch_mm * (HALF_SQRT3 if array.grid == "hex" else 1.0)
-    scaled = aperture_mm / np.array([array.pitch_mm, row])
+    scaled = aperture_mm / np.array([array.pitch_mm, array.row_pitch_mm])
     if (np.abs(scaled) > 1.5).any():
         raise InputError(
             "aperture points lie more than 1.5 pitches from their lenslet's centre; the fixed-point engines take "
@@ -67,8 +65,9 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
 def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Floats:
     """Return the aperture points (N, 2), mm, that words stand for."""
     array = display.array
-    row = array.pitch_mm * (HALF_SQRT3 if array.grid == "hex" else 1.0)
-    return np.stack([np.ldexp(a * array.pitch_mm, -fraction_bits), np.ldexp(b * row, -fraction_bits)], axis=1)
+    return np.stack(
+        [np.ldexp(a * array.pitch_mm, -fraction_bits), np.ldexp(b * array.row_pitch_mm, -fraction_bits)], axis=1
+    )
 
 
 def trace_fixed(
