@@ -7,7 +7,8 @@
 /// at the output after 4 clocks.
 ///
 /// The memory answers after two clocks. Words are asked for while fewer than 4 are on the way or in
-/// the 4 places at the output, so that none is without a place when it arrives.
+/// the 4 places at the output, so that none is without a place when it arrives. Both conditions
+/// stand in registers, as the way from the counters to the memory's address is long.
 module fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9
@@ -24,11 +25,15 @@ module fifo #(
   logic [AddressBits-1:0] write_at_q, read_at_q;
   logic [AddressBits:0] stored_q;  // in the memory, not yet asked for
   logic [1:0] asked_q;             // on the way
-  logic [2:0] held_q;              // asked for and not yet taken
+  logic [2:0] held_q, held_d;      // asked for and not yet taken
+  logic some_q, some_d;            // stored_q != 0
+  logic free_q;                    // held_q < 4
   logic ask, take, arrive;
   logic [Width-1:0] read_data;
 
-  assign ask = stored_q != '0 && held_q < 3'd4;
+  assign ask = some_q && free_q;
+  assign some_d = write_i || stored_q[AddressBits:1] != '0 || (stored_q[0] && !ask);
+  assign held_d = held_q + 3'(ask) - 3'(take);
   assign arrive = asked_q[1];
   assign take = valid_o && ready_i;
 
@@ -53,17 +58,21 @@ module fifo #(
       write_at_q <= '0;
       read_at_q <= '0;
       stored_q <= '0;
+      some_q <= 1'b0;
       asked_q <= '0;
       held_q <= '0;
+      free_q <= 1'b1;
       put_q <= '0;
       get_q <= '0;
       ready_words_q <= '0;
     end else begin
       write_at_q <= write_at_q + AddressBits'(write_i);
-      read_at_q <= read_at_q + AddressBits'(ask);
+      if (ask) read_at_q <= read_at_q + 1'b1;
       stored_q <= stored_q + (AddressBits + 1)'(write_i) - (AddressBits + 1)'(ask);
+      some_q <= some_d;
       asked_q <= {asked_q[0], ask};
-      held_q <= held_q + 3'(ask) - 3'(take);
+      held_q <= held_d;
+      free_q <= held_d < 3'd4;
       put_q <= put_q + 2'(arrive);
       get_q <= get_q + 2'(take);
       ready_words_q <= ready_words_q + 3'(arrive) - 3'(take);

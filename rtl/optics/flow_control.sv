@@ -34,7 +34,6 @@ module flow_control #(
 
   logic [AddressBits:0] taken_q, taken_d;  // rays that have a place set aside
   logic open_q, accept, leave;
-  logic [Latency-1:0] valid_q;
 
   assign ready_o = open_q && !hold_i;
   assign accept = valid_i && ready_o;
@@ -46,17 +45,32 @@ module flow_control #(
     if (!rst_ni) begin
       taken_q <= '0;
       open_q <= 1'b0;
-      valid_q <= '0;
     end else begin
       taken_q <= taken_d;
       // One place is kept back, for a ray that is accepted while this is being decided.
       open_q <= taken_q < (AddressBits + 1)'(Room - 1);
-      valid_q <= (valid_q << 1) | Latency'(accept);
+    end
+  end
+
+  // ---- which stages hold a ray, 64 to a register: what a simulator shifts at once ----
+  localparam int Marks = (Latency + 63) / 64;
+  for (genvar k = 0; k < Marks; k++) begin : gen_marks
+    localparam int Stages = Latency - 64 * k < 64 ? Latency - 64 * k : 64;
+    logic [Stages-1:0] valid_q;
+    logic enter;
+    if (k == 0) begin : gen_first
+      assign enter = accept;
+    end else begin : gen_next
+      assign enter = gen_marks[k-1].valid_q[63];
+    end
+    always_ff @(posedge clk_i or negedge rst_ni) begin
+      if (!rst_ni) valid_q <= '0;
+      else valid_q <= (valid_q << 1) | Stages'(enter);
     end
   end
 
   fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
-    .clk_i, .rst_ni, .write_i(valid_q[Latency-1]), .data_i(piped_i),
+    .clk_i, .rst_ni, .write_i(gen_marks[Marks-1].valid_q[(Latency-1)%64]), .data_i(piped_i),
     .valid_o, .ready_i, .data_o
   );
 

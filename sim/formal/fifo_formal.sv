@@ -17,6 +17,8 @@ module fifo_formal #(
   (* hierconn *) wire [AddressBits:0] \i_fifo.stored_q ;
   (* hierconn *) wire [1:0] \i_fifo.asked_q ;
   (* hierconn *) wire [2:0] \i_fifo.held_q ;
+  (* hierconn *) wire \i_fifo.some_q ;
+  (* hierconn *) wire \i_fifo.free_q ;
   (* hierconn *) wire [1:0] \i_fifo.put_q ;
   (* hierconn *) wire [1:0] \i_fifo.get_q ;
   (* hierconn *) wire [2:0] \i_fifo.ready_words_q ;
@@ -49,6 +51,7 @@ module fifo_formal #(
     .clk_i, .rst_ni, .write_i, .data_i, .valid_i(valid), .ready_i, .out_i(data), .watch_i,
     .write_at_i(\i_fifo.write_at_q ), .read_at_i(\i_fifo.read_at_q ),
     .stored_i(\i_fifo.stored_q ), .asked_i(\i_fifo.asked_q ), .held_i(\i_fifo.held_q ),
+    .some_i(\i_fifo.some_q ), .free_i(\i_fifo.free_q ),
     .put_i(\i_fifo.put_q ), .get_i(\i_fifo.get_q ), .ready_words_i(\i_fifo.ready_words_q ),
     .place_i({\i_fifo.place_q[3] , \i_fifo.place_q[2] ,
       \i_fifo.place_q[1] , \i_fifo.place_q[0] }), .word_i(\i_fifo.i_memory.word_q ),

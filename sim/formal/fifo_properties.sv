@@ -22,6 +22,8 @@ module fifo_properties #(
   input logic [AddressBits:0]             stored_i,
   input logic [1:0]                       asked_i,
   input logic [2:0]                       held_i,
+  input logic                             some_i,
+  input logic                             free_i,
   input logic [1:0]                       put_i,
   input logic [1:0]                       get_i,
   input logic [2:0]                       ready_words_i,
@@ -129,6 +131,7 @@ module fifo_properties #(
       inside_count: assert(stored_i <= Room && total == count_q && count_q <= Room);
       inside_held: assert(held_i <= 4 && ready_words_i <= 4
           && held_i == ready_words_i + asked_i[0] + asked_i[1]);
+      inside_flags: assert(some_i == (stored_i != 0) && free_i == (held_i < 4));
       inside_places: assert(put_i == get_i + ready_words_i[1:0]);
       inside_memory: assert(write_at_i == read_at_i + stored_i[AddressBits-1:0]);
       inside_first: assert((first_q[0] == 0 || (stored_i == 1 && held_i == 0))

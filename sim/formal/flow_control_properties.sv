@@ -28,12 +28,14 @@ module flow_control_properties #(
   // The registers inside: flattening joins these wires with those of the same name.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
   (* hierconn *) wire \i_flow.open_q ;
-  (* hierconn *) wire [Latency-1:0] \i_flow.valid_q ;
+  (* hierconn *) wire [Latency-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_flow.i_fifo.write_at_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_flow.i_fifo.read_at_q ;
   (* hierconn *) wire [AddressBits:0] \i_flow.i_fifo.stored_q ;
   (* hierconn *) wire [1:0] \i_flow.i_fifo.asked_q ;
   (* hierconn *) wire [2:0] \i_flow.i_fifo.held_q ;
+  (* hierconn *) wire \i_flow.i_fifo.some_q ;
+  (* hierconn *) wire \i_flow.i_fifo.free_q ;
   (* hierconn *) wire [1:0] \i_flow.i_fifo.put_q ;
   (* hierconn *) wire [1:0] \i_flow.i_fifo.get_q ;
   (* hierconn *) wire [2:0] \i_flow.i_fifo.ready_words_q ;
@@ -60,7 +62,7 @@ module flow_control_properties #(
   (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[14] ;
   (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[15] ;
   wire [AddressBits:0] taken = \i_flow.taken_q ;
-  wire [Latency-1:0] marks = \i_flow.valid_q ;
+  wire [Latency-1:0] marks = \i_flow.gen_marks[0].valid_q ;
 
   reg started_q = 0;
   always @(posedge clk_i) started_q <= 1;
@@ -109,7 +111,8 @@ module flow_control_properties #(
     .valid_i(valid), .ready_i, .out_i(index), .watch_i(piped == watch),
     .write_at_i(\i_flow.i_fifo.write_at_q ), .read_at_i(\i_flow.i_fifo.read_at_q ),
     .stored_i(\i_flow.i_fifo.stored_q ), .asked_i(\i_flow.i_fifo.asked_q ),
-    .held_i(\i_flow.i_fifo.held_q ), .put_i(\i_flow.i_fifo.put_q ),
+    .held_i(\i_flow.i_fifo.held_q ), .some_i(\i_flow.i_fifo.some_q ),
+    .free_i(\i_flow.i_fifo.free_q ), .put_i(\i_flow.i_fifo.put_q ),
     .get_i(\i_flow.i_fifo.get_q ), .ready_words_i(\i_flow.i_fifo.ready_words_q ),
     .place_i({\i_flow.i_fifo.place_q[3] , \i_flow.i_fifo.place_q[2] ,
       \i_flow.i_fifo.place_q[1] , \i_flow.i_fifo.place_q[0] }),

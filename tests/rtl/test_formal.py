@@ -32,15 +32,15 @@ FULL = ["flow_control prove_3", "flow_control full_8", "ray_lenslet prove_3"]
 # (proof, file, text, its replacement, assertions of which one must fail)
 FAULTS = {
     "word asked for without a place": (
-        "fifo bmc_8", "fifo.sv", "held_q < 3'd4", "held_q < 3'd5", "held"),
+        "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
     "read pointer stands still": (
-        "fifo bmc_8", "fifo.sv", "read_at_q + AddressBits'(ask)", "read_at_q", "in_order|memory"),
+        "fifo bmc_8", "fifo.sv", "read_at_q + 1'b1", "read_at_q", "in_order|memory"),
     "write pointer stands still": (
         "fifo bmc_8", "fifo.sv", "write_at_q + AddressBits'(write_i)", "write_at_q", "in_order|memory"),
     "output moves on during a stall": (
         "fifo bmc_8", "fifo.sv", "assign take = valid_o && ready_i", "assign take = valid_o", "stable|held|count"),
     "word asked for while none is stored": (
-        "fifo bmc_8", "fifo.sv", "stored_q != '0 && held_q", "held_q", "out_of_nothing|count"),
+        "fifo bmc_8", "fifo.sv", "some_q && free_q", "free_q", "out_of_nothing|count|flags"),
     "memory answers a clock early": (
         "fifo bmc_8", "fifo_memory.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "read|in_order"),
     "no credit: rays enter while there is no room": (
@@ -52,12 +52,12 @@ FAULTS = {
     "a ray that leaves frees no place": (
         "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(leave)", "", "taken|idle|open|places"),
     "mark comes out a clock late": (
-        "flow_control bmc", "flow_control.sv", "(valid_q << 1) | Latency'(accept)",
-        "(valid_q << 1) | Latency'(accept && open_q && valid_q == 0)", "places|entered|in_order"),
+        "flow_control bmc", "flow_control.sv", "assign enter = accept;",
+        "assign enter = accept && open_q && valid_q == '0;", "places|entered|in_order"),
     "hold ignored": (
         "flow_control bmc", "flow_control.sv", "open_q && !hold_i", "open_q", "hold"),
     "idle before the last ray has left": (
-        "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0", "idle_o = valid_q == '0", "idle"),
+        "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0", "idle_o = gen_marks[0].valid_q == '0", "idle"),
     "copy taken while rays are on the way": (
         "ray_lenslet bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
         "copy_idle|only_idle|one_configuration"),
