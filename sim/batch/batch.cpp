@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "Vray_lenslet.h"
+#include "Vray_lenslet___024root.h"
 #include "verilated.h"
 
 namespace {
@@ -33,23 +34,25 @@ int32_t signed_word(T word, int bits) {
   return static_cast<int32_t>(static_cast<uint32_t>(word) << shift) >> shift;
 }
 
+// One rising edge. Nothing happens at the falling one, so the model is only told that it was: what
+// it compares clk_i with is put back, and half of the evaluations are saved.
 void clock(Vray_lenslet& top) {
   top.clk_i = 1;
   top.eval();
   top.clk_i = 0;
-  top.eval();
+  top.rootp->__Vtrigprevexpr___TOP__clk_i__0 = 0;
 }
 
 }  // namespace
 
-extern "C" {
-
-// Traces `count` rays: 4 input words (u, v, a, b) and 9 output words (i, j, x, y, z, dx, dy, dz,
-// status) each. `config` holds the bits of optics_config_t, least significant word first. Pauses at
-// the input and at the output have a chance of idle and stall in 256. Returns the clocks from the
-// first offer to the last ray, or -1 when rays stop coming.
-int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config, int32_t* out,
-                       uint64_t seed, uint32_t idle, uint32_t stall) {
+// Traces `count` rays: 4 arrays of input words (u, v, a, b), one behind the other, and 9 of output
+// words (i, j, x, y, z, dx, dy, dz, status). `config` holds the bits of optics_config_t, least
+// significant word first. Pauses at the input and at the output have a chance of idle and stall in
+// 256. Returns the clocks from the first offer to the last ray, or -1 when rays stop coming.
+// The only name that the library shows (-fvisibility=hidden): the compiler may inline the model.
+extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
+    int64_t count, const int64_t* in, const uint32_t* config, int64_t* out, uint64_t seed,
+    uint32_t idle, uint32_t stall) {
   auto context = std::make_unique<VerilatedContext>();
   auto top = std::make_unique<Vray_lenslet>(context.get());
   Random random(seed);
@@ -71,11 +74,11 @@ int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config,
   bool offered = false;
   while (received < count) {
     if (!offered && sent < count && !(idle && random.chance(idle))) {
-      const int32_t* ray = in + 4 * sent;
+      const int64_t* ray = in + sent;
       top->ray_u_i = ray[0] & 0x3ffff;
-      top->ray_v_i = ray[1] & 0x3ffff;
-      top->ray_a_i = ray[2] & ((1u << LIPPMANN_NEAR) - 1);
-      top->ray_b_i = ray[3] & ((1u << LIPPMANN_NEAR) - 1);
+      top->ray_v_i = ray[count] & 0x3ffff;
+      top->ray_a_i = ray[2 * count] & ((1u << LIPPMANN_NEAR) - 1);
+      top->ray_b_i = ray[3 * count] & ((1u << LIPPMANN_NEAR) - 1);
       offered = true;
     }
     top->ray_valid_i = offered;
@@ -83,16 +86,16 @@ int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config,
     // The handshakes of this clock are known before it: both depend on registers only.
     const bool accepted = offered && top->ray_ready_o;
     if (top->exit_valid_o && top->exit_ready_i) {
-      int32_t* ray = out + 9 * received;
+      int64_t* ray = out + received;
       ray[0] = signed_word(top->exit_i_o, 12);
-      ray[1] = signed_word(top->exit_j_o, 12);
-      ray[2] = signed_word(top->exit_x_o, LIPPMANN_NEAR + 2);
-      ray[3] = signed_word(top->exit_y_o, LIPPMANN_NEAR + 2);
-      ray[4] = signed_word(top->exit_z_o, LIPPMANN_NEAR + 2);
-      ray[5] = signed_word(top->exit_dx_o, LIPPMANN_NEAR);
-      ray[6] = signed_word(top->exit_dy_o, LIPPMANN_NEAR);
-      ray[7] = signed_word(top->exit_dz_o, LIPPMANN_NEAR);
-      ray[8] = top->exit_status_o;
+      ray[count] = signed_word(top->exit_j_o, 12);
+      ray[2 * count] = signed_word(top->exit_x_o, LIPPMANN_NEAR + 2);
+      ray[3 * count] = signed_word(top->exit_y_o, LIPPMANN_NEAR + 2);
+      ray[4 * count] = signed_word(top->exit_z_o, LIPPMANN_NEAR + 2);
+      ray[5 * count] = signed_word(top->exit_dx_o, LIPPMANN_NEAR);
+      ray[6 * count] = signed_word(top->exit_dy_o, LIPPMANN_NEAR);
+      ray[7 * count] = signed_word(top->exit_dz_o, LIPPMANN_NEAR);
+      ray[8 * count] = top->exit_status_o;
       ++received;
       waited = 0;
     } else if (++waited > patience) {
@@ -108,5 +111,3 @@ int64_t lippmann_trace(int64_t count, const int32_t* in, const uint32_t* config,
   top->final();
   return clocks;
 }
-
-}  // extern "C"

@@ -1,12 +1,12 @@
 """`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
 
-A fault changes one operator or flips one bit of one number in one line of rtl/optics. The faulty RTL is compiled into
-the batch harness and compared with the twin, ray by ray, over random displays, rays and stalls, as
-tests/rtl/test_batch.py does; what passes is given to the tests of its module, tests/rtl/<module>, in a copy of the
-checkout. A fault is caught when a word differs, rays stop coming, or a test fails.
+A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
+in one line of rtl/optics. The faulty RTL is compiled into the batch harness and compared with the twin, ray by ray,
+over random displays, rays and stalls, as tests/rtl/test_batch.py does; what passes, and what the harness does not
+contain, is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught when a
+word differs, rays stop coming, or a test fails.
 
-Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet; and
-what is not in the harness, the raster and the register block, which have tests of their own.
+Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ BUILDS = (
     Build(19, "square", cross_cells=True),
 )
 
-#: Files of rtl/optics that the harness does not contain.
-OUTSIDE = ("optics_block.sv", "raster.sv")
+#: Modules of rtl/optics that the harness does not contain.
+OUTSIDE = ("optics_block", "raster")
 
 #: Operators and what each is mistaken for.
 SWAPS = {
@@ -65,6 +65,9 @@ SWAPS = {
     " >> ": " << ",
 }
 OPERATOR = re.compile("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)))
+CONDITION = re.compile(r"\bif \((?=\w+\))")
+UNARY = re.compile(r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)")
+CHOICE = re.compile(r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)")
 NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
 SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
 #: Lines that make no hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
@@ -85,7 +88,7 @@ class Fault:
 
 
 def faults_of(path: Path) -> list[Fault]:
-    """Return every fault of a file: one for each operator, two for each number (lowest bit, next bit)."""
+    """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
     found: list[Fault] = []
     illegal = False
     for number, text in enumerate(path.read_text().splitlines(), 1):
@@ -104,6 +107,12 @@ def _changes(code: str) -> list[str]:
         other = SWAPS[match[0]]
         if other is not None:
             changes.append(code[: match.start()] + other + code[match.end() :])
+    for match in CONDITION.finditer(code):
+        changes.append(f"{code[: match.end()]}!{code[match.end() :]}")
+    for match in UNARY.finditer(code):
+        changes.append(code[: match.start()] + code[match.end() :])
+    for match in CHOICE.finditer(code):
+        changes.append(f"{code[: match.start()]}? {match[2]} : {match[1]}{code[match.end() :]}")
     for match in NUMBER.finditer(code):
         changes.append(code[: match.start()] + str(int(match[1]) ^ 1) + code[match.end() :])
     for match in SIZED.finditer(code):
@@ -130,13 +139,15 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
         copy.write_text(text)
         sources.append(copy)
     module = fault.file.removesuffix(".sv")
+    if module in OUTSIDE:
+        return _caught(fault, work) if _elaborates(sources) else "refused"
     tried = False
     for build in BUILDS:
         if not _uses(build, module):
             continue
         try:
             library = work / f"{os.urandom(6).hex()}.so"
-            compile_library(build, sources, library, optimise="-O0")
+            compile_library(build, sources, library, fast=False)
         except RtlError:
             continue
         tried = True
@@ -144,7 +155,18 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
             return "caught"
     if not tried:
         return "refused"
+    return _caught(fault, work)
+
+
+def _caught(fault: Fault, work: Path) -> str:
+    """Return what the tests of the fault's module make of it."""
     return "caught" if _unit_tests_fail(fault, work) else "survived"
+
+
+def _elaborates(sources: list[Path]) -> bool:
+    """Tell whether Verilator takes the register block and all that it contains."""
+    command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
+    return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
 
 
 def _unit_tests_fail(fault: Fault, work: Path) -> bool:
@@ -225,7 +247,7 @@ def main(count: int, seed: int, report: str) -> None:
     random = np.random.default_rng(seed)
     verilator_environment()  # a missing tool is no fault caught
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
-    per_file = [faults_of(path) for path in files if path.name not in OUTSIDE]
+    per_file = [faults_of(path) for path in files]
     rows: list[tuple[Fault, str]] = []
     # Every file in turn, so that small modules are tried as often as large ones.
     queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
@@ -252,9 +274,10 @@ def main(count: int, seed: int, report: str) -> None:
     shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
     text = (
         "# Faults in the RTL\n\n"
-        f"{caught} of {len(rows)} faults caught ({share:.1f} %). Each is one changed operator or one flipped bit; "
-        "those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays stop "
-        f"coming, or a test of its module fails.\n\n{table(shown)}"
+        f"{caught} of {len(rows)} faults caught ({share:.1f} %). Each is one changed operator, one negated condition, "
+        "one choice with its branches swapped, or one flipped bit; those that do not elaborate are not counted. A "
+        "fault is caught when a word differs from the twin's, rays stop coming, or a test of its module fails.\n\n"
+        f"{table(shown)}"
     )
     origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
     records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
