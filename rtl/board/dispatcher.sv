@@ -77,6 +77,7 @@ module dispatcher #(
 
   localparam int Columns = (Width + 31) / 32;
   localparam int Tiles = Columns * ((Height + 31) / 32);
+  localparam logic [7:0] ProtocolVersion = 8'd1;
   localparam int ReplyBytes = 34;  // of the longest reply but for its words: HELLO's
   localparam logic [9:0] AtOptics = 10'h200;
   localparam logic [9:0] AtBuild = AtOptics + 10'h008, AtControl = AtOptics + 10'h00C;
@@ -86,7 +87,7 @@ module dispatcher #(
   typedef enum logic [4:0] {
     AtType, AtNumberLow, AtNumberHigh, AtArguments, AtWords, AtTile, Swallow, Execute,
     HelloBuild, ReadAsk, ReadWait, WriteAsk, WriteWait, TileWait, PresentWait, TableWait,
-    SourceWait, ApplyWait, StatusAsk, StatusWait, RayFetch, RayOffer, RayWait, SignWait, Reply, Words
+    SourceWait, ApplyWait, StatusAsk, StatusWait, RayFetch, RayOffer, RayWait, SignWait, Answer, Words
   } state_e;
   state_e state_q;
 
@@ -120,15 +121,16 @@ module dispatcher #(
 
   // ---- words of a WRITE or a TRACE, collected ----
   logic [31:0] words[256];
-  logic [31:0] collected_q, word_q;
+  logic [23:0] collected_q;  // the word's bytes so far
+  logic [31:0] word_q;
   logic [8:0] words_q;   // collected
   logic [1:0] byte_q;
   logic [8:0] at_q;      // of the word in use; of a table's entry
   logic collect_word;
   assign collect_word = state_q == AtWords && take && byte_q == 2'd3 && !words_q[8];
   always_ff @(posedge clk_i) begin
-    if (state_q == AtWords && take) collected_q <= {in_data_i, collected_q[31:8]};
-    if (collect_word) words[words_q[7:0]] <= {in_data_i, collected_q[31:8]};
+    if (state_q == AtWords && take) collected_q <= {in_data_i, collected_q[23:8]};
+    if (collect_word) words[words_q[7:0]] <= {in_data_i, collected_q};
     word_q <= words[at_q[7:0]];
   end
 
@@ -174,7 +176,7 @@ module dispatcher #(
   logic [9:0] left_q;          // words of the reply still to come
   logic [31:0] build_q;
   logic [31:0] head;
-  assign head = {status_q, number_q, 8'h80 | type_q};
+  assign head = {status_q, number_q, ReplyBit | type_q};
   always_comb begin
     reply = (8 * ReplyBytes)'(head);
     reply_bytes = 6'd4;
@@ -187,7 +189,7 @@ module dispatcher #(
         RequestHello: begin
           reply = {
             build_q, epoch_i, 32'(ClockHz), 16'(MaxPacket), 8'd32, 16'(Height), 16'(Width),
-            identity_i, long_word, 8'(ProtocolVersion), head
+            identity_i, long_word, ProtocolVersion, head
           };
           reply_bytes = 6'd34;
         end
@@ -213,7 +215,7 @@ module dispatcher #(
       endcase
     end
   end
-  assign load = (state_q == Reply || state_q == Words) && !reply_busy;
+  assign load = (state_q == Answer || state_q == Words) && !reply_busy;
   reply_writer #(.Bytes(ReplyBytes)) i_reply_writer (
     .clk_i, .rst_ni, .load_i(load), .bytes_i(reply), .count_i(reply_bytes), .last_i(load_last),
     .busy_o(reply_busy), .valid_o(out_valid_o), .ready_i(out_ready_i), .data_o(out_data_o),
@@ -273,10 +275,10 @@ module dispatcher #(
           if (!(type_q inside {RequestHello, RequestRead, RequestWrite, RequestTile, RequestPresent,
               RequestTiles, RequestTrace, RequestSign})) begin
             status_q <= StatusUnknown;
-            state_q <= in_last_i ? Reply : Swallow;
+            state_q <= in_last_i ? Answer : Swallow;
           end else if (in_last_i) begin
             if (type_q != RequestSign) status_q <= StatusLength;
-            state_q <= type_q == RequestSign ? Execute : Reply;
+            state_q <= type_q == RequestSign ? Execute : Answer;
           end else if (type_q == RequestSign) begin
             status_q <= StatusLength;
             state_q <= Swallow;
@@ -290,7 +292,7 @@ module dispatcher #(
           if (argument_q + 1'b1 != arguments_of(type_q)) begin
             if (in_last_i) begin
               status_q <= StatusLength;
-              state_q <= Reply;
+              state_q <= Answer;
             end
           end else if (type_q == RequestTile) begin
             tile_empty_o <= in_last_i;
@@ -298,10 +300,10 @@ module dispatcher #(
             if (first != epoch_i) begin
               status_q <= StatusStale;
               stale_o <= 1'b1;
-              state_q <= in_last_i ? Reply : Swallow;
+              state_q <= in_last_i ? Answer : Swallow;
             end else if (second >= 16'(Tiles)) begin
               status_q <= StatusNoTile;
-              state_q <= in_last_i ? Reply : Swallow;
+              state_q <= in_last_i ? Answer : Swallow;
             end else begin
               tile_start_o <= 1'b1;
               state_q <= in_last_i ? TileWait : AtTile;
@@ -310,7 +312,7 @@ module dispatcher #(
             state_q <= AtWords;
           end else if (type_q == RequestWrite || !in_last_i) begin
             status_q <= StatusLength;
-            state_q <= in_last_i ? Reply : Swallow;
+            state_q <= in_last_i ? Answer : Swallow;
           end else begin
             state_q <= Execute;
           end
@@ -320,18 +322,18 @@ module dispatcher #(
           if (collect_word) words_q <= words_q + 1'b1;
           if (words_q[8]) begin  // more than there is room for
             status_q <= StatusLength;
-            state_q <= in_last_i ? Reply : Swallow;
+            state_q <= in_last_i ? Answer : Swallow;
           end else if (in_last_i) begin
             if (byte_q != 2'd3) status_q <= StatusLength;
-            state_q <= byte_q == 2'd3 ? Execute : Reply;
+            state_q <= byte_q == 2'd3 ? Execute : Answer;
           end
         end
         AtTile: if (take && in_last_i) state_q <= TileWait;
-        Swallow: if (take && in_last_i) state_q <= Reply;
+        Swallow: if (take && in_last_i) state_q <= Answer;
 
         // ---- it is executed ----
         Execute: begin
-          state_q <= Reply;
+          state_q <= Answer;
           if (!length_ok) begin
             status_q <= StatusLength;
           end else if (once && repeated) begin
@@ -340,7 +342,7 @@ module dispatcher #(
             case (type_q)
               RequestHello: begin
                 executed_q <= 1'b0;
-                if (arguments_q[0] != 8'(ProtocolVersion)) begin
+                if (arguments_q[0] != ProtocolVersion) begin
                   status_q <= StatusVersion;
                 end else begin
                   {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b0, AtBuild};
@@ -375,7 +377,7 @@ module dispatcher #(
         end
         HelloBuild: if (bus_done_i) begin
           build_q <= bus_word_i;
-          state_q <= Reply;
+          state_q <= Answer;
         end
         WriteAsk: if (pause_q == '0) begin
           {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b1, first[9:0] + {at_q[7:0], 2'd0}};
@@ -385,18 +387,18 @@ module dispatcher #(
         end
         WriteWait: if (bus_done_i) begin
           if (bus_error_i) status_q <= StatusAddress;
-          state_q <= at_q == words_q ? Reply : WriteAsk;
+          state_q <= at_q == words_q ? Answer : WriteAsk;
           pause_q <= 2'd1;
         end
         TileWait: if (tile_done_i) begin
           if (!tile_ok_i) status_q <= StatusTile;
           tile_bad_o <= !tile_ok_i;
-          state_q <= Reply;
+          state_q <= Answer;
         end
         PresentWait: if (present_done_i) begin
           status_q <= present_status_i;
           stale_o <= present_status_i == StatusStale;
-          state_q <= Reply;
+          state_q <= Answer;
         end
         SourceWait: if (bus_done_i) begin
           {bus_start_o, bus_write_o, bus_at_o, bus_word_o} <= {1'b1, 1'b1, AtControl, Apply};
@@ -411,7 +413,7 @@ module dispatcher #(
           if (bus_word_i[0]) begin  // busy: the optics are not yet taken over
             state_q <= StatusAsk;
           end else if (type_q == RequestTrace) begin
-            state_q <= Reply;
+            state_q <= Answer;
           end else begin
             sign_start_o <= 1'b1;
             {bus_start_o, bus_write_o, bus_at_o, bus_word_o} <= {1'b1, 1'b1, AtControl, Start};
@@ -421,18 +423,18 @@ module dispatcher #(
         SignWait: begin
           // The status is asked again and again: a frame that was refused gives no rays.
           if (sign_done_i) begin
-            state_q <= Reply;
+            state_q <= Answer;
           end else if (bus_done_i) begin
             if (bus_word_i[2] && !bus_write_o) begin
               status_q <= StatusOptics;
-              state_q <= Reply;
+              state_q <= Answer;
             end
             {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b0, AtStatus};
           end
         end
 
         // ---- the reply ----
-        Reply: if (!reply_busy) begin
+        Answer: if (!reply_busy) begin
           if (once) begin
             {executed_q, executed_type_q, executed_number_q} <= {1'b1, type_q, number_q};
             executed_status_q <= status_q;
