@@ -48,7 +48,7 @@ module board #(
   output logic        vsync_o,
   output logic [23:0] rgb_o
 );
-  import optics_pkg::GridHex, optics_pkg::IndexBits, optics_pkg::PixelBits;
+  import optics_pkg::IndexBits, optics_pkg::PixelBits;
 
   // ---- the line ----
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
@@ -189,7 +189,65 @@ module board #(
   assign told.counters.frame_bad.count.incr = frame_bad;
 
   // ---- frames ----
-PANEL_HERE
+  optics_pkg::optics_config_t optics;
+  localparam int PlaceBits = $clog2(Width * Height);
+  localparam int TileBits = $clog2(panel_pkg::tiles(Width) * panel_pkg::tiles(Height) + 1);
+  logic front, swap, swapped;
+  logic write, write_buffer, copy_buffer, check_buffer;
+  logic [PlaceBits-1:0] write_at, copy_at, check_at, show_at;
+  logic [23:0] write_rgb, second_rgb, show_rgb;
+  logic check_start, check_busy, check_done;
+  logic [31:0] check_crc;
+  tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
+    .clk_i, .rst_ni, .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
+    .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
+    .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(request_data),
+    .last_i(request_last), .write_o(write), .write_buffer_o(write_buffer),
+    .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
+    .copy_at_o(copy_at), .copy_rgb_i(second_rgb)
+  );
+  // A tile holds nothing from its start until it ended well.
+  tile_table #(.Width(Width), .Height(Height)) i_tile_table (
+    .clk_i, .rst_ni, .busy_o(table_busy),
+    .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
+    .write_tile_i(tile[TileBits-1:0]), .write_crc_i(tile_start ? '0 : tile_crc),
+    .read_buffer_i(table_front ? front : !front), .read_tile_i(table_at[TileBits-1:0]),
+    .read_crc_o(table_crc)
+  );
+  logic unused_table;
+  assign unused_table = ^table_at[15:TileBits];
+  frame_check #(.Width(Width), .Height(Height)) i_frame_check (
+    .clk_i, .rst_ni, .start_i(check_start), .buffer_i(!front), .busy_o(check_busy),
+    .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
+    .read_rgb_i(second_rgb)
+  );
+  presenter i_presenter (
+    .clk_i, .rst_ni, .start_i(present_start), .epoch_i(present_epoch), .crc_i(present_crc),
+    .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
+    .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
+    .swap_o(swap), .swapped_i(swapped)
+  );
+  // A tile is never copied while a frame is checked: one request at a time.
+  frame_store #(.Width(Width), .Height(Height)) i_frame_store (
+    .clk_i, .write_i(write), .write_buffer_i(write_buffer), .write_at_i(write_at),
+    .write_rgb_i(write_rgb), .a_buffer_i(front), .a_at_i(show_at), .a_rgb_o(show_rgb),
+    .b_buffer_i(check_busy ? check_buffer : copy_buffer),
+    .b_at_i(check_busy ? check_at : copy_at), .b_rgb_o(second_rgb)
+  );
+  logic unused_start;
+  scan_out #(
+    .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .F(F), .Grid(Grid)
+  ) i_scan_out (
+    .clk_i, .rst_ni, .swap_i(swap), .swapped_o(swapped), .front_o(front),
+    .brightness_i(set.display.brightness.value),
+    .pattern_i('{
+      kind: panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
+      j: set.lens.j.value
+    }),
+    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb), .de_o, .hsync_o, .vsync_o,
+    .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
+  );
 
   // ---- rays ----
   logic signed [IndexBits-1:0] exit_i, exit_j;

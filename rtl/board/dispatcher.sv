@@ -48,7 +48,7 @@ module dispatcher #(
   input  logic              tile_ok_i,
   output logic              stale_o,         // a TILE or PRESENT of another epoch
   output logic              tile_bad_o,
-  input  logic              table_busy_i,    // being cleared after reset
+  input  logic              table_busy_i,    // being cleared after reset: no request is taken
   output logic              table_front_o,   // which buffer's entry is read
   output logic [15:0]       table_at_o,
   input  logic [31:0]       table_crc_i,     // 3 clocks or less behind table_at_o
@@ -98,7 +98,8 @@ module dispatcher #(
   logic [2:0] argument_q;
   status_e status_q;
   logic take;
-  assign in_ready_o = state_q inside {AtType, AtNumberLow, AtNumberHigh, AtArguments, AtWords, Swallow}
+  assign in_ready_o = (state_q == AtType && !table_busy_i)
+      || state_q inside {AtNumberLow, AtNumberHigh, AtArguments, AtWords, Swallow}
       || (state_q == AtTile && tile_ready_i);
   assign take = in_valid_i && in_ready_o;
 
@@ -460,7 +461,7 @@ module dispatcher #(
           stream_word_q <= bus_error_i ? '0 : bus_word_i;  // where nothing is, 0
           state_q <= Words;
         end
-        TableWait: if (pause_q == '0 && !table_busy_i) begin
+        TableWait: if (pause_q == '0) begin
           stream_word_q <= table_crc_i;
           at_q <= at_q + 1'b1;
           state_q <= Words;

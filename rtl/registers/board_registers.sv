@@ -217,7 +217,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } packets;
             struct {
@@ -225,7 +225,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } framing;
             struct {
@@ -233,7 +233,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } overflow;
             struct {
@@ -241,7 +241,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } dropped_cobs;
             struct {
@@ -249,7 +249,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } dropped_crc;
             struct {
@@ -257,7 +257,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } dropped_long;
             struct {
@@ -265,7 +265,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } dropped_short;
             struct {
@@ -273,7 +273,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } stale;
             struct {
@@ -281,7 +281,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } tile_bad;
             struct {
@@ -289,7 +289,7 @@ module board_registers (
                     logic [31:0] next;
                     logic load_next;
                     logic incrthreshold;
-                    logic incrsaturate;
+                    logic overflow;
                 } count;
             } frame_bad;
         } counters;
@@ -468,15 +468,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.packets.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.packets.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.packets.count.overflow = '0;
         end
         field_combo.counters.packets.count.incrthreshold = (field_storage.counters.packets.count.value >= 32'hffffffff);
-        field_combo.counters.packets.count.incrsaturate = (field_storage.counters.packets.count.value >= 32'hffffffff);
         field_combo.counters.packets.count.next = next_c;
         field_combo.counters.packets.count.load_next = load_next_c;
     end
@@ -497,15 +495,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.framing.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.framing.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.framing.count.overflow = '0;
         end
         field_combo.counters.framing.count.incrthreshold = (field_storage.counters.framing.count.value >= 32'hffffffff);
-        field_combo.counters.framing.count.incrsaturate = (field_storage.counters.framing.count.value >= 32'hffffffff);
         field_combo.counters.framing.count.next = next_c;
         field_combo.counters.framing.count.load_next = load_next_c;
     end
@@ -526,15 +522,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.overflow.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.overflow.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.overflow.count.overflow = '0;
         end
         field_combo.counters.overflow.count.incrthreshold = (field_storage.counters.overflow.count.value >= 32'hffffffff);
-        field_combo.counters.overflow.count.incrsaturate = (field_storage.counters.overflow.count.value >= 32'hffffffff);
         field_combo.counters.overflow.count.next = next_c;
         field_combo.counters.overflow.count.load_next = load_next_c;
     end
@@ -555,15 +549,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.dropped_cobs.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.dropped_cobs.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.dropped_cobs.count.overflow = '0;
         end
         field_combo.counters.dropped_cobs.count.incrthreshold = (field_storage.counters.dropped_cobs.count.value >= 32'hffffffff);
-        field_combo.counters.dropped_cobs.count.incrsaturate = (field_storage.counters.dropped_cobs.count.value >= 32'hffffffff);
         field_combo.counters.dropped_cobs.count.next = next_c;
         field_combo.counters.dropped_cobs.count.load_next = load_next_c;
     end
@@ -584,15 +576,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.dropped_crc.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.dropped_crc.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.dropped_crc.count.overflow = '0;
         end
         field_combo.counters.dropped_crc.count.incrthreshold = (field_storage.counters.dropped_crc.count.value >= 32'hffffffff);
-        field_combo.counters.dropped_crc.count.incrsaturate = (field_storage.counters.dropped_crc.count.value >= 32'hffffffff);
         field_combo.counters.dropped_crc.count.next = next_c;
         field_combo.counters.dropped_crc.count.load_next = load_next_c;
     end
@@ -613,15 +603,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.dropped_long.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.dropped_long.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.dropped_long.count.overflow = '0;
         end
         field_combo.counters.dropped_long.count.incrthreshold = (field_storage.counters.dropped_long.count.value >= 32'hffffffff);
-        field_combo.counters.dropped_long.count.incrsaturate = (field_storage.counters.dropped_long.count.value >= 32'hffffffff);
         field_combo.counters.dropped_long.count.next = next_c;
         field_combo.counters.dropped_long.count.load_next = load_next_c;
     end
@@ -642,15 +630,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.dropped_short.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.dropped_short.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.dropped_short.count.overflow = '0;
         end
         field_combo.counters.dropped_short.count.incrthreshold = (field_storage.counters.dropped_short.count.value >= 32'hffffffff);
-        field_combo.counters.dropped_short.count.incrsaturate = (field_storage.counters.dropped_short.count.value >= 32'hffffffff);
         field_combo.counters.dropped_short.count.next = next_c;
         field_combo.counters.dropped_short.count.load_next = load_next_c;
     end
@@ -671,15 +657,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.stale.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.stale.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.stale.count.overflow = '0;
         end
         field_combo.counters.stale.count.incrthreshold = (field_storage.counters.stale.count.value >= 32'hffffffff);
-        field_combo.counters.stale.count.incrsaturate = (field_storage.counters.stale.count.value >= 32'hffffffff);
         field_combo.counters.stale.count.next = next_c;
         field_combo.counters.stale.count.load_next = load_next_c;
     end
@@ -700,15 +684,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.tile_bad.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.tile_bad.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.tile_bad.count.overflow = '0;
         end
         field_combo.counters.tile_bad.count.incrthreshold = (field_storage.counters.tile_bad.count.value >= 32'hffffffff);
-        field_combo.counters.tile_bad.count.incrsaturate = (field_storage.counters.tile_bad.count.value >= 32'hffffffff);
         field_combo.counters.tile_bad.count.next = next_c;
         field_combo.counters.tile_bad.count.load_next = load_next_c;
     end
@@ -729,15 +711,13 @@ module board_registers (
         load_next_c = '0;
         
         if(hwif_in.counters.frame_bad.count.incr) begin // increment
-            if(((33)'(next_c) + 32'h1) > 32'hffffffff) begin // up-counter saturated
-                next_c = 32'hffffffff;
-            end else begin
-                next_c = next_c + 32'h1;
-            end
+            field_combo.counters.frame_bad.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
             load_next_c = '1;
+        end else begin
+            field_combo.counters.frame_bad.count.overflow = '0;
         end
         field_combo.counters.frame_bad.count.incrthreshold = (field_storage.counters.frame_bad.count.value >= 32'hffffffff);
-        field_combo.counters.frame_bad.count.incrsaturate = (field_storage.counters.frame_bad.count.value >= 32'hffffffff);
         field_combo.counters.frame_bad.count.next = next_c;
         field_combo.counters.frame_bad.count.load_next = load_next_c;
     end

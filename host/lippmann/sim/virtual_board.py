@@ -245,7 +245,7 @@ def compiled(display: Display, build: Build, byte_link: bool, trace: bool = Fals
             "-LDFLAGS", f"{SPEED_FLAGS} -O3 -lutil -lpthread",
             *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
             "-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
-            *map(str, files), *(str(path) for path in parts if path.suffix == ".cpp"),
+            str(top / "rtl" / "registers" / "lint.vlt"), *map(str, files), *(str(path) for path in parts if path.suffix == ".cpp"),
         ]  # fmt: skip
         result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
         built = Path(work) / "board"

@@ -1,0 +1,222 @@
+"""`lippmann board`: start a virtual board, ask a board what it is, read and write its registers."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann.cli.common import display_option, emit, json_option, log
+from lippmann.cli.line import baud_option, chosen_port, port_option
+from lippmann.display import load_display
+from lippmann.errors import InputError, input_error
+from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
+from lippmann.fixed.registers import Field, Register
+from lippmann.fixed.register_file import build_of
+from lippmann.fixed.trace import COMPACT
+from lippmann.fixed.words import FRACTIONS
+from lippmann.link.board import OPTICS_BASE, Board
+from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
+
+
+@click.group("board")
+def command() -> None:
+    """A board: start a virtual one, or talk to any.
+
+    Example: lippmann board start --display scenes/displays/paper-square.toml
+    """
+
+
+@command.command("start")
+@display_option
+@click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="How it is reached.")
+@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: any that is free.")
+@click.option("--baud", type=click.IntRange(1), help="A UART's wires of this rate, clock by clock; else bytes at once.")
+@click.option(
+    "--fraction-bits", type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]), default=COMPACT, show_default=True,
+    help="Word length of its optics.",
+)  # fmt: skip
+@click.option("--capture", metavar="FOLDER", help="Keep every new frame that is scanned out, as PNG.")
+@click.option("--ready", metavar="FILE", help="JSON file that tells where to connect, while the board runs.")
+@click.option("--trace", metavar="FILE.fst", help="Waveforms, of the clocks --trace-clocks.")
+@click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
+@json_option
+def start_command(
+    display_path: str,
+    line: Any,
+    tcp_port: int,
+    baud: int | None,
+    fraction_bits: int,
+    capture: str | None,
+    ready: str | None,
+    trace: str | None,
+    trace_clocks: tuple[int, int],
+    as_json: bool,
+) -> None:
+    """Run a virtual board until Ctrl-C: the RTL under Verilator, on TCP (loopback only) or on a pty.
+
+    Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
+    """
+    from lippmann.sim import virtual_board
+
+    display = load_display(display_path)
+    folder = None if capture is None else Path(capture)
+    for path, what in ((folder, "--capture"), (ready and Path(ready).parent, "--ready"),
+                       (trace and Path(trace).parent, "--trace")):  # fmt: skip
+        if path and not Path(path).is_dir():
+            raise input_error(what, f"no folder {path}", "make it first")
+    log("compiling the board where it is not yet compiled (half a minute) ...")
+    board = virtual_board.start(
+        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
+        ready=None if ready is None else Path(ready), trace=None if trace is None else Path(trace),
+        trace_clocks=trace_clocks,
+    )  # fmt: skip
+    told = {
+        "url": board.url, "pid": board.process.pid, "display": display.name, "identity": display.identity,
+        "width": display.panel.width_px, "height": display.panel.height_px, "line": "bits" if baud else "bytes",
+    }  # fmt: skip
+    click.echo(json.dumps(told) if as_json else f"{display.name}: {board.url} (Ctrl-C ends it)")
+    try:
+        while board.process.poll() is None:
+            if folder is not None:
+                virtual_board.keep_as_png(folder, display.panel.width_px, display.panel.height_px)
+            time.sleep(0.2)
+        # It failed: stop() says why.
+        board.stop()
+    except KeyboardInterrupt:
+        done = board.stop()
+        if folder is not None:
+            virtual_board.keep_as_png(folder, display.panel.width_px, display.panel.height_px)
+        log(f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
+            f"{done['bytes_in']} bytes in, {done['bytes_out']} out")  # fmt: skip
+
+
+@command.command("info")
+@port_option
+@baud_option
+@json_option
+def info_command(port: str | None, baud: int, as_json: bool) -> None:
+    """Ask a board what it is, what it shows, and what it dropped.
+
+    Example: lippmann board info --port socket://127.0.0.1:4000
+    """
+    with Board.open(chosen_port(port, baud), baud) as board:
+        hello = board.info
+        registers = {name: board.read(register.address)[0] for name, register in BOARD_REGISTERS.items()}
+        optics = {name: board.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in (
+            "identity", "version", "build")}  # fmt: skip
+        result = {
+            "port": board.line.url,
+            "identity": f"{hello.identity:016x}",
+            "panel": [hello.width, hello.height],
+            "clock_hz": hello.clock_hz,
+            "epoch": hello.epoch,
+            "optics": vars(build_of(optics)),
+            "shown_crc": f"{registers['shown_crc']:08x}",
+            "frames": registers["frames"],
+            "counters": {
+                name.removeprefix("counters_"): count for name, count in registers.items() if name.startswith("counters")
+            },
+        }
+
+    def text() -> None:
+        for key, value in result.items():
+            shown = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+            click.echo(f"{key:<12}{shown}")
+
+    emit(result, as_json, text)
+
+
+@command.command("read")
+@click.argument("register")
+@click.argument("count", type=click.IntRange(1, 64), default=1)
+@port_option
+@baud_option
+@json_option
+def read_command(register: str, count: int, port: str | None, baud: int, as_json: bool) -> None:
+    """Read a register, by its name or its address (0x200 and on: the optics, as optics.NAME).
+
+    Example: lippmann board read display --port socket://127.0.0.1:4000
+    """
+    address, known = _register(register)
+    with Board.open(chosen_port(port, baud), baud) as board:
+        words = board.read(address, count)
+    fields = {} if known is None or count > 1 else {name: _value(f, words[0]) for name, f in known.fields.items()}
+    result = {"address": address, "words": words, "fields": fields}
+
+    def text() -> None:
+        for k, word in enumerate(words):
+            click.echo(f"0x{address + 4 * k:03X}  0x{word:08X}")
+        for name, value in fields.items():
+            click.echo(f"       {name} = {value}")
+
+    emit(result, as_json, text)
+
+
+@command.command("write")
+@click.argument("register")
+@click.argument("values", nargs=-1, required=True)
+@port_option
+@baud_option
+@json_option
+def write_command(register: str, values: tuple[str, ...], port: str | None, baud: int, as_json: bool) -> None:
+    """Write words from a register on, or FIELD=VALUE fields of one, whose others stay.
+
+    Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
+    """
+    address, known = _register(register)
+    by_field = ["=" in value for value in values]
+    if any(by_field) and (not all(by_field) or known is None):
+        raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register that is named")
+    numbers = [] if any(by_field) else [_number(value, 32, False) for value in values]
+    with Board.open(chosen_port(port, baud), baud) as board:
+        if known is not None and any(by_field):
+            numbers = [_changed(register, known, values, board.read(address)[0])]
+        board.write(address, numbers)
+    result = {"address": address, "words": numbers}
+    emit(result, as_json, lambda: click.echo(f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}"))
+
+
+def _register(name: str) -> tuple[int, Register | None]:
+    """Return a register's address, and what is known of it."""
+    maps = {**BOARD_REGISTERS, **{f"optics.{key}": value for key, value in OPTICS_REGISTERS.items()}}
+    if name in maps:
+        known = maps[name]
+        return known.address + (OPTICS_BASE if name.startswith("optics.") else 0), known
+    try:
+        address = int(name, 0)
+    except ValueError:
+        raise input_error(name, "no such register", "see docs/reference/board-registers.md") from None
+    return address, None
+
+
+def _value(field: Field, word: int) -> int:
+    value = word >> field.low & ((1 << field.width) - 1)
+    return value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
+
+
+def _number(text: str, width: int, signed: bool) -> int:
+    """Return a number as the bits of a field."""
+    try:
+        number = int(text, 0)
+    except ValueError:
+        raise input_error(text, "is no whole number", "give one such as 12 or 0x1F") from None
+    low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+    if not low <= number <= high:
+        raise input_error(text, "is out of range", f"give {low} to {high}")
+    return number & ((1 << width) - 1)
+
+
+def _changed(register: str, known: Register, values: tuple[str, ...], word: int) -> int:
+    """Return a register's word with some of its fields changed."""
+    for value in values:
+        name, _, number = value.partition("=")
+        if name not in known.fields:
+            raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
+        field = known.fields[name]
+        mask = ((1 << field.width) - 1) << field.low
+        word = word & ~mask | _number(number, field.width, field.signed) << field.low
+    return word
