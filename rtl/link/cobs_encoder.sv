@@ -19,39 +19,43 @@ module cobs_encoder (
 
   localparam logic [7:0] Longest = 8'd254;  // bytes of a group
 
-  /// A bank holds a group's bytes at 1 to code - 1; of its places, 0 stands for the code, and the
-  /// one behind the last byte, in a packet's last group, for the end.
-  logic [7:0] bytes[512];
+  // Two banks, each with a group's bytes from place 1 on. What is written is not read in the same
+  // clock, so that synthesis need not care what would be read then.
+  (* no_rw_check *) logic [7:0] bytes[512];
   logic [1:0] full_q;
-  logic [1:0] final_q;
-  logic [1:0][7:0] code_q;
+  logic [1:0] final_q;       // the packet's last group
+  logic [1:0][7:0] count_q;  // bytes
 
   // ---- fill ----
-  logic fill_q;       // the bank that is filled
-  logic [7:0] put_q;  // where the next byte goes
-  logic empty_q;      // the packet ended with a zero: an empty group ends it
+  logic fill_q;        // the bank
+  logic [7:0] held_q;  // bytes in it
+  logic [7:0] next;
+  logic empty_q;       // the packet ended with a zero: an empty group comes behind it
   logic take, zero, close;
   assign in_ready_o = !full_q[fill_q] && !empty_q;
   assign take = in_valid_i && in_ready_o;
   assign zero = in_data_i == 8'h00;
-  assign close = empty_q ? !full_q[fill_q] : take && (zero || in_last_i || put_q == Longest);
+  assign next = held_q + 8'd1;
+  assign close = empty_q ? !full_q[fill_q] : take && (zero || in_last_i || next == Longest);
 
   always_ff @(posedge clk_i) begin
-    if (take) bytes[{fill_q, put_q}] <= in_data_i;
+    if (take) bytes[{fill_q, next}] <= in_data_i;
     if (close) begin
-      code_q[fill_q] <= zero || empty_q ? put_q : put_q + 8'd1;
+      count_q[fill_q] <= zero || empty_q ? held_q : next;
       final_q[fill_q] <= empty_q || (in_last_i && !zero);
     end
   end
 
-  // ---- send ----
-  logic send_q;      // the bank that is sent
-  logic [7:0] at_q;  // the place in it
-  logic [7:0] code;
-  logic some, done, step;
-  assign code = code_q[send_q];
+  // ---- send: the code at place 0, the bytes, and behind the last group the end ----
+  logic send_q;      // the bank
+  logic [7:0] at_q;  // the place
+  logic end_q;       // the bytes are over
+  logic [7:0] count;
+  logic some, last, more, step;
+  assign count = count_q[send_q];
   assign some = full_q[send_q];
-  assign done = at_q == (final_q[send_q] ? code : code - 8'd1);
+  assign last = at_q == count;
+  assign more = final_q[send_q] && !end_q;
   assign step = !out_valid_o || out_ready_i;
 
   logic late_valid_q, late_byte_q;
@@ -59,8 +63,8 @@ module cobs_encoder (
   always_ff @(posedge clk_i) begin
     if (step) begin
       byte_q <= bytes[{send_q, at_q}];
-      late_byte_q <= at_q != 8'd0 && at_q != code;
-      other_q <= at_q == 8'd0 ? code : 8'h00;
+      late_byte_q <= at_q != 8'd0 && !end_q;
+      other_q <= end_q ? 8'h00 : count + 8'd1;
       out_data_o <= late_byte_q ? byte_q : other_q;
     end
   end
@@ -68,24 +72,28 @@ module cobs_encoder (
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       full_q <= '0;
-      {fill_q, empty_q, send_q, out_valid_o, late_valid_q} <= '0;
-      put_q <= 8'd1;
+      {fill_q, empty_q, send_q, end_q, out_valid_o, late_valid_q} <= '0;
+      held_q <= '0;
       at_q <= '0;
     end else begin
-      if (take) put_q <= put_q + 8'd1;
+      if (take) held_q <= next;
       if (close) begin
         full_q[fill_q] <= 1'b1;
         fill_q <= !fill_q;
-        put_q <= 8'd1;
+        held_q <= '0;
         empty_q <= !empty_q && in_last_i && zero;
       end
-      if (step) begin
-        {out_valid_o, late_valid_q} <= {late_valid_q, some};
-        if (some) at_q <= at_q + 8'd1;
-        if (some && done) begin
+      if (step) {out_valid_o, late_valid_q} <= {late_valid_q, some};
+      if (step && some) begin
+        if (!last) begin
+          at_q <= at_q + 8'd1;
+        end else if (more) begin
+          end_q <= 1'b1;
+        end else begin
           full_q[send_q] <= 1'b0;
           send_q <= !send_q;
           at_q <= '0;
+          end_q <= 1'b0;
         end
       end
     end

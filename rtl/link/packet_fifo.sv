@@ -38,7 +38,10 @@ module packet_fifo #(
     $fatal(1, "packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
   end
 
-  logic [8:0] words[1 << AddressBits];  // {last, data}
+  // Two memories: block memories of these widths need no multiplexers behind them. What is written
+  // is not read in the same clock, so that synthesis need not care what would be read then.
+  (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
+  (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;
   address_t stored_q;                   // where the packets that came whole end
 
@@ -56,7 +59,10 @@ module packet_fifo #(
 
   always_ff @(posedge clk_i) begin
     if (take && !in_end_i) late_q <= {late_q[3:0], in_data_i};
-    if (write) words[write_at_q] <= {in_end_i, late_q[4]};
+    if (write) begin
+      bytes[write_at_q] <= late_q[4];
+      lasts[write_at_q] <= in_end_i;
+    end
     // What the end finds, judged a clock later.
     right_q <= crc_q == CrcResidue;
     long_q <= is_long;
@@ -98,24 +104,25 @@ module packet_fifo #(
   end
 
   // ---- out ----
-  logic step, some, word_valid_q;
-  logic [8:0] word_q;
+  logic step, some, byte_valid_q;
+  logic [7:0] byte_q;
+  logic last_q;
   assign step = !out_valid_o || out_ready_i;
   assign some = read_at_q != stored_q;
 
   always_ff @(posedge clk_i) begin
     if (step) begin
-      word_q <= words[read_at_q];
-      {out_last_o, out_data_o} <= word_q;
+      {byte_q, last_q} <= {bytes[read_at_q], lasts[read_at_q]};
+      {out_data_o, out_last_o} <= {byte_q, last_q};
     end
   end
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {out_valid_o, word_valid_q} <= '0;
+      {out_valid_o, byte_valid_q} <= '0;
       read_at_q <= '0;
     end else if (step) begin
-      {out_valid_o, word_valid_q} <= {word_valid_q, some};
+      {out_valid_o, byte_valid_q} <= {byte_valid_q, some};
       read_at_q <= read_at_q + address_t'(some);
     end
   end
