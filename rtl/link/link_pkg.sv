@@ -1,0 +1,69 @@
+`default_nettype none
+
+/// The protocol's numbers, and CRC-32 (IEEE, as zlib.crc32).
+///
+/// A packet before COBS, little-endian: type u8, seq u16, body, CRC-32 u32 of all before it. The
+/// state of a CRC starts as all ones, and the CRC is the complement of the state.
+package link_pkg;
+  // A module seldom needs all of them.
+  /* verilator lint_off UNUSEDPARAM */
+
+  /// Bytes of a packet before COBS, its CRC included.
+  localparam int MinPacket = 7;
+  localparam int MaxPacket = 3200;
+  localparam int LengthBits = $clog2(MaxPacket + 2);  // one more than MaxPacket fits too
+
+  localparam logic [31:0] CrcStart = '1;
+  /// The state behind any bytes and their own CRC.
+  localparam logic [31:0] CrcResidue = 32'hdebb_20e3;
+
+  typedef enum logic [7:0] {
+    RequestHello = 8'h01,
+    RequestRead = 8'h02,
+    RequestWrite = 8'h03,
+    RequestTile = 8'h04,
+    RequestPresent = 8'h05,
+    RequestTiles = 8'h06,
+    RequestTrace = 8'h07,
+    RequestSign = 8'h08
+  } request_e;
+
+  /// A reply's type is the request's with this bit set.
+  localparam logic [7:0] ReplyBit = 8'h80;
+
+  /// How a request ended: the first byte of a reply's body.
+  typedef enum logic [7:0] {
+    StatusOk = 8'd0,
+    StatusUnknown = 8'd1,   // type of request
+    StatusLength = 8'd2,    // wrong for the type
+    StatusAddress = 8'd3,   // no such register
+    StatusStale = 8'd4,     // epoch
+    StatusTile = 8'd5,      // bad data
+    StatusFrameCrc = 8'd6,  // differs from the back buffer's
+    StatusNoTile = 8'd7,
+    StatusVersion = 8'd8,   // of the protocol
+    StatusOptics = 8'd9     // refused by the optics block
+  } status_e;
+  /* verilator lint_on UNUSEDPARAM */
+
+  /// The state of a CRC behind one more byte.
+  function automatic logic [31:0] crc32_byte(logic [31:0] crc, logic [7:0] data);
+    crc[7:0] ^= data;
+    for (int k = 0; k < 8; k++) crc = (crc >> 1) ^ (crc[0] ? 32'hedb8_8320 : 32'h0);
+    return crc;
+  endfunction
+
+  /// The same behind a pixel {r, g, b}, R first.
+  function automatic logic [31:0] crc32_pixel(logic [31:0] crc, logic [23:0] rgb);
+    return crc32_byte(crc32_byte(crc32_byte(crc, rgb[23:16]), rgb[15:8]), rgb[7:0]);
+  endfunction
+
+  /// The same behind a word, its low byte first.
+  function automatic logic [31:0] crc32_word(logic [31:0] crc, logic [31:0] w);
+    for (int k = 0; k < 4; k++) crc = crc32_byte(crc, w[8*k+:8]);
+    return crc;
+  endfunction
+
+endpackage
+
+`default_nettype wire
