@@ -1,0 +1,51 @@
+`default_nettype none
+
+/// What the modules of the panel share: tiles, codings, test patterns.
+///
+/// The panel is Width x Height pixels {r, g, b}, kept row by row: the place of pixel (x, y) is
+/// y * Width + x. It is cut into tiles of 32 x 32 pixels, numbered row by row; those at the right
+/// and lower edges are as small as the panel leaves them.
+package panel_pkg;
+  // A module seldom needs all of them.
+  /* verilator lint_off UNUSEDPARAM */
+
+  localparam int Tile = 32;
+
+  /// How a tile's pixels are written in a packet.
+  typedef enum logic [7:0] {
+    CodingRaw = 8'd0,    // three bytes a pixel
+    CodingSolid = 8'd1,  // three bytes
+    CodingQoi = 8'd2,    // QOI operations, without header and end marker
+    CodingCopy = 8'd3    // no data: what the front buffer shows there
+  } coding_e;
+
+  typedef enum logic [2:0] {
+    PatternOff = 3'd0,
+    PatternLens = 3'd1,
+    PatternCentres = 3'd2,
+    PatternViews = 3'd3,
+    PatternChecker = 3'd4,
+    PatternRamp = 3'd5
+  } pattern_e;
+
+  typedef struct packed {
+    pattern_e kind;
+    logic signed [optics_pkg::IndexBits-1:0] i;  // the lenslet of PatternLens
+    logic signed [optics_pkg::IndexBits-1:0] j;
+  } pattern_t;
+
+  /// Tiles along a side of so many pixels.
+  function automatic int tiles(int pixels);
+    return (pixels + Tile - 1) / Tile;
+  endfunction
+
+  /// Latency of `test_pattern`: coordinates, lenslet, products of the centre, its sums, choice.
+  function automatic int pattern_latency(int grid);
+    return 1 + optics_pkg::pixel_latency() + optics_pkg::lenslet_latency(grid)
+        + optics_pkg::mul_latency(optics_pkg::MulBits, optics_pkg::MulBits) + 3;
+  endfunction
+
+  /* verilator lint_on UNUSEDPARAM */
+endpackage
+
+`default_nettype wire
