@@ -30,3 +30,8 @@ class MissingLibraryError(LippmannError):
 def input_error(where: str, what: str, remedy: str) -> InputError:
     """Return the error `where: what; remedy`, folded into one line."""
     return InputError(" ".join(f"{where}: {what}; {remedy}".split()))
+
+
+def device_error(where: str, what: str, remedy: str) -> DeviceError:
+    """Return the error `where: what; remedy`, folded into one line."""
+    return DeviceError(" ".join(f"{where}: {what}; {remedy}".split()))

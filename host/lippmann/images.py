@@ -26,6 +26,8 @@ SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
 MAX_NAME_BYTES = 220
 #: Largest half float.
 HALF_MAX = 65504.0
+#: Most channels of an image: colours and alpha.
+MAX_CHANNELS = 4
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
 
@@ -200,7 +202,7 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
     Raises
     ------
     InputError
-        When the file is missing, broken, or of another size.
+        When the file is missing, broken, of another size, or no flat image.
     """
     oiio = _openimageio()
     path = Path(path)
@@ -217,6 +219,8 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
                 f"is {spec.width} x {spec.height} pixels, the panel {limit[0]} x {limit[1]}",
                 "render it for this display",
             )
+        if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
+            raise input_error(str(path), f"is no flat image of 1 to {MAX_CHANNELS} channels", "render it again")
         metadata = _metadata_of(spec)
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:

@@ -1,0 +1,304 @@
+"""The fault line: a seeded proxy between host and board that does to bytes what cables, adapters and drivers do."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import time
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import DeviceError
+from lippmann.link.packets import DELIMITER, MAX_STUFFED
+from lippmann.link.port import BITS_A_BYTE, open_port
+
+#: Longest chunk that is passed on at once: bytes, and time on a paced line in s.
+CHUNK_BYTES = 4096
+CHUNK_S = 0.002
+#: How long the proxy waits before it looks whether it is to end, s.
+LOOK_S = 0.05
+#: A paced line that lags behind more than this has been held up, and does not catch up, s.
+MAX_LAG_S = 0.25
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Chances of faults in one direction; without any the line is good.
+
+    Attributes
+    ----------
+    flip, drop, insert, duplicate, garble
+        For each byte: one bit turned, the byte lost, a random one behind it, the byte twice, a random one instead
+        (garble = 1 is a wrong baud rate).
+    reorder, cut
+        For each byte: from here on two runs of `run` bytes change places, or one is lost.
+    stall
+        For each byte: the line rests for `stall_s`.
+    lose, repeat, swap
+        For each packet: lost whole, sent twice, sent behind the next.
+    run
+        Bytes of a run.
+    stall_s
+        Length of a stall, s.
+    delay_s
+        Time that each chunk takes longer, s.
+    """
+
+    flip: float = 0.0
+    drop: float = 0.0
+    insert: float = 0.0
+    duplicate: float = 0.0
+    garble: float = 0.0
+    reorder: float = 0.0
+    cut: float = 0.0
+    stall: float = 0.0
+    lose: float = 0.0
+    repeat: float = 0.0
+    swap: float = 0.0
+    run: int = 64
+    stall_s: float = 0.2
+    delay_s: float = 0.0
+
+
+#: The line is good.
+NO_FAULTS = Faults()
+
+
+class Mangler:
+    """Puts faults into the bytes of one direction.
+
+    Every kind draws from a generator of its own, one number for each byte or packet: what happens depends on the seed
+    and on what is sent, not on how it comes in chunks.
+    """
+
+    def __init__(self, seed: int, direction: int) -> None:
+        self._seed = seed, direction
+        self._generators: dict[str, np.random.Generator] = {}
+        self._packet = bytearray()
+        self._behind = b""
+        self._cutting = 0
+
+    def __call__(self, data: bytes, faults: Faults) -> tuple[bytes, float]:
+        """Return what becomes of some bytes, and for how long the line rests before them, s."""
+        data = self._packets(data, faults)
+        if faults == NO_FAULTS:
+            self._cutting = 0
+            return data, 0.0
+        rest_s = faults.delay_s + faults.stall_s * int(self._hits("stall", len(data), faults.stall).sum())
+        values = np.frombuffer(data, np.uint8).copy()
+        for start in np.flatnonzero(self._hits("reorder", len(values), faults.reorder)):
+            first, second = np.split(values[start : start + 2 * faults.run], [faults.run])
+            values[start : start + len(first) + len(second)] = np.concatenate([second, first])
+        garbled = self._hits("garble", len(values), faults.garble)
+        values[garbled] = self._values("garble", int(garbled.sum()))
+        flipped = self._hits("flip", len(values), faults.flip)
+        values[flipped] ^= np.uint8(1) << (self._values("flip", int(flipped.sum())) & np.uint8(7))
+        copies = np.ones(len(values), np.int64)
+        copies[self._hits("duplicate", len(values), faults.duplicate)] = 2
+        copies[self._hits("drop", len(values), faults.drop)] = 0
+        copies[self._cut(len(values), faults)] = 0
+        inserted = self._hits("insert", len(values), faults.insert)
+        extra = self._values("insert", int(inserted.sum()))
+        values = np.insert(values, np.flatnonzero(inserted) + 1, extra)
+        copies = np.insert(copies, np.flatnonzero(inserted) + 1, 1)
+        return np.repeat(values, copies).tobytes(), rest_s
+
+    def _generator(self, kind: str) -> np.random.Generator:
+        if kind not in self._generators:
+            self._generators[kind] = np.random.default_rng([*self._seed, *kind.encode()])
+        return self._generators[kind]
+
+    def _hits(self, kind: str, count: int, chance: float) -> npt.NDArray[np.bool_]:
+        """Return which of the next bytes or packets a fault hits."""
+        if not chance:
+            return np.zeros(count, np.bool_)
+        return self._generator(kind).random(count) < chance
+
+    def _values(self, kind: str, count: int) -> npt.NDArray[np.uint8]:
+        """Return random bytes."""
+        return self._generator(kind + " values").integers(0, 256, count, np.uint8)
+
+    def _cut(self, count: int, faults: Faults) -> npt.NDArray[np.bool_]:
+        """Return which of the next bytes lie in a run that is lost."""
+        lost = np.zeros(count, np.bool_)
+        starts = np.flatnonzero(self._hits("cut", count, faults.cut)).tolist()
+        for start, length in [(0, self._cutting), *((start, faults.run) for start in starts)]:
+            lost[start : start + length] = True
+            self._cutting = max(start + length - count, 0)
+        return lost
+
+    def _packets(self, data: bytes, faults: Faults) -> bytes:
+        """Lose, repeat and swap whole packets; what is held is given out once there is no such fault."""
+        if not (faults.lose or faults.repeat or faults.swap):
+            out = self._behind + bytes(self._packet) + data
+            self._packet.clear()
+            self._behind = b""
+            return out
+        self._packet += data
+        out = b""
+        while (end := self._packet.find(DELIMITER) + 1) or len(self._packet) > MAX_STUFFED:
+            end = end or len(self._packet)
+            packet = bytes(self._packet[:end])
+            del self._packet[:end]
+            lost, twice, later = (self._hits(kind, 1, getattr(faults, kind))[0] for kind in ("lose", "repeat", "swap"))
+            packet = b"" if lost else packet * 2 if twice else packet
+            if later and not self._behind:
+                self._behind = packet
+            else:
+                out += packet + self._behind
+                self._behind = b""
+        return out
+
+
+class Proxy:
+    """A line with faults: the host opens `url`, what it says goes to the board at `board_url` and back.
+
+    Over TCP each of the host's connections makes one to the board; over a pty there is one for good. `down` (to the
+    board) and `up` may be set at any time.
+
+    Parameters
+    ----------
+    board_url
+        The board's port, as for `open_port`.
+    seed
+        Of the faults.
+    down, up
+        Faults of the two directions.
+    baud
+        Paces both directions, 10 bits a byte; None for as fast as it goes.
+    pty
+        A pty for the host instead of TCP on the loopback interface.
+    """
+
+    def __init__(
+        self,
+        board_url: str,
+        seed: int,
+        down: Faults = NO_FAULTS,
+        up: Faults = NO_FAULTS,
+        baud: int | None = None,
+        pty: bool = False,
+    ) -> None:
+        self.down = down
+        self.up = up
+        self.baud = baud
+        self._board_url = board_url
+        self._manglers = Mangler(seed, 0), Mangler(seed, 1)
+        self._ended = threading.Event()
+        self._unplugged = threading.Event()
+        if pty:
+            master, slave = os.openpty()
+            os.set_blocking(master, False)
+            self.url = os.ttyname(slave)
+            # The slave stays open here, so that the host may come and go.
+            self._thread = threading.Thread(target=self._serve_pty, args=(master, slave), daemon=True)
+        else:
+            listener = socket.create_server(("127.0.0.1", 0))
+            self.url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+            self._thread = threading.Thread(target=self._serve_tcp, args=(listener,), daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Proxy:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def restore(self) -> None:
+        """The line is good again."""
+        self.down = self.up = NO_FAULTS
+
+    def unplug(self) -> None:
+        """End the host's connection; the next one works."""
+        self._unplugged.set()
+
+    def close(self) -> None:
+        """End the proxy."""
+        self._ended.set()
+        self._thread.join()
+
+    def _serve_tcp(self, listener: socket.socket) -> None:
+        with listener:
+            while not self._ended.is_set():
+                if not select.select([listener], [], [], LOOK_S)[0]:
+                    continue
+                host = listener.accept()[0]
+                with host:
+                    host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    host.setblocking(False)
+                    self._connect(host.fileno())
+
+    def _serve_pty(self, master: int, slave: int) -> None:
+        try:
+            import tty
+
+            tty.setraw(slave)
+            while not self._ended.is_set():
+                self._connect(master)
+                self._ended.wait(LOOK_S)
+        finally:
+            os.close(master)
+            os.close(slave)
+
+    def _connect(self, host: int) -> None:
+        """Join the host to the board until either ends."""
+        try:
+            port = open_port(self._board_url)
+        except DeviceError:
+            return
+        self._unplugged.clear()
+        gone = threading.Event()
+        try:
+            board = port.fileno()
+            up = threading.Thread(target=self._carry, args=(board, host, 1, gone), daemon=True)
+            up.start()
+            self._carry(host, board, 0, gone)
+            up.join()
+        finally:
+            port.close()
+
+    def _carry(self, source: int, target: int, direction: int, gone: threading.Event) -> None:
+        """Carry bytes one way until a side is gone."""
+        due = time.monotonic()
+        # A side that is gone ends both ways.
+        with contextlib.suppress(OSError):
+            while not self._over(gone):
+                ready = select.select([source], [], [], 0.0)[0]
+                if not ready:
+                    ready = select.select([source], [], [], LOOK_S)[0]
+                    # The line was idle: what comes now has not been held up.
+                    due = max(due, time.monotonic())
+                    if not ready:
+                        continue
+                limit = CHUNK_BYTES
+                if self.baud:
+                    limit = min(limit, max(int(self.baud / BITS_A_BYTE * CHUNK_S), 1))
+                data = os.read(source, limit)
+                if not data:
+                    break
+                if self.baud:
+                    due = max(due, time.monotonic() - MAX_LAG_S) + len(data) * BITS_A_BYTE / self.baud
+                    time.sleep(max(due - time.monotonic(), 0.0))
+                data, rest_s = self._manglers[direction](data, self.up if direction else self.down)
+                if rest_s:
+                    gone.wait(rest_s)
+                self._write(target, data, gone)
+        gone.set()
+
+    def _write(self, target: int, data: bytes, gone: threading.Event) -> None:
+        """Write all bytes, as the target takes them."""
+        while data and not self._over(gone):
+            if select.select([], [target], [], LOOK_S)[1]:
+                with contextlib.suppress(BlockingIOError):
+                    data = data[os.write(target, data) :]
+
+    def _over(self, gone: threading.Event) -> bool:
+        return gone.is_set() or self._ended.is_set() or self._unplugged.is_set()

@@ -1,0 +1,157 @@
+"""Packets of the link: type, sequence number, body and CRC-32, stuffed by COBS, with a zero byte behind each."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import NamedTuple
+
+from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
+
+#: Version of the protocol that this host speaks.
+VERSION = 1
+#: Longest packet in bytes, before COBS, with its CRC.
+MAX_PACKET = 3200
+#: Longest packet behind COBS: one byte more for each 254 begun.
+MAX_STUFFED = MAX_PACKET + -(-MAX_PACKET // 254)
+#: Ends a packet, and is in none.
+DELIMITER = b"\0"
+#: Set in a reply's type.
+REPLY = 0x80
+
+HEADER = struct.Struct("<BH")
+CRC = struct.Struct("<I")
+#: Shortest packet: one without a body.
+MIN_PACKET = HEADER.size + CRC.size
+
+
+class Kind(IntEnum):
+    """Types of requests."""
+
+    HELLO = 1
+    READ = 2
+    WRITE = 3
+    TILE = 4
+    PRESENT = 5
+    TILES = 6
+    TRACE = 7
+    SIGN = 8
+
+
+class Status(IntEnum):
+    """First byte of a reply's body."""
+
+    OK = 0
+    UNKNOWN_TYPE = 1
+    WRONG_LENGTH = 2
+    NO_SUCH_ADDRESS = 3
+    STALE_EPOCH = 4
+    BAD_TILE_DATA = 5
+    FRAME_CRC_DIFFERS = 6
+    NO_SUCH_TILE = 7
+    WRONG_VERSION = 8
+    OPTICS_REFUSED = 9
+
+
+class Packet(NamedTuple):
+    """A good packet: its type with the reply's bit, sequence number (16 bits), body."""
+
+    kind: int
+    seq: int
+    body: bytes
+
+
+class Fault(StrEnum):
+    """Why a packet was dropped: the first fault found, in this order."""
+
+    LONG = "long"
+    COBS = "cobs"
+    SHORT = "short"
+    CRC = "crc"
+
+
+@dataclass
+class Counts:
+    """What a reader has seen: bytes, good packets, and packets dropped by their fault."""
+
+    bytes: int = 0
+    accepted: int = 0
+    dropped: Counter[Fault] = field(default_factory=Counter)
+
+
+def packed(kind: int, seq: int, body: bytes) -> bytes:
+    """Return a packet as it goes over the line, its delimiter behind it.
+
+    Raises
+    ------
+    ValueError
+        For a body that makes the packet longer than `MAX_PACKET`.
+    """
+    data = HEADER.pack(kind, seq) + body
+    data += CRC.pack(zlib.crc32(data))
+    if len(data) > MAX_PACKET:
+        raise ValueError(f"a packet of {len(data)} bytes; at most {MAX_PACKET} are allowed")
+    return bytes(cobs.encode(data)) + DELIMITER
+
+
+class PacketReader:
+    """Makes packets of any bytes: drops what is no good packet, and goes on behind the next delimiter.
+
+    Holds no more than the longest packet.
+    """
+
+    def __init__(self) -> None:
+        self.counts = Counts()
+        self._held = bytearray()
+        self._overlong = False
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """Take the next bytes of the line; return the good packets that end in them."""
+        self.counts.bytes += len(data)
+        packets = []
+        *ended, begun = data.split(DELIMITER)
+        for part in ended:
+            self._hold(part)
+            packet = self._end()
+            if packet is not None:
+                packets.append(packet)
+        self._hold(begun)
+        return packets
+
+    def _hold(self, part: bytes) -> None:
+        """Keep a part of a packet, unless the packet is too long already."""
+        self._overlong = self._overlong or len(self._held) + len(part) > MAX_STUFFED
+        if self._overlong:
+            self._held.clear()
+        else:
+            self._held += part
+
+    def _end(self) -> Packet | None:
+        """Return the packet that a delimiter ended, if it is a good one."""
+        found = Fault.LONG if self._overlong else _parsed(bytes(self._held)) if self._held else None
+        self._held.clear()
+        self._overlong = False
+        if isinstance(found, Fault):
+            self.counts.dropped[found] += 1
+            return None
+        self.counts.accepted += found is not None
+        return found
+
+
+def _parsed(stuffed: bytes) -> Packet | Fault:
+    """Return the packet that COBS made these bytes of, or what is wrong with them."""
+    try:
+        data = bytes(cobs.decode(stuffed))
+    except cobs.DecodeError:
+        return Fault.COBS
+    if len(data) > MAX_PACKET:
+        return Fault.LONG
+    if len(data) < MIN_PACKET:
+        return Fault.SHORT
+    if zlib.crc32(data[: -CRC.size]) != CRC.unpack(data[-CRC.size :])[0]:
+        return Fault.CRC
+    kind, seq = HEADER.unpack(data[: HEADER.size])
+    return Packet(kind, seq, data[HEADER.size : -CRC.size])

@@ -1,0 +1,31 @@
+"""How long to wait for a reply: the estimate of TCP (RFC 6298)."""
+
+from __future__ import annotations
+
+#: Time-out before the first reply, shortest and longest time-out, s.
+FIRST_S = 1.0
+SHORTEST_S = 0.05
+LONGEST_S = 5.0
+
+
+class RoundTrip:
+    """Smoothed round-trip time and its deviation; the time-out follows them and doubles with each silence."""
+
+    def __init__(self) -> None:
+        self._smoothed: float | None = None
+        self._deviation = 0.0
+        self.time_out_s = FIRST_S
+
+    def sample(self, seconds: float) -> None:
+        """Take the time from a request to its reply."""
+        if self._smoothed is None:
+            self._smoothed = seconds
+            self._deviation = seconds / 2.0
+        else:
+            self._deviation += (abs(self._smoothed - seconds) - self._deviation) / 4.0
+            self._smoothed += (seconds - self._smoothed) / 8.0
+        self.time_out_s = min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)
+
+    def back_off(self) -> None:
+        """Take note of a time-out."""
+        self.time_out_s = min(2.0 * self.time_out_s, LONGEST_S)

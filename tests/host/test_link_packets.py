@@ -1,0 +1,137 @@
+"""Packets: bytes by hand, by zlib and by cobs; a reader that any bytes may meet."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from cobs import cobs
+from lippmann.link.packets import MAX_PACKET, MAX_STUFFED, Fault, Packet, PacketReader, packed
+from lippmann.link.round_trip import FIRST_S, LONGEST_S, SHORTEST_S, RoundTrip
+from scene_cases import generator
+
+SEED = 4501
+
+
+def by_zlib(kind, seq, body):
+    plain = struct.pack("<BH", kind, seq) + body
+    return plain + struct.pack("<I", zlib.crc32(plain))
+
+
+def on_line(kind, seq, body):
+    return cobs.encode(by_zlib(kind, seq, body)) + b"\0"
+
+
+def test_a_packet_by_hand():
+    # HELLO, seq 0x0201, version 1, nonce 0: the CRC is that of 01 01 02 01 00 00 00 00 (the only zeros).
+    crc = zlib.crc32(bytes.fromhex("0101020100000000"))
+    assert 0 not in struct.pack("<I", crc)
+    expected = bytes.fromhex("05 01010201 01 01 01 05") + struct.pack("<I", crc) + b"\0"
+    assert packed(1, 0x0201, bytes.fromhex("0100000000")) == expected
+    assert PacketReader().feed(expected) == [Packet(1, 0x0201, bytes.fromhex("0100000000"))]
+
+
+@pytest.mark.parametrize("size", [0, 1, 246, 247, 248, 253, 254, 255, 3076, MAX_PACKET - 7])
+@pytest.mark.parametrize("fill", ["zeros", "ones", "noise"])
+def test_packets_of_every_length_come_back(size, fill):
+    noise = generator(SEED, size, fill).bytes(size)
+    body = {"zeros": bytes(size), "ones": b"\1" * size, "noise": noise}[fill]
+    line = packed(0x84, 0xFFFE, body)
+    assert line == on_line(0x84, 0xFFFE, body)
+    assert line.index(0) == len(line) - 1
+    assert PacketReader().feed(line) == [Packet(0x84, 0xFFFE, body)]
+
+
+def test_a_packet_too_long_is_not_made():
+    with pytest.raises(ValueError, match="3201"):
+        packed(4, 0, bytes(MAX_PACKET - 6))
+
+
+def damaged(data, at):
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("bad", "fault"),
+    [
+        (cobs.encode(damaged(by_zlib(1, 5, b"abc"), 4)), Fault.CRC),
+        (cobs.encode(by_zlib(1, 5, b"abc")[:6]), Fault.SHORT),
+        (b"\x09abc", Fault.COBS),
+        (cobs.encode(by_zlib(1, 5, bytes(MAX_PACKET - 6))), Fault.LONG),
+        (b"\1" * (MAX_STUFFED + 1), Fault.LONG),
+        (b"\xff" * 100_000, Fault.LONG),
+        (b"", None),
+    ],
+)
+@pytest.mark.parametrize("chunk", [1, 7, 10**6])
+def test_bad_packets_are_counted_and_the_next_is_read(bad, fault, chunk):
+    reader = PacketReader()
+    line = bad + b"\0" + on_line(2, 9, b"next")
+    found = [p for at in range(0, len(line), chunk) for p in reader.feed(line[at : at + chunk])]
+    assert found == [Packet(2, 9, b"next")]
+    assert reader.counts.accepted == 1
+    assert reader.counts.bytes == len(line)
+    assert reader.counts.dropped == ({fault: 1} if fault else {})
+
+
+def fuzz(size, seed):
+    """Random and mutated bytes, good packets among them; every good packet that was left alone must come out."""
+    rng = generator(seed, size)
+    reader = PacketReader()
+    begun = done = 0
+    kept, found = [], []
+    while done < size:
+        kind = rng.integers(4)
+        body = rng.bytes(int(rng.integers(0, 3000)))
+        if kind == 0:
+            part = rng.bytes(int(rng.integers(1, 9000)))
+        elif kind == 1:
+            part = np.frombuffer(on_line(4, begun & 0xFFFF, body), np.uint8).copy()
+            spots = rng.integers(0, len(part), rng.integers(1, 4))
+            part[spots] = rng.integers(0, 256, len(spots), np.uint8)
+            part = part.tobytes()
+        elif kind == 2:
+            part = on_line(4, begun & 0xFFFF, body)
+            part = part[: rng.integers(0, len(part))]
+        else:
+            part = b"\0" + on_line(4, begun & 0xFFFF, body)
+            kept.append(Packet(4, begun & 0xFFFF, body))
+        begun += 1
+        done += len(part)
+        for piece in np.array_split(np.frombuffer(part, np.uint8), int(rng.integers(1, 4))):
+            found += reader.feed(piece.tobytes())
+            assert len(reader._held) <= MAX_STUFFED
+    # A mutation of a byte into itself leaves a good packet.
+    rest = iter(found)
+    assert all(packet in rest for packet in kept)
+    assert len(found) - len(kept) <= begun // 100
+    assert reader.counts.accepted == len(found)
+    assert reader.counts.dropped.total() > 0
+
+
+def test_fuzz():
+    fuzz(200_000, SEED)
+
+
+@pytest.mark.full
+def test_fuzz_long():
+    fuzz(10_000_000, SEED + 1)
+
+
+def test_time_out_follows_the_round_trip():
+    time = RoundTrip()
+    assert time.time_out_s == FIRST_S
+    # RFC 6298: the first sample sets smoothed = R, deviation = R / 2, time-out = R + 4 R / 2.
+    time.sample(0.2)
+    assert time.time_out_s == pytest.approx(0.6)
+    # deviation = 3/4 x 0.1 + 1/4 x |0.2 - 0.4|, smoothed = 7/8 x 0.2 + 1/8 x 0.4.
+    time.sample(0.4)
+    assert time.time_out_s == pytest.approx(0.225 + 4 * 0.125)
+    time.back_off()
+    assert time.time_out_s == pytest.approx(2 * 0.725)
+    for _ in range(9):
+        time.back_off()
+    assert time.time_out_s == LONGEST_S
+    for _ in range(99):
+        time.sample(1e-4)
+    assert time.time_out_s == SHORTEST_S

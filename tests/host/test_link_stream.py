@@ -1,0 +1,280 @@
+"""Streaming to the model board: what is sent and what is not, efficiency, resume."""
+
+import threading
+import time
+from collections import Counter
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from lippmann.errors import DeviceError, InputError
+from lippmann.link.board import BACK, FRONT, Board
+from lippmann.link.faults import Proxy
+from lippmann.link.packets import Kind, packed
+from lippmann.link.stream import send_frame
+from model_board import ModelBoard
+from scene_cases import generator
+
+SEED = 4503
+#: The line of the tests is no line: time-outs need not wait for its bytes.
+FAST_BAUD = 12_000_000
+
+
+def noise(model, *key):
+    return generator(SEED, *key).integers(0, 256, (model.height, model.width, 3), np.uint8)
+
+
+@contextmanager
+def joined(patience_s=5.0, **settings):
+    with ModelBoard(**settings) as model, Board.open(model.url, FAST_BAUD, patience_s) as board:
+        yield model, board
+
+
+def test_a_frame_is_shown_as_it_was_sent():
+    seen = []
+    with joined(width=100, height=70) as (model, board):
+        image = noise(model)
+        image[0:32, 0:32] = 7
+        image[32:64, 32:64] = np.arange(32, dtype=np.uint8)[:, None]
+        sent = send_frame(board, image, lambda *step: seen.append(step))
+    assert len(model.shown) == 1
+    np.testing.assert_array_equal(model.shown[0], image)
+    assert (sent.tiles, sent.raw, sent.solid, sent.qoi, sent.copied) == (12, 10, 1, 1, 0)
+    assert (sent.sends, sent.resends, sent.skipped, sent.rounds, sent.epoch) == (12, 0, 0, 1, 1)
+    assert sent.image_bytes == 100 * 70 * 3
+    assert seen == [(k, 12) for k in range(1, 13)]
+    assert set(model.tile_writes.values()) == {1}
+
+
+def test_what_the_board_holds_is_not_sent():
+    with joined() as (model, board):
+        first, second = noise(model, 1), noise(model, 2)
+        send_frame(board, first)
+        again = send_frame(board, first)
+        assert again.unchanged
+        assert (again.sends, again.payload_bytes, again.skipped) == (0, 0, again.tiles)
+        # One tile of the frame that is shown changes: the others are copied on the board.
+        changed = first.copy()
+        changed[40, 40] ^= 1
+        part = send_frame(board, changed)
+        assert (part.raw, part.copied, part.resends) == (1, part.tiles - 1, 0)
+        assert send_frame(board, second).raw == part.tiles
+        # The back buffer still holds the frame before.
+        back = send_frame(board, changed)
+        assert (back.sends, back.unchanged, back.skipped) == (0, False, back.tiles)
+    for shown, frame in zip(model.shown, [first, changed, second, changed], strict=True):
+        np.testing.assert_array_equal(shown, frame)
+
+
+def test_overhead_of_raw_tiles():
+    with joined(width=640, height=480) as (model, board):
+        before = board.line.written
+        sent = send_frame(board, noise(model))
+    assert sent.raw == 300
+    assert sent.payload_bytes == sent.image_bytes == 640 * 480 * 3
+    assert sent.wire_bytes == board.line.written - before
+    # 12 bytes of packet, 13 of COBS at most, one delimiter to 3072 bytes; the tables come on top.
+    assert 0.0 < sent.overhead <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("baud", "size"), [(115200, (128, 96)), (921600, (256, 224)), (3_000_000, (480, 320)), (12_000_000, (960, 640))]
+)
+def test_efficiency_on_a_paced_line(baud, size):
+    with ModelBoard(*size) as model, Proxy(model.url, SEED, baud=baud) as line, Board.open(line.url, baud) as board:
+        sent = send_frame(board, noise(model))
+    least_s = sent.payload_bytes * 10 / baud
+    print(f"{baud} baud: {least_s:.3f} s at the least, {sent.seconds:.3f} s, {least_s / sent.seconds:.1%}")
+    assert sent.resends == 0
+    assert sent.raw == sent.tiles
+    # A line that is not slowed down would show here.
+    assert sent.seconds >= least_s
+    assert least_s / sent.seconds >= 0.95
+
+
+# --- tiles and frames that go wrong -----------------------------------------------------------------
+
+
+def test_a_tile_spoilt_on_the_board_is_mended():
+    with joined() as (model, board):
+        image = noise(model)
+
+        def spoil(model, _):
+            if all(model.tables[1 - model.front]) and 4 not in spoilt:
+                # A reset of one tile, as when its writing was broken off.
+                spoilt.add(4)
+                model.tables[1 - model.front][4] = 0
+                model.buffers[1 - model.front][32:64, 32:64] = 0
+
+        spoilt = set()
+        model.on_packet = spoil
+        sent = send_frame(board, image)
+        assert sent.rounds == 2
+        assert model.tile_writes == Counter({k: 1 + (k == 4) for k in range(sent.tiles)})
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+def test_tiles_that_share_a_crc_are_told_apart():
+    # Four bytes more turn any CRC-32 into any other: a tile of other content with the CRC of this one.
+    with joined(width=32, height=32) as (model, board):
+        image = noise(model)
+        model.tables[1 - model.front][0] = board.info.grid.crcs(image)[0]
+        sent = send_frame(board, image)
+        assert (sent.rounds, sent.sends) == (2, 1)
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+def test_a_copy_that_the_board_refuses_is_sent_raw():
+    with joined() as (model, board):
+        image = noise(model)
+        send_frame(board, image)
+        changed = image.copy()
+        changed[0, 0] ^= 1
+        original = model._tile
+        model._tile = lambda body: original(body if body[4] != 3 else body + b"no")
+        sent = send_frame(board, changed)
+        assert (sent.raw, sent.copied) == (sent.tiles, 0)
+    np.testing.assert_array_equal(model.shown[-1], changed)
+
+
+def test_a_board_that_never_has_the_frame_ends_it():
+    with joined() as (model, board):
+        model.on_packet = lambda model, _: model.buffers[1 - model.front].fill(1)
+        with pytest.raises(DeviceError, match=r"8 times.*power"):
+            send_frame(board, noise(model))
+    assert model.shown == []
+
+
+@pytest.mark.parametrize("shape", [(72, 95, 3), (96, 72, 3), (72, 96), (72, 96, 4)])
+def test_an_image_of_another_size_is_refused(shape):
+    with joined() as (model, board), pytest.raises(InputError, match="96 x 72"):
+        send_frame(board, np.zeros(shape, np.uint8))
+    assert model.executed[Kind.TILE] == 0
+
+
+def test_late_tiles_of_another_frame_do_no_harm():
+    with joined() as (model, board):
+        first, second = noise(model, 1), noise(model, 2)
+        send_frame(board, first)
+        board.line.send(packed(Kind.TILE, board.next_seq(), b"\0\0\0\0\1abc"), 1.0)
+        send_frame(board, second)
+        assert model.statuses[4] == 1
+    np.testing.assert_array_equal(model.shown, [first, second])
+
+
+# --- resume -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_resume_after_a_replug(share):
+    with ModelBoard(320, 200) as model, Proxy(model.url, SEED, baud=3_000_000) as line:
+        image = noise(model)
+        board = Board.open(line.url, FAST_BAUD)
+        with board:
+            pulled = threading.Event()
+
+            def pull(done, total):
+                if done >= share * total and not pulled.is_set():
+                    pulled.set()
+                    line.unplug()
+
+            with pytest.raises(DeviceError, match=r"line is lost.*plug"):
+                send_frame(board, image, pull)
+        time.sleep(0.3)
+        held = sum(crc != 0 for crc in model.tables[1 - model.front])
+        assert share * 70 - 1 <= held < 70
+        with Board.open(line.url, FAST_BAUD) as board:
+            sent = send_frame(board, image)
+    assert (sent.skipped, sent.sends, sent.resends) == (held, 70 - held, 0)
+    np.testing.assert_array_equal(model.shown, [image])
+    # Good packets that the board got for the same tile.
+    assert sum(count - 1 for count in model.tile_writes.values()) <= 1
+
+
+@pytest.mark.parametrize("before", [0, 1])
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.99])
+def test_a_power_cycle_within_a_frame(before, share):
+    with joined(width=320, height=200) as (model, board):
+        for k in range(before):
+            send_frame(board, noise(model, "before", k))
+        model.shown.clear()
+        model.tile_writes.clear()
+        lost = []
+
+        def cycle(model, _):
+            if not lost and model.tile_writes.total() >= share * model.tiles:
+                lost.append(model.tile_writes.total())
+                model.power_cycle()
+
+        model.on_packet = cycle
+        image = noise(model)
+        sent = send_frame(board, image)
+        assert lost
+    np.testing.assert_array_equal(model.shown, [image])
+    # What the board lost it gets again, and at most one tile more.
+    assert model.tile_writes.total() <= sent.tiles + lost[0] + 1
+    assert 2 <= sent.rounds <= 3
+
+
+def test_a_power_cycle_as_the_frame_is_presented():
+    for lose_reply in (False, True):
+        with joined() as (model, board):
+            send_frame(board, noise(model, 1))
+            original, cycled = model._present, []
+
+            def present(body, model=model, original=original, cycled=cycled):
+                if cycled:
+                    return original(body)
+                cycled.append(1)
+                if lose_reply:
+                    original(body)
+                model.power_cycle()
+                return original(body)
+
+            model._present = present
+            image = noise(model, 2)
+            send_frame(board, image)
+        np.testing.assert_array_equal(model.shown[-1], image)
+        assert model.buffers[model.front].tobytes() == image.tobytes()
+
+
+def test_a_lost_reply_to_present_shows_once():
+    with joined() as (model, board):
+        original = model._present
+
+        def present(body):
+            model.mute = model.executed[5] == 1
+            return original(body)
+
+        model._present = present
+        model.on_packet = lambda model, _: setattr(model, "mute", False)
+        image = noise(model)
+        assert send_frame(board, image).epoch == 1
+        assert model.executed[5] == 2
+    assert len(model.shown) == 1
+
+
+def test_another_board_in_the_middle_is_refused():
+    with joined() as (model, board):
+        send_frame(board, noise(model, 1))
+
+        def swap(model, _):
+            if model.executed[Kind.TILE] == 15:
+                model.power_cycle()
+                model.identity += 1
+
+        model.on_packet = swap
+        with pytest.raises(DeviceError, match="another board"):
+            send_frame(board, noise(model, 2))
+    assert len(model.shown) == 1
+
+
+def test_the_board_is_asked_what_it_holds():
+    with joined(width=1920, height=320) as (model, board):
+        image = np.zeros((320, 1920, 3), np.uint8)
+        image[:] = np.arange(1920)[None, :, None] // 32
+        send_frame(board, image)
+        # 600 tiles: more than one TILES holds.
+        np.testing.assert_array_equal(board.tiles(FRONT).crcs, board.info.grid.crcs(image))
+        assert not board.tiles(BACK).crcs.any()
+        assert board.tiles(FRONT).epoch == 1
