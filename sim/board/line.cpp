@@ -83,9 +83,10 @@ void Line::serve() {
     // A pty that nobody has open is never ready to be written: look again after a while.
     if (poll(wait, 2, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
+      // Emptied first: who rings from here on is heard, and what came before is seen above.
       char bytes[64];
-      rung_ = false;
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
+      rung_ = false;
     }
     if (host_ < 0 && wait[1].revents) {
       host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);

@@ -13,9 +13,9 @@ from lippmann.cli.common import display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
 from lippmann.errors import InputError, input_error
+from lippmann.fixed.register_file import build_of
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
 from lippmann.fixed.registers import Field, Register
-from lippmann.fixed.register_file import build_of
 from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
 from lippmann.link.board import OPTICS_BASE, Board
@@ -82,14 +82,14 @@ def start_command(
     try:
         while board.process.poll() is None:
             if folder is not None:
-                virtual_board.keep_as_png(folder, display.panel.width_px, display.panel.height_px)
+                virtual_board.keep_as_png(folder, display)
             time.sleep(0.2)
         # It failed: stop() says why.
         board.stop()
     except KeyboardInterrupt:
         done = board.stop()
         if folder is not None:
-            virtual_board.keep_as_png(folder, display.panel.width_px, display.panel.height_px)
+            virtual_board.keep_as_png(folder, display)
         log(f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
             f"{done['bytes_in']} bytes in, {done['bytes_out']} out")  # fmt: skip
 
@@ -118,7 +118,9 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
             "shown_crc": f"{registers['shown_crc']:08x}",
             "frames": registers["frames"],
             "counters": {
-                name.removeprefix("counters_"): count for name, count in registers.items() if name.startswith("counters")
+                name.removeprefix("counters_"): count
+                for name, count in registers.items()
+                if name.startswith("counters")
             },
         }
 

@@ -74,7 +74,7 @@ REGISTERS: dict[str, Register] = {
                 False,
                 "",
                 "",
-                "Test pattern in place of the frame. 0 off, 1 single_lens, 2 lens_centres, 3 view_numbers, 4 checker, 5 ramp.",
+                "Test pattern, not the frame. 0 off, 1 single_lens, 2 lens_centres, 3 view_numbers, 4 checker, 5 ramp.",
             ),
         },
     ),

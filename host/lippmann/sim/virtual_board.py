@@ -20,10 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.trace import COMPACT
+from lippmann.images import decode, write_picture
 from lippmann.sim.harness import SPEED_FLAGS, RtlError, parameters, processor
 from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
 
@@ -194,6 +197,19 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
                 board.stop()
 
 
+def keep_as_png(folder: Path, display: Display) -> list[Path]:
+    """Turn the captured frames of a folder (frame-NUMBER.rgb) into PNG files that `lippmann observe` takes."""
+    panel = display.panel
+    made = []
+    for raw in sorted(folder.glob("frame-*.rgb")):
+        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(panel.height_px, panel.width_px, 3)
+        metadata = {"identity": display.identity, "display": display.name}
+        made.append(raw.with_suffix(".png"))
+        write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer)
+        raw.unlink()
+    return made
+
+
 def sources(top: Path) -> list[Path]:
     """Return the SystemVerilog files of the board, the packages first."""
     folders = ("registers", "optics", "link", "panel", "board")
@@ -245,7 +261,8 @@ def compiled(display: Display, build: Build, byte_link: bool, trace: bool = Fals
             "-LDFLAGS", f"{SPEED_FLAGS} -O3 -lutil -lpthread",
             *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
             "-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
-            str(top / "rtl" / "registers" / "lint.vlt"), *map(str, files), *(str(path) for path in parts if path.suffix == ".cpp"),
+            str(top / "rtl" / "registers" / "lint.vlt"), *map(str, files),
+            *(str(path) for path in parts if path.suffix == ".cpp"),
         ]  # fmt: skip
         result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
         built = Path(work) / "board"

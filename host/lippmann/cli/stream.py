@@ -1,0 +1,154 @@
+"""`lippmann stream`: bring images to a board's panel, whole and unchanged, or not at all."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Any, get_args
+
+import click
+
+from lippmann.cli.common import emit, json_option, log, progress_bar
+from lippmann.cli.line import baud_option, chosen_port, port_option
+from lippmann.display import Transfer
+from lippmann.errors import DeviceError, device_error
+from lippmann.link.board import Board, Hello
+from lippmann.link.frames import load_frame
+from lippmann.link.registers import REGISTERS
+from lippmann.link.stream import Sent, send_frame
+
+#: Seconds between attempts to find a lost board again.
+RETRY_S = 0.5
+#: Frames that the panel may take until what it shows is known.
+SHOWN_FRAMES = 2
+#: Seconds that the panel may take for them; a simulated one is slow.
+SHOWN_SECONDS = 60.0
+
+
+@click.command("stream")
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE...")
+@port_option
+@baud_option
+@click.option(
+    "--transfer", type=click.Choice(get_args(Transfer)), default="srgb", show_default=True, help="The panel's curve."
+)
+@click.option("--force", is_flag=True, help="Stream an image that was rendered for another display, or names none.")
+@click.option(
+    "--resume", "resume_s", type=click.FloatRange(0.0), default=0.0, metavar="SECONDS",
+    help="When the line is lost, wait so long for the board and go on from what it holds.",
+)  # fmt: skip
+@click.option("--verify", is_flag=True, help="Ask the board for the CRC-32 of the frame that left for the panel.")
+@json_option
+def command(
+    images: tuple[str, ...],
+    port: str | None,
+    baud: int,
+    transfer: Transfer,
+    force: bool,
+    resume_s: float,
+    verify: bool,
+    as_json: bool,
+) -> None:
+    """Stream an image, or an animation of several, to the panel of a board.
+
+    The panel shows a frame when all of it has arrived and its CRC-32 is right, and until then the one before. What the
+    board holds already is not sent: after an interruption the same command goes on where it stopped.
+
+    Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
+    """
+    url = chosen_port(port, baud)
+    board = Board.open(url, baud)
+    try:
+        hello = board.info
+        # All are read before the first is sent: a bad one shows nothing.
+        frames = [load_frame(image, hello, transfer, force=force) for image in images]
+        results = []
+        for image, frame in zip(images, frames, strict=True):
+            with progress_bar(f"streaming {image}", as_json) as progress:
+                while True:
+                    try:
+                        sent = send_frame(board, frame, progress)
+                        break
+                    except DeviceError as error:
+                        if not resume_s:
+                            raise
+                        log(f"{error}; looking for the board for {resume_s:g} s")
+                        board.close()
+                        board = _again(url, baud, hello, resume_s)
+            results.append({"image": image, **_told(sent)})
+            if verify:
+                results[-1]["verified"] = _verified(board, sent)
+    finally:
+        board.close()
+
+    def text() -> None:
+        for result in results:
+            click.echo(_line(result))
+
+    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, as_json, text)
+
+
+def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
+    """Open the board again once it answers; it must drive the same display.
+
+    Raises
+    ------
+    DeviceError
+        When it does not answer in time, or another one does.
+    """
+    until = time.monotonic() + seconds
+    while True:
+        try:
+            board = Board.open(url, baud)
+            break
+        except DeviceError:
+            if time.monotonic() >= until:
+                raise
+            time.sleep(RETRY_S)
+    if (board.info.identity, board.info.width, board.info.height) != (hello.identity, hello.width, hello.height):
+        board.close()
+        raise device_error(url, "another board answers now", "stream to it anew, with an image for its display")
+    return board
+
+
+def _verified(board: Board, sent: Sent) -> bool:
+    """Compare the CRC-32 of what left for the panel with that of the frame.
+
+    Raises
+    ------
+    DeviceError
+        When they differ, or the panel stands still.
+    """
+    first = board.read(REGISTERS["frames"].address)[0]
+    until = time.monotonic() + SHOWN_SECONDS
+    while (board.read(REGISTERS["frames"].address)[0] - first) & 0xFFFFFFFF < SHOWN_FRAMES:
+        if time.monotonic() > until:
+            raise device_error(board.line.url, "the panel stands still", "check its clock and its cable")
+    shown = board.read(REGISTERS["shown_crc"].address)[0]
+    if shown == sent.crc:
+        return True
+    what = f"the panel shows CRC-32 {shown:08x}, sent was {sent.crc:08x}"
+    if board.read(REGISTERS["display"].address)[0] != REGISTERS["display"].fields["brightness"].reset:
+        raise device_error(
+            board.line.url, what, "set brightness=255 pattern=0 to verify (lippmann board write display)"
+        )
+    raise device_error(board.line.url, what, "stream the frame again")
+
+
+def _told(sent: Sent) -> dict[str, Any]:
+    return {**asdict(sent), "crc": f"{sent.crc:08x}", "bytes_per_second": sent.rate, "overhead": sent.overhead}
+
+
+def _line(result: dict[str, Any]) -> str:
+    if result["unchanged"]:
+        text = "shown already"
+    else:
+        kinds = ", ".join(
+            f"{result[kind]} {kind}" for kind in ("raw", "solid", "qoi", "copied", "skipped") if result[kind]
+        )
+        text = (
+            f"{result['image_bytes'] / 1000:.0f} KB in {result['seconds']:.3g} s "
+            f"({result['bytes_per_second'] / 1000:.4g} KB/s; {result['wire_bytes'] / 1000:.4g} KB on the line; "
+            f"{result['tiles']} tiles: {kinds}; {result['resends']} sent again)"
+        )
+    return f"{result['image']}: {text}" + (", verified on the panel" if result.get("verified") else "")

@@ -1,0 +1,413 @@
+"""The virtual board: what the host says over each kind of line, and what then leaves for the panel."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import struct
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.display import load_display
+from lippmann.errors import DeviceError
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.raster import Raster, raster
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.link.board import BACK, FRONT, Board
+from lippmann.link.faults import NO_FAULTS, Faults, Proxy
+from lippmann.link.packets import Kind, Status, packed
+from lippmann.link.registers import REGISTERS
+from lippmann.link.stream import send_frame
+from lippmann.sim import virtual_board
+
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+
+WIDTH, HEIGHT = 112, 80  # tiles clipped on both edges
+BAUD = 12_000_000
+#: Lines: how the host reaches the board, and what the RTL is given.
+LINES = {"socket-bytes": ("tcp", None), "pty-bytes": ("pty", None), "socket-bits": ("tcp", BAUD), "pty-bits": ("pty", BAUD)}
+
+
+def small(grid="square"):
+    display = load_display(f"scenes/displays/paper-{grid}.toml")
+    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
+    return dataclasses.replace(display, name=f"small {grid}", panel=panel)
+
+
+@pytest.fixture(params=LINES)
+def virtual(request, tmp_path):
+    """A running board over each kind of line; frames that it scans out are in its folder."""
+    print(f"seed {SEED}")
+    port, baud = LINES[request.param]
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    with virtual_board.running(small(), port=port, baud=baud, capture=folder) as board:
+        board.folder = folder
+        yield board
+
+
+@pytest.fixture
+def quick(tmp_path):
+    """A board on a byte line over TCP."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    with virtual_board.running(small(), capture=folder) as board:
+        board.folder = folder
+        yield board
+
+
+def random_image(seed=0):
+    image = np.random.default_rng([SEED, seed]).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    image[:40, :50] = seed & 0xFF  # solid tiles, and some that are better as QOI
+    return image
+
+
+def captured(folder: Path) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))]
+
+
+def wait_for(folder: Path, image: np.ndarray) -> None:
+    """Wait until the last frame that left for the panel is the image."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        frames = captured(folder)
+        if frames and frames[-1] == image.tobytes():
+            return
+        time.sleep(0.02)
+    raise AssertionError("the panel does not show the image")
+
+
+def assert_only(folder: Path, images) -> None:
+    """Nothing but these frames, whole, was ever scanned out, and black before the first."""
+    allowed = {image.tobytes() for image in images} | {bytes(3 * WIDTH * HEIGHT)}
+    frames = captured(folder)
+    assert all(frame in allowed for frame in frames), f"{sum(f not in allowed for f in frames)} torn or wrong frames"
+
+
+def test_what_a_board_says_of_itself(virtual):
+    with Board.open(virtual.url) as board:
+        hello = board.info
+        assert f"{hello.identity:016x}" == small().identity
+        assert (hello.width, hello.height, hello.tile, hello.max_packet) == (WIDTH, HEIGHT, 32, 3200)
+        assert (hello.clock_hz, hello.epoch) == (virtual_board.CLOCK_HZ, 0)
+        assert board.read(0x0, 2) == [0x4C495042, 0x00010000]
+        assert board.read(0x200) == [0x4C495050]
+        low, high = board.read(REGISTERS["display_low"].address, 2)
+        assert high << 32 | low == int(small().identity, 16)
+
+
+def test_the_panel_shows_what_was_sent(virtual):
+    first, second = random_image(1), random_image(2)
+    third = second.copy()
+    third[70:, 100:] ^= 255
+    with Board.open(virtual.url) as board:
+        for image in (first, second, third):
+            sent = send_frame(board, image)
+            assert sent.crc == zlib.crc32(image.tobytes())
+            wait_for(virtual.folder, image)
+        assert (sent.raw + sent.qoi, sent.copied + sent.skipped) == (1, 11)
+        again = send_frame(board, third)
+        assert again.unchanged and again.sends == 0
+        assert board.read(REGISTERS["shown_crc"].address) == [sent.crc]
+        counts = board.read(REGISTERS["counters_framing"].address, 9)
+        assert counts == [0] * 9
+    assert_only(virtual.folder, (first, second, third))
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_rays_of_the_board_are_those_of_the_twin(grid):
+    random = np.random.default_rng(SEED)
+    display = small(grid)
+    build = virtual_board.board_build(display)
+    config = configuration(display, build, "exact")
+    with virtual_board.running(display) as virtual, Board.open(virtual.url) as board:
+        board.write_all(optics_writes(config))
+        u, v = random.integers(-8 * WIDTH, 8 * WIDTH, 150), random.integers(-8 * HEIGHT, 8 * HEIGHT, 150)
+        zero = np.zeros_like(u)
+        for got, wanted in zip(board.trace(u, v, zero, zero), ray_pipeline(u, v, zero, zero, config, build), strict=True):
+            np.testing.assert_array_equal(got, wanted)
+        for window in (((0, WIDTH - 1), (0, HEIGHT - 1)), ((5, 5), (7, 7)), ((3, 60), (10, 20))):
+            frame = Raster(WIDTH, HEIGHT, *window, samples=2, jitter="lfsr", seed=SEED)
+            board.write_all(raster_writes(frame))
+            words = raster(frame, np.zeros(64, np.int64), build.fraction_bits)
+            zero = np.zeros_like(words.u)
+            rays = ray_pipeline(words.u, words.v, zero, zero, config, build)
+            expected = zlib.crc32(np.stack(rays, axis=1).astype("<i4").tobytes())
+            assert board.sign(frame.rays) == (frame.rays, expected)
+        # A window off the panel is refused, and the next one is not.
+        board.write(0x200 + 0xC4, [HEIGHT << 16])
+        with pytest.raises(DeviceError, match="refuses"):
+            board.sign(1)
+        board.write_all(raster_writes(frame))
+        assert board.sign(frame.rays) == (frame.rays, expected)
+        # Rays of a list go through after a frame, too.
+        assert (board.trace(u, v, zero[:150], zero[:150]).status == ray_pipeline(
+            u, v, zero[:150], zero[:150], config, build).status).all()
+
+
+def ask(board, kind, body, seq=None):
+    """Send one packet and return status and body of its reply."""
+    seq = board.next_seq() if seq is None else seq
+    board.line.send(packed(kind, seq, body), 2.0)
+    until = time.monotonic() + 5
+    while (reply := board.line.receive(until - time.monotonic())) is not None:
+        if reply.seq == seq and reply.kind == kind | 0x80:
+            return reply.body[0], reply.body[1:]
+    raise AssertionError("no reply")
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "status"),
+    [
+        (0x3F, b"", Status.UNKNOWN_TYPE),
+        (0x3F, bytes(500), Status.UNKNOWN_TYPE),
+        (Kind.HELLO, b"", Status.WRONG_LENGTH),
+        (Kind.HELLO, bytes([1, 0, 0, 0]), Status.WRONG_LENGTH),
+        (Kind.HELLO, bytes([1, 0, 0, 0, 0, 0]), Status.WRONG_LENGTH),
+        (Kind.HELLO, bytes([2, 0, 0, 0, 0]), Status.WRONG_VERSION),
+        (Kind.READ, struct.pack("<HB", 0, 0), Status.WRONG_LENGTH),
+        (Kind.READ, struct.pack("<HB", 0, 65), Status.WRONG_LENGTH),
+        (Kind.READ, struct.pack("<HB", 2, 1), Status.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0x100, 1), Status.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0xFC, 2), Status.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0x400, 1), Status.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0xFFFC, 64), Status.NO_SUCH_ADDRESS),
+        (Kind.WRITE, struct.pack("<H", 0x18), Status.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<HI", 0x18, 1)[:-1], Status.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<H65I", 0x200, *range(65)), Status.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<HI", 0x180, 1), Status.NO_SUCH_ADDRESS),
+        (Kind.WRITE, struct.pack("<HII", 0xFC, 1, 1), Status.NO_SUCH_ADDRESS),
+        (Kind.TILE, struct.pack("<HHB", 1, 0, 0), Status.STALE_EPOCH),
+        (Kind.TILE, struct.pack("<HHB", 1, 0, 0) + bytes(3072), Status.STALE_EPOCH),
+        (Kind.TILE, struct.pack("<HHB", 0, 12, 1) + bytes(3), Status.NO_SUCH_TILE),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0), Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3071), Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3073), Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 3, 0) + bytes(3072), Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 4) + bytes(3), Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 2) + b"\xfd" * 20, Status.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 3) + b"\0", Status.BAD_TILE_DATA),
+        (Kind.PRESENT, struct.pack("<HI", 5, 0), Status.STALE_EPOCH),
+        (Kind.PRESENT, struct.pack("<HI", 0xFFFF, 0), Status.STALE_EPOCH),
+        (Kind.PRESENT, struct.pack("<HI", 0, 12345), Status.FRAME_CRC_DIFFERS),
+        (Kind.PRESENT, struct.pack("<HIB", 0, 0, 0), Status.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 0, 0, 0), Status.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 0, 0, 513), Status.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 2, 0, 1), Status.NO_SUCH_TILE),
+        (Kind.TILES, struct.pack("<BHH", 0, 10, 3), Status.NO_SUCH_TILE),
+        (Kind.TRACE, b"", Status.WRONG_LENGTH),
+        (Kind.TRACE, bytes(20), Status.WRONG_LENGTH),
+        (Kind.TRACE, bytes(16 * 65), Status.WRONG_LENGTH),
+        (Kind.SIGN, b"x", Status.WRONG_LENGTH),
+    ],
+)  # fmt: skip
+def test_bad_requests_are_refused_and_change_nothing(shared, kind, body, status):
+    with Board.open(shared.url) as board:
+        display = board.read(0x18)
+        assert ask(board, kind, body) == (status, b"")
+        assert board.read(0x18) == display
+        assert board.read(REGISTERS["epoch"].address) == [0]
+        if kind == Kind.TILE and status == Status.BAD_TILE_DATA:
+            tile = struct.unpack("<H", body[2:4])[0]
+            assert board.tiles(BACK).crcs[tile] == 0
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """One board for the tests that leave it as it was."""
+    with virtual_board.running(small()) as board:
+        yield board
+
+
+def test_packets_that_are_not_good_are_counted_and_not_answered(quick):
+    good = packed(Kind.READ, 7, struct.pack("<HB", 0, 1))
+    flipped = bytes([good[0], good[1] ^ 4]) + good[2:]
+    long = packed(Kind.TILE, 8, bytes(3190))
+    with Board.open(quick.url) as board:
+        names = ["packets", "dropped_cobs", "dropped_crc", "dropped_long", "dropped_short"]
+
+        def counts():
+            return np.array([board.read(REGISTERS[f"counters_{name}"].address)[0] for name in names])
+
+        before = counts()
+        for bad in (flipped, b"\x09abc\0", b"\x03ab\0", packed(1, 1, bytes(3194)), b"\0\0\0"):
+            board.line.send(bad, 1.0)
+            assert board.line.receive(0.2) is None
+        change = counts() - before
+        # Each count was read by five good packets itself.
+        assert change.tolist() == [5, 1, 1, 1, 1]
+        assert len(long) <= 3200 + 15
+        assert ask(board, Kind.TILE, bytes(3190), 8)[0] == Status.BAD_TILE_DATA
+
+
+def test_a_write_is_executed_once(quick):
+    with Board.open(quick.url) as board:
+        address = REGISTERS["lens"].address
+        assert ask(board, Kind.WRITE, struct.pack("<HI", address, 1), 100) == (0, b"")
+        assert ask(board, Kind.WRITE, struct.pack("<HI", address, 2), 101) == (0, b"")
+        # The same number again: whatever it says, it is the reply that was lost.
+        assert ask(board, Kind.WRITE, struct.pack("<HI", address, 3), 101) == (0, b"")
+        assert board.read(address) == [2]
+        assert ask(board, Kind.WRITE, struct.pack("<HI", address, 3), 102) == (0, b"")
+        assert board.read(address) == [3]
+        board.hello()
+        assert ask(board, Kind.WRITE, struct.pack("<HI", address, 4), 102) == (0, b"")
+        assert board.read(address) == [4]
+
+
+def test_a_write_is_all_or_nothing(quick):
+    with Board.open(quick.url) as board:
+        board.write(REGISTERS["display"].address, [0x80, 5])
+        words = [1] * 30
+        assert ask(board, Kind.WRITE, struct.pack("<H30I", 0xE0, *words))[0] == Status.NO_SUCH_ADDRESS
+        assert board.read(REGISTERS["display"].address, 2) == [0x80, 5]
+
+
+def test_a_repeated_present_does_nothing(quick):
+    image = random_image(3)
+    with Board.open(quick.url) as board:
+        sent = send_frame(board, image)
+        body = struct.pack("<HI", 0, sent.crc)
+        assert ask(board, Kind.PRESENT, body) == (0, struct.pack("<H", 1))
+        assert board.read(REGISTERS["epoch"].address) == [1]
+        assert ask(board, Kind.PRESENT, struct.pack("<HI", 0, sent.crc ^ 1))[0] == Status.STALE_EPOCH
+    assert_only(quick.folder, [image])
+
+
+def test_brightness_and_patterns_leave_the_frame_alone(quick):
+    image = random_image(4)
+    with Board.open(quick.url) as board:
+        send_frame(board, image)
+        wait_for(quick.folder, image)
+        address = REGISTERS["display"].address
+        board.write(address, [0x7F])
+        wait_for(quick.folder, image // 2)  # floor(p * 128 / 256)
+        board.write(address, [4 << 8 | 0xFF])
+        rows, columns = np.indices((HEIGHT, WIDTH)) // 32
+        checker = np.repeat(((rows + columns) % 2 * 255).astype(np.uint8)[..., None], 3, axis=2)
+        wait_for(quick.folder, checker)
+        board.write(address, [0xFF])
+        wait_for(quick.folder, image)
+        assert board.tiles(FRONT).crcs.tolist() == board.info.grid.crcs(image).tolist()
+
+
+#: Chances a byte or a packet, such that a frame of this size meets several of them.
+FAULTS = {
+    "flip": Faults(flip=3e-5),
+    "drop": Faults(drop=3e-5),
+    "insert": Faults(insert=3e-5),
+    "duplicate": Faults(duplicate=3e-5),
+    "garble": Faults(garble=3e-4),
+    "reorder": Faults(reorder=2e-5),
+    "cut": Faults(cut=2e-5, run=200),
+    "stall": Faults(stall=2e-5, stall_s=0.3),
+    "lose": Faults(lose=0.1),
+    "repeat": Faults(repeat=0.2),
+    "swap": Faults(swap=0.1),
+    "delay": Faults(delay_s=0.01),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_bad_line_never_shows_a_wrong_frame(virtual, fault):
+    """Frames go over a line with faults; when it is good again the last one is shown, and nothing else ever was."""
+    images = [random_image(5), random_image(6), random_image(7)]
+    faults = FAULTS[fault]
+    begun = time.monotonic()
+    with Proxy(virtual.url, SEED, pty="pty" in virtual.url or virtual.url.startswith("/dev")) as line:
+        with Board.open(line.url, patience_s=3.0) as board:
+            line.down, line.up = faults, faults
+            for image in images[:2]:
+                try:
+                    send_frame(board, image)
+                except DeviceError as error:
+                    print(f"{fault}: {error}")
+            line.down, line.up = NO_FAULTS, NO_FAULTS
+            # The bytes under way are gone, and the board is in step again.
+            board.hello()
+            send_frame(board, images[2])
+    wait_for(virtual.folder, images[2])
+    assert_only(virtual.folder, images)
+    assert time.monotonic() - begun < 60
+
+
+def test_a_power_cycle_in_the_middle(virtual):
+    image = random_image(8)
+    with Board.open(virtual.url) as board:
+        send_frame(board, random_image(9))
+        seen = []
+
+        def progress(done, total):
+            seen.append(done)
+            if done == 4:
+                virtual.reset()
+
+        try:
+            send_frame(board, image, progress)
+        except DeviceError as error:
+            print(error)
+        board.hello()
+        send_frame(board, image)
+    wait_for(virtual.folder, image)
+
+
+def test_an_interrupted_frame_goes_on_from_what_the_board_holds(quick):
+    image = np.random.default_rng([SEED, 10]).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+
+    class Unplugged(Exception):
+        pass
+
+    def progress(done, total):
+        if done == 5:
+            raise Unplugged
+
+    with Board.open(quick.url) as board, pytest.raises(Unplugged):
+        send_frame(board, image, progress, window_bytes=4000)
+    with Board.open(quick.url) as board:
+        sent = send_frame(board, image)
+    # One tile was under way when the line broke.
+    assert sent.sends <= 12 - 5 + 1 and sent.skipped >= 5
+    wait_for(quick.folder, image)
+
+
+@pytest.mark.parametrize("port", ["tcp", "pty"])
+def test_a_board_ends_cleanly_and_says_what_it_did(tmp_path, port):
+    ready = tmp_path / "ready.json"
+    board = virtual_board.start(small(), port=port, ready=ready)
+    told = json.loads(ready.read_text())
+    assert (told["url"], told["width"], told["height"]) == (board.url, WIDTH, HEIGHT)
+    with Board.open(board.url):
+        pass
+    with Board.open(board.url):  # closed and opened again
+        pass
+    done = board.stop()
+    assert not ready.exists()
+    assert done["clocks"] > 0 and done["broken_frames"] == 0 and done["bytes_in"] > 0
+
+
+def test_a_port_that_is_taken(quick):
+    number = int(quick.url.rsplit(":", 1)[1])
+    with pytest.raises(DeviceError, match="in use"):
+        virtual_board.start(small(), tcp_port=number)
+
+
+def test_frames_that_cannot_be_kept_end_the_board(tmp_path):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    board = virtual_board.start(small(), capture=folder)
+    with Board.open(board.url) as link:
+        for path in folder.iterdir():
+            path.unlink()
+        folder.rmdir()
+        with pytest.raises(DeviceError):
+            send_frame(link, random_image(11))
+            link.patience_s = 2.0
+            while True:
+                link.read(0)
+    assert board.process.wait(10) == 3
+    assert "gone" in board.process.stderr.read()
