@@ -22,7 +22,7 @@ MAX_PACKET = 3200
 OPTICS_BUILD = 0x2AD7
 
 
-class Refused(Exception):
+class RefusedError(Exception):
     def __init__(self, status):
         super().__init__(status)
         self.status = status
@@ -176,7 +176,7 @@ class ModelBoard:
         body = packet[3:-4]
         try:
             answer = bytes([OK]) + self._do(kind, seq, body)
-        except Refused as refused:
+        except RefusedError as refused:
             answer = bytes([refused.status])
         self.statuses[answer[0]] += 1
         packet = struct.pack("<BH", kind | 0x80, seq) + answer
@@ -190,10 +190,10 @@ class ModelBoard:
         known = {1: self._hello, 2: self._read, 3: self._write, 4: self._tile, 5: self._present, 6: self._tiles}
         known |= {7: self._trace, 8: self._sign}
         if kind not in known:
-            raise Refused(UNKNOWN)
+            raise RefusedError(UNKNOWN)
         if kind in (3, 8) and self.last_done and self.last_done[0] == (kind, seq):
             if self.last_done[1]:
-                raise Refused(self.last_done[1])
+                raise RefusedError(self.last_done[1])
             return self.last_done[2]
         self.executed[kind] += 1
         status, answer = OK, b""
@@ -201,18 +201,18 @@ class ModelBoard:
             answer = known[kind](body)
         except struct.error:
             status = LENGTH
-        except Refused as refused:
+        except RefusedError as refused:
             status = refused.status
         if kind in (3, 8):
             self.last_done = (kind, seq), status, answer
         if status:
-            raise Refused(status)
+            raise RefusedError(status)
         return answer
 
     def _hello(self, body):
         version, nonce = struct.unpack("<BI", body)
         if version != self.version:
-            raise Refused(VERSION)
+            raise RefusedError(VERSION)
         self.last_done = None
         limits = self.identity, self.width, self.height, 32, MAX_PACKET, 50_000_000, self.epoch, OPTICS_BUILD
         return struct.pack("<BIQHHBHIHI", version, nonce, *limits)
@@ -221,19 +221,19 @@ class ModelBoard:
         address, count = struct.unpack("<HB", body)
         addresses = range(address, address + 4 * count, 4)
         if not 1 <= count <= 64:
-            raise Refused(LENGTH)
+            raise RefusedError(LENGTH)
         if not all(a in self.registers for a in addresses):
-            raise Refused(ADDRESS)
+            raise RefusedError(ADDRESS)
         return struct.pack(f"<{count}I", *(self.registers[a] for a in addresses))
 
     def _write(self, body):
         count = (len(body) - 2) // 4
         address, *words = struct.unpack(f"<H{count}I", body)
         if not 1 <= count <= 64:
-            raise Refused(LENGTH)
+            raise RefusedError(LENGTH)
         addresses = range(address, address + 4 * count, 4)
         if not all(a in self.registers for a in addresses):
-            raise Refused(ADDRESS)
+            raise RefusedError(ADDRESS)
         self.writes.append((address, tuple(words)))
         self.registers.update(zip(addresses, words, strict=True))
         return b""
@@ -242,9 +242,9 @@ class ModelBoard:
         epoch, tile, coding = struct.unpack("<HHB", body[:5])
         data = body[5:]
         if epoch != self.epoch:
-            raise Refused(STALE)
+            raise RefusedError(STALE)
         if tile >= self.tiles:
-            raise Refused(NO_TILE)
+            raise RefusedError(NO_TILE)
         back = 1 - self.front
         row, column = divmod(tile, self.columns)
         place = slice(32 * row, 32 * row + 32), slice(32 * column, 32 * column + 32)
@@ -262,7 +262,7 @@ class ModelBoard:
         else:
             pixels = None
         if pixels is None:
-            raise Refused(BAD_TILE)
+            raise RefusedError(BAD_TILE)
         view[:] = np.frombuffer(pixels, np.uint8).reshape(view.shape)
         self.tables[back][tile] = zlib.crc32(pixels)
         self.tile_writes[tile] += 1
@@ -273,10 +273,10 @@ class ModelBoard:
         if (epoch + 1) % 65536 == self.epoch and crc == self.last_crc:
             return struct.pack("<H", self.epoch)
         if epoch != self.epoch:
-            raise Refused(STALE)
+            raise RefusedError(STALE)
         back = self.buffers[1 - self.front]
         if zlib.crc32(back.tobytes()) != crc:
-            raise Refused(CRC_DIFFERS)
+            raise RefusedError(CRC_DIFFERS)
         self.front = 1 - self.front
         self.epoch = (self.epoch + 1) % 65536
         self.last_crc = crc
@@ -286,23 +286,23 @@ class ModelBoard:
     def _tiles(self, body):
         buffer, first, count = struct.unpack("<BHH", body)
         if buffer > 1 or not 1 <= count <= 512:
-            raise Refused(LENGTH)
+            raise RefusedError(LENGTH)
         if first + count > self.tiles:
-            raise Refused(NO_TILE)
+            raise RefusedError(NO_TILE)
         table = self.tables[self.front if buffer else 1 - self.front]
         return struct.pack(f"<HH{count}I", self.epoch, first, *table[first : first + count])
 
     def _trace(self, body):
         rays = np.frombuffer(body, "<i4")
         if not len(rays) or len(rays) % 4 or len(rays) > 256:
-            raise Refused(LENGTH)
+            raise RefusedError(LENGTH)
         u, v, a, b = rays.reshape(-1, 4).T
         # Any nine words of each ray will do.
         return np.stack([u, v, a, b, u - v, a - b, -u, -v, u & 7], axis=1).astype("<i4").tobytes()
 
     def _sign(self, body):
         if body:
-            raise Refused(LENGTH)
+            raise RefusedError(LENGTH)
         if self.registers[0x200] == 0xBAD:
-            raise Refused(OPTICS)
+            raise RefusedError(OPTICS)
         return struct.pack("<II", 4711, 0x12345678)

@@ -129,6 +129,9 @@ def test_time_out_follows_the_round_trip():
     assert time.time_out_s == pytest.approx(0.225 + 4 * 0.125)
     time.back_off()
     assert time.time_out_s == pytest.approx(2 * 0.725)
+    time.ease()
+    time.ease()
+    assert time.time_out_s == pytest.approx(0.725)
     for _ in range(9):
         time.back_off()
     assert time.time_out_s == LONGEST_S

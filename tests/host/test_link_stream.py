@@ -216,26 +216,25 @@ def test_a_power_cycle_within_a_frame(before, share):
     assert 2 <= sent.rounds <= 3
 
 
-def test_a_power_cycle_as_the_frame_is_presented():
-    for lose_reply in (False, True):
-        with joined() as (model, board):
-            send_frame(board, noise(model, 1))
-            original, cycled = model._present, []
+@pytest.mark.parametrize("before_reply", [False, True])
+def test_a_power_cycle_as_the_frame_is_presented(before_reply):
+    with joined() as (model, board):
+        send_frame(board, noise(model, 1))
+        original, cycled = model._present, []
 
-            def present(body, model=model, original=original, cycled=cycled):
-                if cycled:
-                    return original(body)
+        def present(body):
+            if not cycled:
                 cycled.append(1)
-                if lose_reply:
+                if before_reply:
                     original(body)
                 model.power_cycle()
-                return original(body)
+            return original(body)
 
-            model._present = present
-            image = noise(model, 2)
-            send_frame(board, image)
-        np.testing.assert_array_equal(model.shown[-1], image)
-        assert model.buffers[model.front].tobytes() == image.tobytes()
+        model._present = present
+        image = noise(model, 2)
+        send_frame(board, image)
+    np.testing.assert_array_equal(model.shown[-1], image)
+    assert model.buffers[model.front].tobytes() == image.tobytes()
 
 
 def test_a_lost_reply_to_present_shows_once():
@@ -270,7 +269,7 @@ def test_another_board_in_the_middle_is_refused():
 
 
 def test_the_board_is_asked_what_it_holds():
-    with joined(width=1920, height=320) as (model, board):
+    with joined(width=1920, height=320) as (_, board):
         image = np.zeros((320, 1920, 3), np.uint8)
         image[:] = np.arange(1920)[None, :, None] // 32
         send_frame(board, image)

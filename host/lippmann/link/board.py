@@ -356,7 +356,9 @@ class Board:
             until = min(end, sent + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
             while (reply := self.line.receive(until - time.monotonic())) is not None:
                 if reply.kind == kind | REPLY and reply.seq == seq and reply.body:
-                    if not again and not work_s:
+                    if again:
+                        self._round_trip.ease()
+                    elif not work_s:
                         self._round_trip.sample(time.monotonic() - sent)
                     return reply.body[0], reply.body[1:]
             if time.monotonic() >= end:

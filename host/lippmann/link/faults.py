@@ -122,7 +122,8 @@ class Mangler:
 
     def _values(self, kind: str, count: int) -> npt.NDArray[np.uint8]:
         """Return random bytes."""
-        return self._generator(kind + " values").integers(0, 256, count, np.uint8)
+        # Narrower numbers would be drawn several at once, and the rest of a draw forgotten.
+        return self._generator(kind + " values").integers(0, 256, count).astype(np.uint8)
 
     def _cut(self, count: int, faults: Faults) -> npt.NDArray[np.bool_]:
         """Return which of the next bytes lie in a run that is lost."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: Time-out before the first reply, shortest and longest time-out, s.
-FIRST_S = 1.0
+FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
 
@@ -24,8 +24,18 @@ class RoundTrip:
         else:
             self._deviation += (abs(self._smoothed - seconds) - self._deviation) / 4.0
             self._smoothed += (seconds - self._smoothed) / 8.0
-        self.time_out_s = min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)
+        self.time_out_s = self._estimate()
 
     def back_off(self) -> None:
         """Take note of a time-out."""
         self.time_out_s = min(2.0 * self.time_out_s, LONGEST_S)
+
+    def ease(self) -> None:
+        """Take note of a reply after a time-out, which may answer any of several sends and so tells no time."""
+        self.time_out_s = max(self.time_out_s / 2.0, self._estimate())
+
+    def _estimate(self) -> float:
+        """Return the time-out that the samples suggest."""
+        if self._smoothed is None:
+            return FIRST_S
+        return min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)

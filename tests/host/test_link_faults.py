@@ -1,0 +1,222 @@
+"""The fault line against the model board: frames shown are frames sent, and the host ends in time."""
+
+import select
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from lippmann.errors import DeviceError
+from lippmann.link.board import SEND_S, Board
+from lippmann.link.faults import NO_FAULTS, Faults, Mangler, Proxy
+from lippmann.link.stream import send_frame
+from model_board import ModelBoard
+from scene_cases import generator
+
+SEED = 4504
+FAST_BAUD = 12_000_000
+PATIENCE_S = 8.0
+#: Bound of a frame on a bad line that still lets something through; what is measured is a tenth.
+FRAME_S = 30.0
+
+FAULTS = {
+    "flip": Faults(flip=1e-4),
+    "drop": Faults(drop=1e-4),
+    "insert": Faults(insert=1e-4),
+    "duplicate": Faults(duplicate=1e-4),
+    "garble": Faults(garble=1e-4),
+    "reorder": Faults(reorder=1e-4, run=32),
+    "cut": Faults(cut=3e-5, run=2000),
+    "stall": Faults(stall=2e-5, stall_s=0.3),
+    "delay": Faults(delay_s=0.01),
+    "lose": Faults(lose=0.1),
+    "repeat": Faults(repeat=0.3),
+    "swap": Faults(swap=0.2),
+    "all": Faults(3e-5, 3e-5, 3e-5, 3e-5, 3e-5, 1e-5, 1e-5, 1e-5, 0.02, 0.05, 0.05, stall_s=0.05),
+}
+#: Replies are short: a byte of theirs is hit often enough to matter.
+UP = {
+    "flip": Faults(flip=0.004),
+    "drop": Faults(drop=0.004),
+    "insert": Faults(insert=0.004),
+    "duplicate": Faults(duplicate=0.004),
+    "garble": Faults(garble=0.004),
+    "reorder": Faults(reorder=0.002, run=8),
+    "cut": Faults(cut=0.002, run=40),
+    "stall": Faults(stall=0.001, stall_s=0.3),
+    "lose": Faults(lose=0.2),
+    "repeat": Faults(repeat=0.3),
+    "swap": Faults(swap=0.2),
+}
+
+
+def frames(model, *key):
+    """Two frames of noise with a part that codes well, the second a little different."""
+    rng = generator(SEED, *key)
+    first = rng.integers(0, 256, (model.height, model.width, 3), np.uint8)
+    first[40:90] = np.arange(model.width, dtype=np.uint8)[None, :, None]
+    second = first.copy()
+    second[60:140] = rng.integers(0, 256, (80, model.width, 3), np.uint8)
+    return first, second
+
+
+def stream_through(pty, down, up, *key):
+    """Stream two frames over a bad line and one when the line is back; return resends."""
+    seed = SEED + sum(map(ord, "".join(key)))
+    print(f"proxy seed {seed}")
+    resends = 0
+    with ModelBoard(256, 160, pty=pty) as model:
+        first, second = frames(model, *key)
+        with Proxy(model.url, seed, down, up, pty=pty) as line, Board.open(line.url, FAST_BAUD, PATIENCE_S) as board:
+            for image in (first, second):
+                begun = time.monotonic()
+                resends += send_frame(board, image).resends
+                assert time.monotonic() - begun < FRAME_S
+                np.testing.assert_array_equal(model.buffers[model.front], image)
+            line.restore()
+            begun = time.monotonic()
+            send_frame(board, first)
+            assert time.monotonic() - begun < PATIENCE_S
+    # No frame but those, and none twice.
+    np.testing.assert_array_equal(model.shown, [first, second, first])
+    return resends
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_on_the_way_to_the_board(fault):
+    resends = stream_through(True, FAULTS[fault], NO_FAULTS, fault)
+    assert resends or fault in ("stall", "delay", "repeat", "swap")
+
+
+@pytest.mark.parametrize("fault", UP)
+def test_faults_on_the_way_back(fault):
+    resends = stream_through(True, NO_FAULTS, UP[fault], "up", fault)
+    assert resends or fault in ("stall", "repeat", "swap")
+
+
+@pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])
+def test_faults_on_both_ways(pty):
+    stream_through(pty, FAULTS["all"], FAULTS["all"], "both", str(pty))
+
+
+@pytest.mark.parametrize("fault", [Faults(lose=1.0), Faults(garble=1.0), Faults(flip=0.5), Faults(drop=0.5)])
+@pytest.mark.parametrize("down", [False, True])
+def test_a_dead_line_ends_in_time(fault, down):
+    with ModelBoard(256, 160) as model, Proxy(model.url, SEED) as line, Board.open(line.url, FAST_BAUD, 1.0) as board:
+        first, second = frames(model)
+        send_frame(board, first)
+
+        def spoil(done, _):
+            if done == 2:
+                line.down, line.up = (fault, NO_FAULTS) if down else (NO_FAULTS, fault)
+
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match=r"not answered.*cable"):
+            send_frame(board, second, spoil, window_bytes=4000)
+        assert time.monotonic() - begun < 1.0 + SEND_S
+        np.testing.assert_array_equal(model.shown, [first])
+        # The line is back: the frame goes on where it was.
+        line.restore()
+        sent = send_frame(board, second)
+        assert sent.skipped >= 2
+    np.testing.assert_array_equal(model.shown, [first, second])
+
+
+@pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])
+def test_a_stalled_board_goes_on(pty):
+    with ModelBoard(256, 160, pty=pty) as model, Board.open(model.url, FAST_BAUD, PATIENCE_S) as board:
+        first, _ = frames(model)
+
+        def stall(model, _):
+            if model.tile_writes.total() == 10 and not stalled:
+                stalled.append(1)
+                model.stalled.set()
+                threading.Timer(0.8, model.stalled.clear).start()
+
+        stalled = []
+        model.on_packet = stall
+        send_frame(board, first)
+        assert stalled
+    np.testing.assert_array_equal(model.shown, [first])
+
+
+def test_a_board_that_stalls_for_good_ends_in_time():
+    with ModelBoard(640, 480) as model, Board.open(model.url, FAST_BAUD, 1.0) as board:
+        image = generator(SEED).integers(0, 256, (480, 640, 3), np.uint8)
+        model.on_packet = lambda model, _: model.tile_writes.total() == 10 and model.stalled.set()
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match="not answered"):
+            send_frame(board, image)
+        assert time.monotonic() - begun < 1.0 + SEND_S
+    assert model.shown == []
+
+
+def test_requests_get_through_and_are_done_once():
+    with ModelBoard() as model:
+        up = Faults(flip=0.003, lose=0.3, repeat=0.2)
+        down = Faults(flip=0.003, lose=0.2, repeat=0.2)
+        with Proxy(model.url, SEED, down, up) as line, Board.open(line.url, FAST_BAUD, PATIENCE_S) as board:
+            expected = []
+            for k in range(30):
+                board.write(0x200, [k, ~k & 0xFFFFFFFF])
+                expected.append((0x200, (k, ~k & 0xFFFFFFFF)))
+                assert board.read(0x200, 2) == [k, ~k & 0xFFFFFFFF]
+        assert model.writes == expected
+
+
+# --- the fault line itself --------------------------------------------------------------------------
+
+
+def mangled(faults, size, chunk, seed=SEED):
+    mangler = Mangler(seed, 0)
+    data = generator(seed, "data").bytes(size)
+    out = b"".join(mangler(data[at : at + chunk], faults)[0] for at in range(0, size, chunk))
+    return data, out
+
+
+@pytest.mark.parametrize("kind", ["flip", "drop", "insert", "duplicate", "garble", "cut"])
+def test_faults_are_as_many_as_said_and_follow_the_seed(kind):
+    faults = Faults(**{kind: 0.01}, run=5)
+    data, out = mangled(faults, 50_000, 1000)
+    assert mangled(faults, 50_000, 77)[1] == out
+    assert mangled(faults, 50_000, 1000, SEED + 1)[1] != out
+    sizes = {"drop": -500, "insert": 500, "duplicate": 500, "cut": -2440}
+    # Five sigma of a binomial; runs that are cut count five times and overlap now and then.
+    slack = 5 * 22.3 * (kind in sizes) * (5 if kind == "cut" else 1)
+    assert abs(len(out) - len(data) - sizes.get(kind, 0)) <= slack
+    if kind == "flip":
+        bits = np.unpackbits(np.frombuffer(data, np.uint8) ^ np.frombuffer(out, np.uint8))
+        assert 500 - 112 <= bits.sum() <= 500 + 112
+    if kind == "garble":
+        assert 500 - 112 <= (np.frombuffer(data, np.uint8) != np.frombuffer(out, np.uint8)).sum() <= 500 + 112
+
+
+def test_reordered_runs_and_packets():
+    mangler = Mangler(SEED, 0)
+    assert mangler(b"abcdef", Faults(reorder=1.0, run=8))[0] == b"abcdef"
+    swapped = Mangler(SEED, 1)(bytes(range(100)), Faults(reorder=0.02, run=10))[0]
+    assert swapped != bytes(range(100))
+    assert sorted(swapped) == list(range(100))
+    assert Mangler(SEED, 0)(b"a\0bc\0d", Faults(repeat=1.0))[0] == b"a\0a\0bc\0bc\0"
+    assert Mangler(SEED, 0)(b"a\0bc\0d", Faults(lose=1.0))[0] == b""
+    assert Mangler(SEED, 0)(b"a\0bc\0d\0e\0f", Faults(swap=1.0))[0] == b"bc\0a\0e\0d\0"
+    # What is held comes out when the line is good again.
+    held = Mangler(SEED, 0)
+    assert held(b"a\0b", Faults(swap=1.0))[0] == b""
+    assert held(b"c\0", NO_FAULTS) == (b"a\0bc\0", 0.0)
+
+
+def test_a_paced_line_keeps_its_rate():
+    with (
+        ModelBoard() as model,
+        Proxy(model.url, SEED, baud=200_000) as line,
+        socket.create_connection(("127.0.0.1", int(line.url.rsplit(":", 1)[1]))) as host,
+    ):
+        begun = time.monotonic()
+        # Packets without a byte: nothing comes back. The board's counter tells when the last has come.
+        host.sendall(b"\1\0" * 5000)
+        while model.packets < 5000:
+            time.sleep(0.002)
+        assert 0.5 <= time.monotonic() - begun < 0.6
+        assert not select.select([host], [], [], 0)[0]
