@@ -168,7 +168,11 @@ module board #(
     .s_cpuif_wr_ack(board_write_ack), .s_cpuif_wr_err(board_write_error),
     .hwif_in(told), .hwif_out(set)
   );
-  logic [31:0] shown_crc, frames;
+  logic [31:0] shown_crc, frames, clocks_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) clocks_q <= '0;
+    else clocks_q <= clocks_q + 1'b1;
+  end
   assign told.display_low.value.next = identity_i[31:0];
   assign told.display_high.value.next = identity_i[63:32];
   assign told.panel.width.next = 16'(Width);
@@ -177,6 +181,7 @@ module board #(
   assign told.epoch.value.next = epoch;
   assign told.shown_crc.value.next = shown_crc;
   assign told.frames.value.next = frames;
+  assign told.clocks.value.next = clocks_q;
   assign told.counters.packets.count.incr = accepted;
   assign told.counters.framing.count.incr = framing_error;
   assign told.counters.overflow.count.incr = overflow;

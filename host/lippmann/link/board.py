@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
+from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.fixed.register_file import Write
+from lippmann.fixed.register_file import Write, build_of
+from lippmann.fixed.registers import REGISTERS
 from lippmann.fixed.words import Ints
 from lippmann.link.packets import MAX_PACKET, REPLY, VERSION, Kind, Status, packed
 from lippmann.link.port import DEFAULT_BAUD, Line
@@ -28,6 +30,8 @@ SEND_S = 2.0
 SLOWEST_HZ = 3e5
 #: Clocks for each pixel of a PRESENT: the CRC, the wait for the swap, and as much again.
 PRESENT_CLOCKS = 4
+#: Clocks for each ray of a SIGN, nine words of it.
+SIGN_CLOCKS = 10
 #: Rays a TRACE holds, words a READ or WRITE, tiles a TILES.
 MAX_RAYS, MAX_WORDS, MAX_TILES = 64, 64, 512
 #: Where the optics block's registers begin in the board's addresses.
@@ -230,6 +234,11 @@ class Board:
         if run:
             self.write(base + run[0].address, [write.word for write in run])
 
+    def optics_build(self) -> Build:
+        """Return what the board's optics were built with. Raises as `read`, and InputError for unknown optics."""
+        names = ("identity", "version", "build")
+        return build_of({name: self.read(OPTICS_BASE + REGISTERS[name].address)[0] for name in names})
+
     def tiles(self, buffer: int) -> Table:
         """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`.
 
@@ -293,7 +302,7 @@ class Board:
         DeviceError
             When the board does not answer, or refuses the raster's window.
         """
-        body = self._ask(Kind.SIGN, b"", SIGNATURE.size, rays / SLOWEST_HZ)
+        body = self._ask(Kind.SIGN, b"", SIGNATURE.size, SIGN_CLOCKS * rays / SLOWEST_HZ)
         return Signature(*SIGNATURE.unpack(body))
 
     def next_seq(self) -> int:

@@ -119,6 +119,14 @@ REGISTERS: dict[str, Register] = {
             "value": Field(0, 32, None, False, "", "", "Frames that have left for the panel, modulo 2^32."),
         },
     ),
+    "clocks": Register(
+        0x02C,
+        1,
+        "read",
+        {
+            "value": Field(0, 32, None, False, "", "", "Clocks since reset, modulo 2^32."),
+        },
+    ),
     "counters_packets": Register(
         0x040,
         1,

@@ -1,0 +1,58 @@
+"""`lippmann display`: an image on a panel of the host's graphics card, one-to-one."""
+
+from __future__ import annotations
+
+import click
+
+from lippmann.cli.common import emit, json_option
+from lippmann.cli.line import baud_option
+from lippmann.display import load_display
+from lippmann.errors import InputError, input_error
+from lippmann.fullscreen import show
+from lippmann.link.board import Board
+from lippmann.link.frames import load_frame
+
+
+@click.command("display")
+@click.argument("image")
+@click.option("--display", "display_path", metavar="FILE", help="Display file: its panel is the monitor.")
+@click.option("--port", metavar="URL", help="A board that drives the same panel's array, asked which it is.")
+@baud_option
+@click.option("--monitor", type=click.IntRange(0), default=0, show_default=True, help="Its number, from 0.")
+@click.option("--seconds", type=click.FloatRange(0.0), help="How long; else until Escape or q.")
+@click.option("--force", is_flag=True, help="Show an image that was rendered for another display, or names none.")
+@json_option
+def command(
+    image: str,
+    display_path: str | None,
+    port: str | None,
+    baud: int,
+    monitor: int,
+    seconds: float | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Show an image full-screen and unscaled on a monitor that is the panel behind the array.
+
+    Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml --monitor 1
+    """
+    if display_path is None and port is None:
+        raise InputError("name the panel with --display FILE, or with --port URL the board that knows it")
+    transfer, bits = "srgb", 8
+    if display_path is not None:
+        display = load_display(display_path)
+        panel = display.panel
+        identity, width, height = display.identity, panel.width_px, panel.height_px
+        transfer, bits = panel.transfer, panel.bits
+    if port is not None:
+        with Board.open(port, baud) as board:
+            own = f"{board.info.identity:016x}"
+            if display_path is not None and own != identity and not force:
+                raise input_error(
+                    port, f"the board drives {own}, {display_path} is {identity}", "name its display file"
+                )
+            identity, width, height = own, board.info.width, board.info.height
+    pixels = load_frame(image, identity, width, height, transfer, bits, force)
+    show(pixels, monitor, seconds)
+    result = {"image": image, "monitor": monitor, "width": width, "height": height, "identity": identity}
+    emit(result, as_json, lambda: click.echo(f"{image}: shown on monitor {monitor}, {width} x {height}"))

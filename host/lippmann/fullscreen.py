@@ -1,0 +1,103 @@
+"""An image on a panel of the host's graphics card: every pixel where it belongs, unscaled, full-screen (SDL)."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import DeviceError, InputError
+
+Pixels = npt.NDArray[np.uint8]
+
+#: Seconds between two looks at the keyboard.
+LOOK_S = 0.05
+
+
+def monitors() -> list[tuple[int, int]]:
+    """Return width and height of each monitor, px.
+
+    Raises
+    ------
+    DeviceError
+        When there is no desktop to show anything on.
+    """
+    pygame = _pygame()
+    return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+
+
+def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Callable[[], None] | None = None) -> Pixels:
+    """Show an image until a key (Escape or q), or for some seconds; return what the screen held.
+
+    Parameters
+    ----------
+    image
+        (height, width, 3) uint8, as large as the monitor.
+    monitor
+        Its number, from 0.
+    seconds
+        How long; None: until the key.
+    shown
+        Called once the image stands on the monitor.
+
+    Raises
+    ------
+    InputError
+        For a monitor that is not there or of another size: scaled pixels would miss their lenslets.
+    DeviceError
+        When there is no desktop, or it does not give the whole monitor.
+    """
+    sizes = monitors()
+    if not 0 <= monitor < len(sizes):
+        listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
+        raise InputError(f"no monitor {monitor}; choose from {listed}")
+    height, width = image.shape[:2]
+    if sizes[monitor] != (width, height):
+        raise InputError(
+            f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {width} x {height}; "
+            "set the monitor to its panel's own resolution, without scaling"
+        )
+    pygame = _pygame()
+    try:
+        screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
+        if screen.get_size() != (width, height):
+            raise DeviceError(f"the desktop gives {screen.get_size()} of monitor {monitor}; turn its scaling off")
+        pygame.mouse.set_visible(False)
+        screen.blit(pygame.image.frombuffer(np.ascontiguousarray(image).tobytes(), (width, height), "RGB"), (0, 0))
+        pygame.display.flip()
+        held = np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
+        if shown is not None:
+            shown()
+        until = None if seconds is None else time.monotonic() + seconds
+        while (until is None or time.monotonic() < until) and not _asked_to_end(pygame):
+            time.sleep(LOOK_S)
+        return held
+    except pygame.error as error:
+        raise DeviceError(f"the desktop refuses a full screen ({error}); run it in a graphical session") from None
+    finally:
+        pygame.display.quit()
+
+
+def _asked_to_end(pygame: Any) -> bool:
+    return any(
+        event.type == pygame.QUIT or (event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q))
+        for event in pygame.event.get()
+    )
+
+
+def _pygame() -> Any:
+    """Return pygame with its display ready."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    # The panel is not the monitor that has the keyboard.
+    os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
+    import pygame
+
+    try:
+        pygame.display.init()
+    except pygame.error as error:
+        raise DeviceError(f"no desktop ({error}); run it in a graphical session, such as with DISPLAY=:0") from None
+    return pygame
