@@ -3,8 +3,8 @@
 /// Makes a COBS frame of a packet, the 0x00 behind it included.
 ///
 /// A group's code is its length, so a group goes out when all of it is in. Two banks, one filled
-/// while the other is sent: a byte out each clock. The first is out 3 clocks after the group's end
-/// came in.
+/// while the other is sent: a byte out each clock while groups are alike, one in two clocks at
+/// worst. The first is out 3 clocks after its group's end came in.
 module cobs_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -12,7 +17,7 @@ import click
 from lippmann.cli.common import display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
-from lippmann.errors import InputError, input_error
+from lippmann.errors import DeviceError, InputError, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
@@ -21,6 +26,9 @@ from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
 from lippmann.link.board import OPTICS_BASE, Board
 from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
+
+#: Seconds between two looks at a board that runs, and that it has to end.
+LOOK_S, STOP_SECONDS = 0.1, 10.0
 
 
 @click.group("board")
@@ -43,6 +51,7 @@ def command() -> None:
 @click.option("--capture", metavar="FOLDER", help="Keep every new frame that is scanned out, as PNG.")
 @click.option("--ready", metavar="FILE", help="JSON file that tells where to connect, while the board runs.")
 @click.option("--trace", metavar="FILE.fst", help="Waveforms, of the clocks --trace-clocks.")
+@click.option("--background", is_flag=True, help="Leave it running, and return once it can be reached; needs --ready.")
 @click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
 @json_option
 def start_command(
@@ -55,6 +64,7 @@ def start_command(
     ready: str | None,
     trace: str | None,
     trace_clocks: tuple[int, int],
+    background: bool,
     as_json: bool,
 ) -> None:
     """Run a virtual board until Ctrl-C: the RTL under Verilator, on TCP (loopback only) or on a pty.
@@ -69,6 +79,11 @@ def start_command(
                        (trace and Path(trace).parent, "--trace")):  # fmt: skip
         if path and not Path(path).is_dir():
             raise input_error(what, f"no folder {path}", "make it first")
+    if background:
+        if ready is None:
+            raise InputError("--background needs --ready FILE, by which `lippmann board stop` finds the board")
+        _in_background(Path(ready), as_json)
+        return
     log("compiling the board where it is not yet compiled (half a minute) ...")
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
@@ -84,15 +99,62 @@ def start_command(
         while board.process.poll() is None:
             if folder is not None:
                 virtual_board.keep_as_png(folder, display)
-            time.sleep(0.2)
-        # It failed: stop() says why.
-        board.stop()
+            time.sleep(LOOK_S)
     except KeyboardInterrupt:
-        done = board.stop()
-        if folder is not None:
-            virtual_board.keep_as_png(folder, display)
-        log(f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
+        pass
+    done = board.stop()
+    if folder is not None:
+        virtual_board.keep_as_png(folder, display)
+    log(f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
             f"{done['bytes_in']} bytes in, {done['bytes_out']} out")  # fmt: skip
+
+
+def _in_background(ready: Path, as_json: bool) -> None:
+    """Run the same command without --background in a session of its own; return when its ready file is there."""
+    ready.unlink(missing_ok=True)
+    words = [word for word in sys.argv[1:] if word not in ("--background", "--json")]
+    with tempfile.TemporaryFile() as told:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "lippmann", *words], stdin=subprocess.DEVNULL, stdout=told, stderr=told,
+            start_new_session=True,
+        )  # fmt: skip
+        while not ready.exists():
+            if process.poll() is not None:
+                told.seek(0)
+                lines = told.read().decode(errors="replace").strip().splitlines() or ["no message"]
+                raise DeviceError(lines[-1].removeprefix("lippmann: "))
+            time.sleep(LOOK_S)
+    result = json.loads(ready.read_text())
+    emit(result, as_json, lambda: click.echo(f"{result['url']} (lippmann board stop --ready {ready} ends it)"))
+
+
+@command.command("stop")
+@click.option("--ready", required=True, metavar="FILE", help="The file that the board was started with.")
+@json_option
+def stop_command(ready: str, as_json: bool) -> None:
+    """End a virtual board that runs in the background.
+
+    Example: lippmann board stop --ready out/board.json
+    """
+    path = Path(ready)
+    try:
+        told = json.loads(path.read_text())
+        pid, url = int(told["pid"]), str(told["url"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise input_error(
+            ready, "tells of no board that runs", "give the --ready file of `lippmann board start`"
+        ) from None
+    try:
+        os.kill(pid, signal.SIGTERM)
+    except ProcessLookupError:
+        path.unlink(missing_ok=True)
+        raise DeviceError(f"{url}: the board had ended already; {ready} is removed") from None
+    until = time.monotonic() + STOP_SECONDS
+    while path.exists():
+        if time.monotonic() > until:
+            raise DeviceError(f"{url}: the board does not end within {STOP_SECONDS:g} s; kill process {pid}")
+        time.sleep(LOOK_S)
+    emit({"url": url, "pid": pid}, as_json, lambda: click.echo(f"{url}: ended"))
 
 
 @command.command("info")

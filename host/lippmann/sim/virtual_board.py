@@ -82,7 +82,8 @@ class RunningBoard:
         DeviceError
             When it had failed.
         """
-        self.process.send_signal(signal.SIGTERM)
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
         out, err = self.process.communicate(timeout=START_SECONDS)
         if self.process.returncode:
             raise DeviceError(f"the virtual board failed: {err.strip() or self.process.returncode}")
