@@ -19,7 +19,7 @@ from lippmann.errors import InputError, LippmannError, MissingLibraryError
 COMMANDS = ("inspect", "trace", "render", "observe", "board", "stream", "demo", "bench", "doctor")
 
 #: Signals received; see `was_interrupted`.
-_interrupts: list[int] = []
+interrupts: list[int] = []
 
 
 class _Commands(click.Group):
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with the code of its outcome."""
     signal.signal(signal.SIGINT, _note_interrupt)
     code = run(sys.argv[1:] if arguments is None else arguments)
-    if _interrupts:
+    if interrupts:
         # Libraries that were interrupted while they loaded may crash when Python takes them down.
         sys.stdout.flush()
         sys.stderr.flush()
@@ -95,7 +95,7 @@ def _explain(error: BaseException) -> tuple[str, int]:
 
 def was_interrupted(error: BaseException | None) -> bool:
     """Tell whether Ctrl-C is behind an error: libraries may wrap it, or fail to load because of it."""
-    if _interrupts:
+    if interrupts:
         return True
     while error is not None:
         if isinstance(error, KeyboardInterrupt | click.Abort):
@@ -105,7 +105,7 @@ def was_interrupted(error: BaseException | None) -> bool:
 
 
 def _note_interrupt(number: int, frame: FrameType | None) -> None:
-    _interrupts.append(number)
+    interrupts.append(number)
     raise KeyboardInterrupt
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from lippmann.cli import interrupts
 from lippmann.cli.common import display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
@@ -24,6 +25,7 @@ from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
 from lippmann.fixed.registers import Field, Register
 from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
+from lippmann.images import replacing
 from lippmann.link.board import OPTICS_BASE, Board
 from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
 
@@ -87,26 +89,34 @@ def start_command(
     log("compiling the board where it is not yet compiled (half a minute) ...")
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
-        ready=None if ready is None else Path(ready), trace=None if trace is None else Path(trace),
-        trace_clocks=trace_clocks,
+        trace=None if trace is None else Path(trace), trace_clocks=trace_clocks,
     )  # fmt: skip
     told = {
-        "url": board.url, "pid": board.process.pid, "display": display.name, "identity": display.identity,
+        "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
         "width": display.panel.width_px, "height": display.panel.height_px, "line": "bits" if baud else "bytes",
     }  # fmt: skip
-    click.echo(json.dumps(told) if as_json else f"{display.name}: {board.url} (Ctrl-C ends it)")
     try:
+        if ready is not None:
+            with replacing(Path(ready)) as partial:
+                partial.write_text(json.dumps(told) + "\n")
+        emit(told, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
+        sys.stdout.flush()
         while board.process.poll() is None:
             if folder is not None:
                 virtual_board.keep_as_png(folder, display)
             time.sleep(LOOK_S)
     except KeyboardInterrupt:
-        pass
-    done = board.stop()
-    if folder is not None:
-        virtual_board.keep_as_png(folder, display)
-    log(f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
-            f"{done['bytes_in']} bytes in, {done['bytes_out']} out")  # fmt: skip
+        interrupts.clear()  # the usual end of this command
+    finally:
+        done = board.stop()
+        if folder is not None:
+            virtual_board.keep_as_png(folder, display)
+        if ready is not None:
+            Path(ready).unlink(missing_ok=True)
+    log(
+        f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
+        f"{done['bytes_in']} bytes in, {done['bytes_out']} out"
+    )
 
 
 def _in_background(ready: Path, as_json: bool) -> None:
@@ -145,7 +155,7 @@ def stop_command(ready: str, as_json: bool) -> None:
             ready, "tells of no board that runs", "give the --ready file of `lippmann board start`"
         ) from None
     try:
-        os.kill(pid, signal.SIGTERM)
+        os.kill(pid, signal.SIGINT)
     except ProcessLookupError:
         path.unlink(missing_ok=True)
         raise DeviceError(f"{url}: the board had ended already; {ready} is removed") from None
