@@ -46,22 +46,40 @@ package link_pkg;
   } status_e;
   /* verilator lint_on UNUSEDPARAM */
 
+  typedef logic [31:0][31:0] crc_rows_t;
+
+  /// Which bits of a state each bit is the parity of, a number of steps later. As parities they are
+  /// shallow logic; as steps, 24 or 32 bits at once would be a chain.
+  function automatic crc_rows_t crc_rows(int steps);
+    for (int from = 0; from < 32; from++) begin
+      logic [31:0] state;
+      state = 32'h1 << from;
+      for (int k = 0; k < steps; k++) state = (state >> 1) ^ (state[0] ? 32'hedb8_8320 : 32'h0);
+      for (int to = 0; to < 32; to++) crc_rows[to][from] = state[to];
+    end
+  endfunction
+
+  function automatic logic [31:0] crc_parities(logic [31:0] state, crc_rows_t rows);
+    for (int to = 0; to < 32; to++) crc_parities[to] = ^(state & rows[to]);
+  endfunction
+
+  localparam crc_rows_t CrcRowsByte = crc_rows(8);
+  localparam crc_rows_t CrcRowsPixel = crc_rows(24);
+  localparam crc_rows_t CrcRowsWord = crc_rows(32);
+
   /// The state of a CRC behind one more byte.
   function automatic logic [31:0] crc32_byte(logic [31:0] crc, logic [7:0] data);
-    crc[7:0] ^= data;
-    for (int k = 0; k < 8; k++) crc = (crc >> 1) ^ (crc[0] ? 32'hedb8_8320 : 32'h0);
-    return crc;
+    return crc_parities(crc ^ 32'(data), CrcRowsByte);
   endfunction
 
   /// The same behind a pixel {r, g, b}, R first.
   function automatic logic [31:0] crc32_pixel(logic [31:0] crc, logic [23:0] rgb);
-    return crc32_byte(crc32_byte(crc32_byte(crc, rgb[23:16]), rgb[15:8]), rgb[7:0]);
+    return crc_parities(crc ^ 32'({rgb[7:0], rgb[15:8], rgb[23:16]}), CrcRowsPixel);
   endfunction
 
   /// The same behind a word, its low byte first.
   function automatic logic [31:0] crc32_word(logic [31:0] crc, logic [31:0] w);
-    for (int k = 0; k < 4; k++) crc = crc32_byte(crc, w[8*k+:8]);
-    return crc;
+    return crc_parities(crc ^ w, CrcRowsWord);
   endfunction
 
 endpackage

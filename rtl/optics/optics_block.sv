@@ -56,7 +56,9 @@ module optics_block #(
   output logic signed [F+1:0]                     exit_dz_o,
   output optics_pkg::status_e                     exit_status_o,
   output logic                                    exit_first_o,
-  output logic                                    exit_last_o
+  output logic                                    exit_last_o,
+
+  output optics_pkg::optics_config_t              optics_o  // as they are set, taken over or not
 );
   import optics_pkg::*;
 
@@ -136,6 +138,8 @@ module optics_block #(
     optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
     optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
   end
+
+  assign optics_o = optics;
 
   raster_config_t window;
   assign window = '{

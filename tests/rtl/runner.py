@@ -10,14 +10,14 @@ import hashlib
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
-from lippmann.sim.tools import MAKE_FLAGS, optics_sources, repository, verilator_environment
+from lippmann.sim.tools import MAKE_FLAGS, repository, rtl_sources, verilator_environment
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
@@ -74,15 +74,22 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str = "", name: str | None = None) -> Path:
+def compiled(
+    top: str,
+    parameters: Mapping[str, int] | None = None,
+    bench: str = "",
+    name: str | None = None,
+    folders: Sequence[str] = ("registers", "optics"),
+) -> Path:
     """Compile a top with its parameters, unless that was done; return its folder.
 
-    `bench` is the text of SystemVerilog modules beside those of rtl/optics.
+    `bench` is the text of SystemVerilog modules beside those of the folders of rtl/.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
     folder = BUILD / name
-    text = b"".join(path.read_bytes() for path in (*optics_sources(TOP), Path(__file__)))
+    sources = rtl_sources(TOP, *folders)
+    text = b"".join(path.read_bytes() for path in (*sources, Path(__file__)))
     key = hashlib.sha256(text + bench.encode() + repr((top, parameters)).encode()).hexdigest()
     stamp = folder / ".made-from"
     with _locked(folder):
@@ -94,7 +101,6 @@ def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str =
                 shutil.rmtree(old)
             elif old.name != ".lock":
                 old.unlink()
-        sources = optics_sources(TOP)
         if bench:
             (folder / "bench.sv").write_text(bench)
             sources.append(folder / "bench.sv")

@@ -6,7 +6,7 @@ A stream that is offered stays offered, unchanged, until it is taken; that is ch
 import random
 from collections.abc import Callable, Iterator
 
-from cocotb.triggers import FallingEdge
+from cocotb.triggers import FallingEdge, ReadOnly
 
 #: How both ends of a stream behave: each yields whether it is active in the next clock.
 PATTERNS = ("always", "light", "heavy", "bursts", "stuck")
@@ -41,10 +41,14 @@ class Monitor:
         Sets the input's data to a word.
     room
         Words that the device holds, where there is no `ready_o`.
+    through
+        Whether `ready_o` depends on `ready_i` in the same clock.
     """
 
-    def __init__(self, clock, valid_i, ready_o, valid_o, ready_i, data_o, put: Callable[[int], None], room: int = 0):
-        self.edge = FallingEdge(clock)
+    def __init__(
+        self, clock, valid_i, ready_o, valid_o, ready_i, data_o, put: Callable[[int], None], room=0, through=False
+    ):
+        self.edge, self.through = FallingEdge(clock), through
         self.valid_i, self.ready_o, self.put, self.room = valid_i, ready_o, put, room
         self.valid_o, self.ready_i, self.data_o = valid_o, ready_i, data_o
         self.clocks = 0
@@ -61,19 +65,21 @@ class Monitor:
 
     async def clock(self, word: int | None, take: bool) -> bool:
         """Offer a word, or none, and take what is there, or not, for one clock; return whether the word went in."""
-        ready = len(self.accepted) - len(self.left) < self.room if self.ready_o is None else bool(self.ready_o.value)
         valid = bool(self.valid_o.value)
         data = int(self.data_o.value) if valid else None
         if self._stalled is not None:
             assert valid, f"clock {self.clocks}: valid fell before the word was taken"
             assert data == self._stalled, f"clock {self.clocks}: the word changed under stall"
-        offered = word is not None and (ready or self.ready_o is not None)
+        inside = len(self.accepted) - len(self.left)
+        offered = word is not None and (self.ready_o is not None or inside < self.room)
         if word is not None:
             self.put(word)
         self.valid_i.value = offered
         self.ready_i.value = take
+        if self.through:
+            await ReadOnly()
+        ready = inside < self.room if self.ready_o is None else bool(self.ready_o.value)
         into = offered and ready
-        inside = len(self.accepted) - len(self.left)
         if into:
             self.accepted.append(self.clocks)
         if valid and take:
@@ -91,18 +97,21 @@ class Monitor:
         self.clocks += 1
         return into
 
-    async def run(self, words: list[int], idle: Iterator[bool], pressure: Iterator[bool], patience: int) -> None:
-        """Pass words through, and see that no further ones follow."""
+    async def run(
+        self, words: list[int], idle: Iterator[bool], pressure: Iterator[bool], patience: int, count: int | None = None
+    ) -> None:
+        """Pass words through, and see that no further ones follow. `count` come out, where not one for each."""
         sent, waited, offered = 0, 0, False
         already = len(self.got)
-        while len(self.got) - already < len(words):
+        count = len(words) if count is None else count
+        while len(self.got) - already < count or sent < len(words):
             # What was offered stays offered: that is the sender's side of the contract.
             offered = offered or (sent < len(words) and next(idle))
-            before = len(self.got)
+            before = sent, len(self.got)
             if await self.clock(words[sent] if offered else None, next(pressure)):
                 sent, offered = sent + 1, False
-            waited = 0 if len(self.got) > before else waited + 1
-            assert waited < patience, f"no word came for {patience} clocks; {len(self.got) - already} of {len(words)}"
+            waited = 0 if (sent, len(self.got)) > before else waited + 1
+            assert waited < patience, f"nothing moved for {patience} clocks; {len(self.got) - already} of {count} came"
         for _ in range(patience // 4):
             await self.clock(None, True)
-        assert len(self.got) - already == len(words), "more words came out than went in"
+        assert len(self.got) - already == count, "more words came out than were due"

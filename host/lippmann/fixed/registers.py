@@ -1,4 +1,4 @@
-"""The optics block's registers.
+"""Registers of the optics block.
 
 Generated from rtl/registers.rdl by `make registers`; do not edit.
 """

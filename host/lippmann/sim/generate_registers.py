@@ -19,11 +19,38 @@ from lippmann.errors import InputError, MissingLibraryError
 from lippmann.sim.tools import repository
 
 SOURCE = Path("rtl/registers.rdl")
-#: The whole address map, and the part of it that becomes SystemVerilog.
-MAP, BLOCK = "optics_block", "optics_registers"
 RTL = Path("rtl/registers")
-CONSTANTS = Path("host/lippmann/fixed/registers.py")
-TABLES = Path("docs/reference/registers.md")
+
+
+@dataclass(frozen=True)
+class _Map:
+    """An address map, the part of it that becomes SystemVerilog, and where host and documentation have it."""
+
+    name: str
+    block: str
+    constants: Path
+    tables: Path
+    preface: str
+
+
+OPTICS = _Map(
+    "optics_block",
+    "optics_registers",
+    Path("host/lippmann/fixed/registers.py"),
+    Path("docs/reference/registers.md"),
+    "32-bit words at byte addresses on an APB4 bus; an address that holds nothing, or an access that a register does "
+    "not know, answers with an error. Signed fields are two's complement; F is the build's number of fraction bits. "
+    "[optics-block.md](optics-block.md) says when commands take effect.",
+)
+BOARD = _Map(
+    "board_registers",
+    "board_registers",
+    Path("host/lippmann/link/registers.py"),
+    Path("docs/reference/board-registers.md"),
+    "32-bit words at byte addresses, read and written by the packets READ and WRITE of [the protocol](protocol.md). "
+    "The [optics block's registers](registers.md) are on the same board from address `0x200` on. Signed fields are "
+    "two's complement.",
+)
 
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
 
@@ -71,16 +98,21 @@ def generate(top: Path, into: Path) -> list[Path]:
         raise MissingLibraryError("PeakRDL is missing; run make setup") from None
     try:
         compiler = _compiler(top / SOURCE)
-        files = _rtl(compiler.elaborate(BLOCK), into)
-        whole = compiler.elaborate(MAP).top
+        files = []
+        for part in (OPTICS, BOARD):
+            files += _rtl(compiler.elaborate(part.block), into)
+            whole = compiler.elaborate(part.name).top
+            registers = list(_registers(whole))
+            for path, text in (
+                (part.constants, _formatted(_constants(part, whole, registers))),
+                (part.tables, _tables(part, whole, registers)),
+            ):
+                target = into / path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_text(text)
+                files.append(path)
     except RDLCompileError:
         raise InputError(f"{SOURCE} is wrong: see the messages above") from None
-    registers = list(_registers(whole))
-    for path, text in ((CONSTANTS, _formatted(_constants(registers))), (TABLES, _tables(whole, registers))):
-        target = into / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text)
-        files.append(path)
     return files
 
 
@@ -203,10 +235,17 @@ class Register(NamedTuple):
 
 '''
 
+_IMPORTS = """
+from __future__ import annotations
 
-def _constants(registers: list[_Register]) -> str:
+from lippmann.fixed.registers import Field, Register
+"""
+
+
+def _constants(part: _Map, top: Any, registers: list[_Register]) -> str:
     """Return the Python module, before its formatting."""
-    lines = [f'"""The optics block\'s registers.\n\n{_BY}\n"""\n', _TYPES]
+    lines = [f'"""Registers of the {top.get_property("name").lower()}.\n\n{_BY}\n"""\n']
+    lines.append(_TYPES if part is OPTICS else _IMPORTS)
     lines.append("#: Registers by name, those of a group with the group's name in front.")
     lines.append("REGISTERS: dict[str, Register] = {")
     for register in registers:
@@ -225,7 +264,7 @@ def _constants(registers: list[_Register]) -> str:
 
 def _formatted(text: str) -> str:
     """Return Python text as ruff formats it."""
-    command = ["ruff", "format", "--config", "line-length = 120", "--stdin-filename", CONSTANTS.name, "-"]
+    command = ["ruff", "format", "--config", "line-length = 120", "--stdin-filename", "registers.py", "-"]
     beside = Path(sys.executable).parent / "ruff"
     if beside.exists():
         command[0] = str(beside)
@@ -235,14 +274,11 @@ def _formatted(text: str) -> str:
         raise MissingLibraryError("ruff is missing; run make setup") from None
 
 
-def _tables(top: Any, registers: list[_Register]) -> str:
+def _tables(part: _Map, top: Any, registers: list[_Register]) -> str:
     """Return the register map as tables."""
     lines = [
-        f"# Registers of the optics block\n\n<!-- {_BY} -->\n",
-        f"{_line(top.get_property('desc'))} 32-bit words at byte addresses on an APB4 bus; an address that holds "
-        "nothing, or an access that a register does not know, answers with an error. Signed fields are two's "
-        "complement; F is the build's number of fraction bits. [optics-block.md](optics-block.md) says when commands "
-        "take effect.\n",
+        f"# Registers of the {top.get_property('name').lower()}\n\n<!-- {_BY} -->\n",
+        f"{_line(top.get_property('desc'))} {part.preface}\n",
     ]
     heading = None
     for register in registers:

@@ -140,7 +140,7 @@ def _compiled(build: Build) -> Path:
     sources = optics_sources(top)
     main = top / "sim" / "batch" / "batch.cpp"
     text = b"".join(path.read_bytes() for path in (*sources, main, Path(__file__)))
-    key = hashlib.sha256(text + repr(build).encode() + _processor()).hexdigest()[:16]
+    key = hashlib.sha256(text + repr(build).encode() + processor()).hexdigest()[:16]
     folder = top / "build" / "sim"
     library = folder / f"rays-{build.grid}-{build.model}-{build.fraction_bits}-{key}.so"
     if not library.exists():
@@ -149,7 +149,7 @@ def _compiled(build: Build) -> Path:
     return library
 
 
-def _processor() -> bytes:
+def processor() -> bytes:
     """Return what the processor can do, as the library is compiled for it."""
     return b"".join(sorted({line for line in Path("/proc/cpuinfo").read_bytes().splitlines() if b"flags" in line}))
 

@@ -50,7 +50,16 @@ MAKE_FLAGS = (
 )
 
 
+#: The folders of rtl/, each before those that use its packages.
+RTL_FOLDERS = ("registers", "optics", "link", "panel", "board")
+
+
+def rtl_sources(top: Path, *folders: str) -> list[Path]:
+    """Return the SystemVerilog files of folders of rtl/, the packages first."""
+    files = [path for name in folders for path in sorted((top / "rtl" / name).glob("*.sv"))]
+    return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
+
+
 def optics_sources(top: Path) -> list[Path]:
     """Return the SystemVerilog files of rtl/registers and rtl/optics, the packages first."""
-    files = [path for name in ("registers", "optics") for path in (top / "rtl" / name).glob("*.sv")]
-    return sorted(files, key=lambda path: (not path.stem.endswith("_pkg"), path))
+    return rtl_sources(top, "registers", "optics")

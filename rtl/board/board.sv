@@ -1,0 +1,229 @@
+`default_nettype none
+
+/// A board: from the serial line to the panel, and the ray-lenslet optics behind it.
+///
+///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> frame_store -> scan_out
+///                                              |  |  |
+///                    presenter, frame_check <--+  |  +--> register_bus -> board_registers
+///                                                 v                    -> optics_block
+///   uart_tx <- packet_out <- dispatcher      ray_signature
+///
+/// ByteLink = 1 takes bytes in place of wires: a USB FIFO, or a simulation that is in a hurry.
+/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be set.
+module board #(
+  parameter bit ByteLink = 1'b0,
+  parameter int ClockHz = 148_500_000,
+  parameter int Width = 1920,
+  parameter int Height = 1080,
+  parameter int HFront = 88,
+  parameter int HSync = 44,
+  parameter int HBack = 148,
+  parameter int VFront = 4,
+  parameter int VSync = 5,
+  parameter int VBack = 36,
+  parameter int F = 16,
+  parameter bit CrossCells = 1'b0,
+  parameter int Grid = optics_pkg::GridSquare,
+  parameter int Model = optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter int Walk = 0
+) (
+  input  logic        clk_i,
+  input  logic        rst_ni,
+  input  logic [63:0] identity_i,   // hash of panel and array
+
+  input  logic [15:0] step_i,       // bits a clock of the UART, in 1 / 65536
+  input  logic        rx_i,
+  output logic        tx_o,
+
+  input  logic        in_valid_i,   // with ByteLink
+  output logic        in_ready_o,
+  input  logic [7:0]  in_data_i,
+  output logic        out_valid_o,
+  input  logic        out_ready_i,
+  output logic [7:0]  out_data_o,
+
+  output logic        de_o,
+  output logic        hsync_o,
+  output logic        vsync_o,
+  output logic [23:0] rgb_o
+);
+  import optics_pkg::GridHex, optics_pkg::IndexBits, optics_pkg::PixelBits;
+
+  // ---- the line ----
+  logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
+  logic [7:0] rx_data, tx_data;
+  if (ByteLink) begin : gen_bytes
+    assign {rx_valid, rx_data, in_ready_o} = {in_valid_i, in_data_i, rx_ready};
+    assign {out_valid_o, out_data_o, tx_ready} = {tx_valid, tx_data, out_ready_i};
+    assign tx_o = 1'b1;
+    assign {framing_error, overflow} = '0;
+    logic unused_wires;
+    assign unused_wires = ^{rx_i, step_i};
+  end else begin : gen_wires
+    uart_rx i_uart_rx (
+      .clk_i, .rst_ni, .step_i, .rx_i, .valid_o(rx_valid), .ready_i(rx_ready), .data_o(rx_data),
+      .framing_error_o(framing_error), .overflow_o(overflow)
+    );
+    uart_tx i_uart_tx (
+      .clk_i, .rst_ni, .step_i, .valid_i(tx_valid), .ready_o(tx_ready), .data_i(tx_data), .tx_o
+    );
+    assign in_ready_o = 1'b0;
+    assign {out_valid_o, out_data_o} = '0;
+    logic unused_bytes;
+    assign unused_bytes = ^{in_valid_i, in_data_i, out_ready_i};
+  end
+
+  // ---- packets ----
+  logic decoded_valid, decoded_ready, decoded_end, decoded_bad;
+  logic [7:0] decoded_data;
+  cobs_decoder i_cobs_decoder (
+    .clk_i, .rst_ni, .in_valid_i(rx_valid), .in_ready_o(rx_ready), .in_data_i(rx_data),
+    .out_valid_o(decoded_valid), .out_ready_i(decoded_ready), .out_data_o(decoded_data),
+    .out_end_o(decoded_end), .out_bad_o(decoded_bad)
+  );
+  logic request_valid, request_ready, request_last;
+  logic [7:0] request_data;
+  logic accepted, dropped_long, dropped_cobs, dropped_short, dropped_crc;
+  packet_fifo i_packet_fifo (
+    .clk_i, .rst_ni, .in_valid_i(decoded_valid), .in_ready_o(decoded_ready),
+    .in_data_i(decoded_data), .in_end_i(decoded_end), .in_bad_i(decoded_bad),
+    .out_valid_o(request_valid), .out_ready_i(request_ready), .out_data_o(request_data),
+    .out_last_o(request_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
+    .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
+  );
+  logic reply_valid, reply_ready, reply_last;
+  logic [7:0] reply_data;
+  packet_out i_packet_out (
+    .clk_i, .rst_ni, .in_valid_i(reply_valid), .in_ready_o(reply_ready), .in_data_i(reply_data),
+    .in_last_i(reply_last), .out_valid_o(tx_valid), .out_ready_i(tx_ready), .out_data_o(tx_data)
+  );
+
+  // ---- requests ----
+  logic bus_start, bus_write, bus_done, bus_error;
+  logic [9:0] bus_at;
+  logic [31:0] bus_word, bus_answer;
+  logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
+  logic [15:0] tile, table_at, epoch, present_epoch;
+  logic [7:0] tile_coding;
+  logic [31:0] tile_crc, table_crc, present_crc;
+  logic table_busy, table_front, present_start, present_done, frame_bad;
+  link_pkg::status_e present_status;
+  logic ray_valid, ray_ready, trace, exit_valid, exit_ready, trace_ready, sign_ready;
+  logic [3:0][31:0] ray;
+  logic [8:0][31:0] exit_words;
+  logic sign_start, sign_done, exit_last;
+  logic [31:0] sign_rays, sign_crc;
+  dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
+    .clk_i, .rst_ni, .identity_i, .epoch_i(epoch),
+    .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
+    .in_last_i(request_last), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
+    .out_data_o(reply_data), .out_last_o(reply_last),
+    .bus_start_o(bus_start), .bus_write_o(bus_write), .bus_at_o(bus_at), .bus_word_o(bus_word),
+    .bus_done_i(bus_done), .bus_word_i(bus_answer), .bus_error_i(bus_error),
+    .tile_start_o(tile_start), .tile_o(tile), .tile_coding_o(tile_coding),
+    .tile_empty_o(tile_empty), .tile_valid_o(tile_valid), .tile_ready_i(tile_ready),
+    .tile_done_i(tile_done), .tile_ok_i(tile_ok), .stale_o(stale), .tile_bad_o(tile_bad),
+    .table_busy_i(table_busy), .table_front_o(table_front), .table_at_o(table_at),
+    .table_crc_i(table_crc),
+    .present_start_o(present_start), .present_epoch_o(present_epoch),
+    .present_crc_o(present_crc), .present_done_i(present_done), .present_status_i(present_status),
+    .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_o(ray), .trace_o(trace),
+    .exit_valid_i(exit_valid), .exit_ready_o(trace_ready), .exit_i(exit_words),
+    .sign_start_o(sign_start), .sign_done_i(sign_done), .sign_rays_i(sign_rays),
+    .sign_crc_i(sign_crc)
+  );
+
+  // ---- registers ----
+  board_registers_pkg::board_registers__in_t told;
+  board_registers_pkg::board_registers__out_t set;
+  logic board_request, board_write, board_read_ack, board_write_ack;
+  logic board_read_error, board_write_error;
+  logic [7:0] board_at;
+  logic [31:0] board_word, board_answer;
+  logic apb_sel, apb_enable, apb_write, apb_ready, apb_error;
+  logic [8:0] apb_addr;
+  logic [31:0] apb_wdata, apb_rdata;
+  register_bus i_register_bus (
+    .clk_i, .rst_ni, .start_i(bus_start), .write_i(bus_write), .at_i(bus_at), .word_i(bus_word),
+    .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
+    .board_request_o(board_request), .board_write_o(board_write), .board_at_o(board_at),
+    .board_word_o(board_word), .board_read_ack_i(board_read_ack),
+    .board_write_ack_i(board_write_ack),
+    .board_error_i((board_read_ack && board_read_error) || (board_write_ack && board_write_error)),
+    .board_word_i(board_answer),
+    .apb_sel_o(apb_sel), .apb_enable_o(apb_enable), .apb_write_o(apb_write),
+    .apb_addr_o(apb_addr), .apb_wdata_o(apb_wdata), .apb_ready_i(apb_ready),
+    .apb_rdata_i(apb_rdata), .apb_error_i(apb_error)
+  );
+  logic unused_stall_read, unused_stall_write, unused_address;
+  assign unused_address = board_at[7];
+  board_registers i_registers (
+    .clk(clk_i), .arst_n(rst_ni),
+    .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at[6:0]),
+    .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
+    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
+    .s_cpuif_rd_ack(board_read_ack), .s_cpuif_rd_err(board_read_error),
+    .s_cpuif_rd_data(board_answer),
+    .s_cpuif_wr_ack(board_write_ack), .s_cpuif_wr_err(board_write_error),
+    .hwif_in(told), .hwif_out(set)
+  );
+  logic [31:0] shown_crc, frames;
+  assign told.display_low.value.next = identity_i[31:0];
+  assign told.display_high.value.next = identity_i[63:32];
+  assign told.panel.width.next = 16'(Width);
+  assign told.panel.height.next = 16'(Height);
+  assign told.clock.value.next = 32'(ClockHz);
+  assign told.epoch.value.next = epoch;
+  assign told.shown_crc.value.next = shown_crc;
+  assign told.frames.value.next = frames;
+  assign told.counters.packets.count.incr = accepted;
+  assign told.counters.framing.count.incr = framing_error;
+  assign told.counters.overflow.count.incr = overflow;
+  assign told.counters.dropped_cobs.count.incr = dropped_cobs;
+  assign told.counters.dropped_crc.count.incr = dropped_crc;
+  assign told.counters.dropped_long.count.incr = dropped_long;
+  assign told.counters.dropped_short.count.incr = dropped_short;
+  assign told.counters.stale.count.incr = stale;
+  assign told.counters.tile_bad.count.incr = tile_bad;
+  assign told.counters.frame_bad.count.incr = frame_bad;
+
+  // ---- frames ----
+PANEL_HERE
+
+  // ---- rays ----
+  logic signed [IndexBits-1:0] exit_i, exit_j;
+  logic signed [F+3:0] exit_x, exit_y, exit_z;
+  logic signed [F+1:0] exit_dx, exit_dy, exit_dz;
+  optics_pkg::status_e exit_status;
+  logic unused_first, unused_ray;
+  assign unused_ray = ^ray;
+  optics_block #(
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
+    .Walk(Walk)
+  ) i_optics (
+    .clk_i, .rst_ni, .apb_sel_i(apb_sel), .apb_enable_i(apb_enable), .apb_write_i(apb_write),
+    .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
+    .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),
+    .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
+    .ray_v_i(ray[1][PixelBits-1:0]), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
+    .ray_first_i(1'b1), .ray_last_i(1'b1),
+    .exit_valid_o(exit_valid), .exit_ready_i(exit_ready), .exit_i_o(exit_i), .exit_j_o(exit_j),
+    .exit_x_o(exit_x), .exit_y_o(exit_y), .exit_z_o(exit_z), .exit_dx_o(exit_dx),
+    .exit_dy_o(exit_dy), .exit_dz_o(exit_dz), .exit_status_o(exit_status),
+    .exit_first_o(unused_first), .exit_last_o(exit_last), .optics_o(optics)
+  );
+  assign exit_words = {
+    32'(exit_status), 32'(exit_dz), 32'(exit_dy), 32'(exit_dx), 32'(exit_z), 32'(exit_y),
+    32'(exit_x), 32'(exit_j), 32'(exit_i)
+  };
+  assign exit_ready = trace ? trace_ready : sign_ready;
+  ray_signature i_ray_signature (
+    .clk_i, .rst_ni, .start_i(sign_start), .ray_valid_i(exit_valid && !trace),
+    .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
+    .rays_o(sign_rays), .crc_o(sign_crc)
+  );
+
+endmodule
+
+`default_nettype wire

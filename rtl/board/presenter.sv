@@ -1,0 +1,70 @@
+`default_nettype none
+
+/// Shows the back buffer, once and only when all of it is right.
+///
+/// start_i with the epoch and the CRC-32 of a frame asks. When the epoch is the board's the back
+/// buffer is read and its CRC-32 compared; only if it is the same the buffers are swapped, at the
+/// next vertical sync, and the epoch counts up. A request for the frame that was just shown is a
+/// repeated one, whose reply was lost: well, and nothing happens. done_o comes with the status.
+module presenter (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+
+  input  logic              start_i,
+  input  logic [15:0]       epoch_i,
+  input  logic [31:0]       crc_i,
+  output logic              done_o,
+  output link_pkg::status_e status_o,
+
+  output logic [15:0]       epoch_o,
+  output logic              failed_o,        // the CRC differed
+
+  output logic              check_start_o,   // to frame_check
+  input  logic              check_done_i,
+  input  logic [31:0]       check_crc_i,
+  output logic              swap_o,          // to scan_out: held until swapped_i
+  input  logic              swapped_i
+);
+  import link_pkg::*;
+
+  logic [15:0] epoch_q, epoch_before_q;
+  logic [31:0] crc_q, shown_q;
+  logic any_shown_q;
+  logic here, repeated, equal;
+  assign epoch_o = epoch_q;
+  assign here = epoch_i == epoch_q;
+  assign repeated = any_shown_q && epoch_i == epoch_before_q && crc_i == shown_q;
+  assign equal = check_crc_i == crc_q;
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      epoch_q <= '0;
+      epoch_before_q <= '1;
+      crc_q <= '0;
+      shown_q <= '0;
+      any_shown_q <= 1'b0;
+      {done_o, failed_o, check_start_o, swap_o} <= '0;
+      status_o <= StatusOk;
+    end else begin
+      check_start_o <= start_i && here;
+      done_o <= (start_i && !here) || (check_done_i && !equal) || (swap_o && swapped_i);
+      failed_o <= check_done_i && !equal;
+      if (start_i) begin
+        crc_q <= crc_i;
+        status_o <= here || repeated ? StatusOk : StatusStale;
+      end else if (check_done_i && !equal) begin
+        status_o <= StatusFrameCrc;
+      end
+      swap_o <= (check_done_i && equal) || (swap_o && !swapped_i);
+      if (swap_o && swapped_i) begin
+        epoch_q <= epoch_q + 1'b1;
+        epoch_before_q <= epoch_q;
+        shown_q <= crc_q;
+        any_shown_q <= 1'b1;
+      end
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,227 @@
+// The virtual board: the RTL under Verilator, on a pty or on TCP (loopback only).
+//
+//   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]
+//         [--trace FILE --trace-from CLOCK --trace-to CLOCK]
+//
+// Built by lippmann.sim.virtual_board. A board with ByteLink takes bytes as fast as it can; one
+// without has wires, and --step sets the bits a clock in 1 / 65536. The ready file, in JSON, tells
+// where to connect; it is there only while the board runs. SIGTERM and SIGINT end the board,
+// SIGUSR1 resets it. The last line on stdout tells in JSON what it did. Exit codes as lippmann's.
+#include <getopt.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+#include "Vboard.h"
+#include "Vboard___024root.h"
+#include "line.h"
+#include "screen.h"
+#include "uart.h"
+#include "verilated.h"
+#ifdef LIPPMANN_TRACE
+#include "verilated_fst_c.h"
+#endif
+
+namespace {
+
+std::atomic<bool> stop{false};
+std::atomic<bool> reset{false};
+
+struct Options {
+  std::string line = "tcp", ready, capture, trace;
+  int port = 0;
+  uint32_t step = 0;
+  uint64_t identity = 0;
+  int64_t trace_from = 0, trace_to = INT64_MAX;
+};
+
+Options parse(int count, char** words) {
+  const option known[] = {
+      {"line", required_argument, nullptr, 'l'},       {"port", required_argument, nullptr, 'p'},
+      {"identity", required_argument, nullptr, 'i'},   {"ready", required_argument, nullptr, 'r'},
+      {"capture", required_argument, nullptr, 'c'},    {"step", required_argument, nullptr, 's'},
+      {"trace", required_argument, nullptr, 't'},      {"trace-from", required_argument, nullptr, 'f'},
+      {"trace-to", required_argument, nullptr, 'e'},   {nullptr, 0, nullptr, 0}};
+  Options options;
+  for (int key; (key = getopt_long(count, words, "", known, nullptr)) != -1;) {
+    switch (key) {
+      case 'l': options.line = optarg; break;
+      case 'p': options.port = std::stoi(optarg); break;
+      case 'i': options.identity = std::stoull(optarg, nullptr, 16); break;
+      case 'r': options.ready = optarg; break;
+      case 'c': options.capture = optarg; break;
+      case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
+      case 't': options.trace = optarg; break;
+      case 'f': options.trace_from = std::stoll(optarg); break;
+      case 'e': options.trace_to = std::stoll(optarg); break;
+      default: throw std::invalid_argument("unknown option");
+    }
+  }
+  if (options.line != "pty" && options.line != "tcp") throw std::invalid_argument("--line: pty or tcp");
+  if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x4000))
+    throw std::invalid_argument("--step: 1 to 16384 (a bit takes 4 clocks or more)");
+#ifndef LIPPMANN_TRACE
+  if (!options.trace.empty()) throw std::invalid_argument("--trace: this board was built without it");
+#endif
+  return options;
+}
+
+// Written whole under another name first: who waits for the file finds all of it.
+void announce(const Options& options, const Line& line) {
+  const std::string part = options.ready + ".part";
+  std::FILE* file = std::fopen(part.c_str(), "w");
+  if (file == nullptr) throw std::system_error(errno, std::generic_category(), part);
+  std::fprintf(file, "{\"url\": \"%s\", \"pid\": %d, \"width\": %d, \"height\": %d, \"line\": \"%s\"}\n",
+               line.url().c_str(), static_cast<int>(getpid()), LIPPMANN_WIDTH, LIPPMANN_HEIGHT,
+               LIPPMANN_BYTE_LINK ? "bytes" : "bits");
+  if (std::fclose(file) != 0 || std::rename(part.c_str(), options.ready.c_str()) != 0)
+    throw std::system_error(errno, std::generic_category(), options.ready);
+}
+
+class Board {
+ public:
+  explicit Board(const Options& options) : options_(options), line_(options.line, options.port), uart_(options.step),
+      screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
+    top_.identity_i = options.identity;
+    top_.step_i = static_cast<uint16_t>(options.step);
+    top_.rx_i = 1;
+    top_.in_valid_i = 0;
+    top_.out_ready_i = 0;
+#ifdef LIPPMANN_TRACE
+    if (!options.trace.empty()) {
+      context_.traceEverOn(true);
+      top_.trace(&trace_, 99);
+      trace_.open(options.trace.c_str());
+    }
+#endif
+    restart();
+  }
+
+  void run() {
+    if (!options_.ready.empty()) announce(options_, line_);
+    const auto started = std::chrono::steady_clock::now();
+    while (!stop.load(std::memory_order_relaxed)) {
+      if (reset.exchange(false, std::memory_order_relaxed)) restart();
+      for (int k = 0; k < 1024; ++k) step();
+    }
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    if (!options_.ready.empty()) std::remove(options_.ready.c_str());
+    top_.final();
+    std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"bytes_in\": %lld, \"bytes_out\": %lld, \"frames\": %lld, "
+                "\"broken_frames\": %lld, \"bytes_lost\": %lld}\n",
+                static_cast<long long>(clocks_), seconds, static_cast<long long>(in_), static_cast<long long>(out_),
+                static_cast<long long>(screen_.frames()), static_cast<long long>(screen_.broken()),
+                static_cast<long long>(lost_));
+  }
+
+ private:
+  void restart() {
+    top_.rst_ni = 1;
+    clock();
+    top_.rst_ni = 0;
+    clock();
+    clock();
+    top_.rst_ni = 1;
+  }
+
+  // One rising edge; of the falling one, at which nothing happens, the model is only told.
+  void clock() {
+    top_.clk_i = 1;
+    top_.eval();
+    dump();
+    top_.clk_i = 0;
+    top_.rootp->__Vtrigprevexpr___TOP__clk_i__0 = 0;
+    ++clocks_;
+  }
+
+  void dump() {
+#ifdef LIPPMANN_TRACE
+    if (trace_.isOpen() && clocks_ >= options_.trace_from && clocks_ < options_.trace_to)
+      trace_.dump(static_cast<uint64_t>(clocks_));
+#endif
+  }
+
+  void step() {
+    if (LIPPMANN_BYTE_LINK) {
+      const int byte = line_.from_host().peek();
+      top_.in_valid_i = byte >= 0;
+      if (byte >= 0) top_.in_data_i = static_cast<uint8_t>(byte);
+      top_.out_ready_i = line_.to_host().room() != 0;
+      // The handshakes of this clock are known before it: both depend on registers only.
+      const bool took = byte >= 0 && top_.in_ready_o;
+      if (top_.out_valid_o && top_.out_ready_i) send(top_.out_data_o);
+      clock();
+      if (took) taken();
+    } else {
+      if (uart_.ready()) {
+        const int byte = line_.from_host().peek();
+        if (byte >= 0) {
+          uart_.send(static_cast<uint8_t>(byte));
+          taken();
+        }
+      }
+      top_.rx_i = uart_.wire();
+      clock();
+      const int byte = uart_.take(top_.tx_o);
+      if (byte >= 0) send(static_cast<uint8_t>(byte));
+    }
+    screen_.clock(top_.de_o, top_.vsync_o, top_.rgb_o);
+  }
+
+  void taken() {
+    line_.from_host().drop();
+    ++in_;
+    // The line waits when there was no room; it is woken once there is a good deal again.
+    if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
+  }
+
+  void send(uint8_t byte) {
+    ++out_;
+    if (!line_.to_host().put(byte)) ++lost_;
+    line_.ring();
+  }
+
+  const Options& options_;
+  VerilatedContext context_;
+  Vboard top_{&context_};
+#ifdef LIPPMANN_TRACE
+  VerilatedFstC trace_;
+#endif
+  Line line_;
+  Uart uart_;
+  Screen screen_;
+  int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
+};
+
+}  // namespace
+
+int main(int count, char** words) {
+  std::signal(SIGTERM, [](int) { stop = true; });
+  std::signal(SIGINT, [](int) { stop = true; });
+  std::signal(SIGUSR1, [](int) { reset = true; });
+  std::signal(SIGPIPE, SIG_IGN);
+  std::string ready;
+  try {
+    const Options options = parse(count, words);
+    ready = options.ready;
+    auto board = std::make_unique<Board>(options);
+    board->run();
+    return 0;
+  } catch (const std::system_error& error) {
+    std::fprintf(stderr, "board: %s; is the disk full, or the port taken?\n", error.what());
+    if (!ready.empty()) std::remove(ready.c_str());
+    return 3;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "board: %s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,42 @@
+#include "screen.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+Screen::Screen(int width, int height, std::string folder)
+    : pixels_(size_t{3} * width * height), folder_(std::move(folder)) {}
+
+bool Screen::finish() {
+  const bool whole = at_ == pixels_.size();
+  if (!whole && at_ != 0) ++broken_;
+  at_ = 0;
+  if (!whole) return false;
+  ++frames_;
+  if (!folder_.empty() && pixels_ != before_) {
+    keep();
+    before_ = pixels_;
+  }
+  return true;
+}
+
+void Screen::keep() const {
+  char name[32];
+  std::snprintf(name, sizeof name, "/frame-%08lld.rgb", static_cast<long long>(frames_));
+  const std::string path = folder_ + name, part = path + ".part";
+  std::FILE* file = std::fopen(part.c_str(), "wb");
+  bool good = file != nullptr && std::fwrite(pixels_.data(), 1, pixels_.size(), file) == pixels_.size();
+  int error = errno;
+  if (file != nullptr && std::fclose(file) != 0) {
+    if (good) error = errno;
+    good = false;
+  }
+  if (good && std::rename(part.c_str(), path.c_str()) != 0) {
+    error = errno;
+    good = false;
+  }
+  if (good) return;
+  std::remove(part.c_str());
+  throw std::system_error(error, std::generic_category(), path);
+}

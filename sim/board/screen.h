@@ -1,0 +1,41 @@
+// The panel: takes the pixels that the board scans out, and keeps whole frames.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+class Screen {
+ public:
+  // Frames that differ from the one before go to `folder` as frame-NUMBER.rgb (rows from the top,
+  // R G B bytes), each whole under its name or not there; an empty name keeps none. Throws
+  // std::system_error.
+  Screen(int width, int height, std::string folder);
+
+  // One clock of video; true when it ended a frame.
+  bool clock(bool de, bool vsync, uint32_t rgb) {
+    if (de) {
+      if (at_ + 3 <= pixels_.size()) {
+        pixels_[at_] = static_cast<uint8_t>(rgb >> 16);
+        pixels_[at_ + 1] = static_cast<uint8_t>(rgb >> 8);
+        pixels_[at_ + 2] = static_cast<uint8_t>(rgb);
+      }
+      at_ += 3;
+    }
+    const bool end = vsync && !vsync_;
+    vsync_ = vsync;
+    return end && finish();
+  }
+  int64_t frames() const { return frames_; }
+  int64_t broken() const { return broken_; }  // frames that had not just their pixels
+
+ private:
+  bool finish();
+  void keep() const;
+
+  std::vector<uint8_t> pixels_, before_;
+  std::string folder_;
+  size_t at_ = 0;
+  bool vsync_ = false;
+  int64_t frames_ = 0, broken_ = 0;
+};

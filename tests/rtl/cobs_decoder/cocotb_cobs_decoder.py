@@ -1,0 +1,97 @@
+"""cobs_decoder in the simulator."""
+
+import random
+
+import cocotb
+from cobs import cobs
+from cocotb.clock import Clock
+from packets import Joined, decode_cut, edges, some_bytes
+from rtl_coverage import Coverage
+from streams import PATTERNS, Monitor, pattern
+
+SEEN: dict[str, int] = {}
+END, BAD = 0x200, 0x100
+# An end's data does not matter.
+NO_DATA = END | BAD
+
+
+class Beats(Joined):
+    """The decoder's output, with nothing in place of an end's data."""
+
+    @property
+    def value(self) -> int:
+        word = super().value
+        return word & NO_DATA if word & END else word & 0xFF
+
+
+async def start(dut):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
+    beats = Beats(dut.out_end_o, dut.out_bad_o, dut.out_data_o)
+
+    def put(byte):
+        dut.in_data_i.value = byte
+
+    monitor = Monitor(
+        dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, beats, put, through=True
+    )
+    monitor.seen = SEEN
+    dut.rst_ni.value = 0
+    for _ in range(3):
+        await monitor.edge
+    dut.rst_ni.value = 1
+    return monitor
+
+
+def cut(encoded):
+    """A frame's end is lost."""
+    return encoded[: random.randrange(len(encoded) + 1)]
+
+
+def traffic():
+    whole = [cobs.encode(body) for body in [b"", *edges(random, 800)]]
+    whole += [cobs.encode(some_bytes(random, random.randrange(1, 400))) for _ in range(20)]
+    random.shuffle(whole)
+    frames = [cut(encoded) if random.random() < 0.4 else encoded for encoded in whole]
+    return [encoded for each in frames for encoded in (each, *[b""] * random.choice([0, 0, 0, 1, 3]))]
+
+
+def expected(encoded):
+    if not encoded:
+        return []
+    data, bad = decode_cut(encoded)
+    SEEN["cut"] = SEEN.get("cut", 0) + bad
+    SEEN["no data"] = SEEN.get("no data", 0) + (not data)
+    SEEN["full group"] = SEEN.get("full group", 0) + (encoded[0] == 0xFF)
+    return [*data, END | BAD * bad]
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def decodes(dut, idle, pressure):
+    frames = traffic()
+    frames = frames[: 15 if "heavy" in (idle, pressure) else 60]
+    wire = b"".join(encoded + b"\0" for encoded in frames)
+    wanted = [beat for encoded in frames for beat in expected(encoded)]
+    monitor = await start(dut)
+    await monitor.run(list(wire), pattern(idle, random, 100), pattern(pressure, random, 100), 500, len(wanted))
+    assert monitor.got == wanted
+
+
+@cocotb.test()
+async def takes_a_byte_each_clock(dut):
+    body = some_bytes(random, 600)
+    wire = cobs.encode(body) + b"\0"
+    monitor = await start(dut)
+    await monitor.run(list(wire), pattern("always", random, 0), pattern("always", random, 0), 20, len(body) + 1)
+    assert monitor.accepted == list(range(len(wire)))
+    assert monitor.left[-1] == len(wire)
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("cobs_decoder", "all")
+    # Words in and words out are not the same ones: what the monitor infers from their numbers means nothing.
+    for name in SEEN.keys() - {"empty", "into an empty device", "last word leaves"}:
+        seen.point(name, SEEN[name])
+    seen.close()

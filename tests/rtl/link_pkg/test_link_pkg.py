@@ -1,0 +1,24 @@
+"""link_pkg: its CRC is zlib's."""
+
+from runner import compiled, seed, simulate
+
+BENCH = """
+module crc_bench(
+  input  logic [31:0] crc_i,
+  input  logic [31:0] word_i,
+  output logic [31:0] byte_o,
+  output logic [31:0] pixel_o,
+  output logic [31:0] word_o,
+  output logic [31:0] start_o
+);
+  assign start_o = link_pkg::CrcStart;
+  assign byte_o = link_pkg::crc32_byte(crc_i, word_i[7:0]);
+  assign pixel_o = link_pkg::crc32_pixel(crc_i, word_i[23:0]);
+  assign word_o = link_pkg::crc32_word(crc_i, word_i);
+endmodule
+"""
+
+
+def test_link_pkg():
+    folder = compiled("crc_bench", bench=BENCH, folders=("link",))
+    simulate(folder, "crc_bench", "cocotb_link_pkg", seed())

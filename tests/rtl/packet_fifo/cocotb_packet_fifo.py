@@ -1,0 +1,153 @@
+"""packet_fifo in the simulator."""
+
+import random
+
+import cocotb
+from cocotb.clock import Clock
+from packets import CRC, CUT, LONG, LONGEST, SHORT, SHORTEST, TAKEN, Joined, marked, some_bytes, with_crc
+from rtl_coverage import Coverage
+from streams import PATTERNS, Monitor, pattern
+
+SEEN: dict[str, int] = {}
+CAUSES = TAKEN + LONG + CUT + SHORT + CRC
+END, BAD = 0x200, 0x100
+
+
+class Watched(Monitor):
+    """A monitor that reads the pulses too."""
+
+    def __init__(self, dut):
+        put = Joined(dut.in_end_i, dut.in_bad_i, dut.in_data_i).put
+        data = Joined(dut.out_last_o, dut.out_data_o)
+        super().__init__(dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, data, put)
+        self.seen, self.causes = SEEN, ""
+        self._pulses = [
+            dut.accepted_o, dut.dropped_long_o, dut.dropped_cobs_o, dut.dropped_short_o, dut.dropped_crc_o
+        ]  # fmt: skip
+
+    async def clock(self, word, take):
+        for cause, pulse in zip(CAUSES, self._pulses, strict=True):
+            if pulse.value:
+                self.causes += cause
+        return await super().clock(word, take)
+
+
+async def start(dut):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    for handle in (dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_end_i, dut.in_bad_i):
+        handle.value = 0
+    monitor = Watched(dut)
+    dut.rst_ni.value = 0
+    for _ in range(3):
+        await monitor.edge
+    dut.rst_ni.value = 1
+    await monitor.edge
+    return monitor
+
+
+def packets(count, longest):
+    """Packets, each with its end's mark, its fate and what comes out."""
+    for _ in range(count):
+        cause = random.choice(CAUSES + 3 * TAKEN)
+        body = some_bytes(random, random.choice([3, 4, 5, 6, 20, random.randrange(3, longest)]))
+        packet, bad = with_crc(body), False
+        if cause == LONG:
+            # One byte too long, or many; its CRC is right, and its COBS may be wrong besides.
+            size = LONGEST + random.choice([1, 1, 2, 100, 3000])
+            packet, bad = with_crc(some_bytes(random, size - 4)), random.random() < 0.3
+        elif cause == CUT:
+            packet, bad = packet[: random.randrange(len(packet) + 1)], True
+        elif cause == SHORT:
+            size = random.randrange(SHORTEST)
+            packet = with_crc(body[: size - 4]) if size >= 4 else body[: min(size, 3)]
+        elif cause == CRC:
+            wrong = bytearray(packet)
+            wrong[random.randrange(len(wrong))] ^= 1 << random.randrange(8)
+            packet = bytes(wrong)
+        yield packet, END | BAD * bad, cause, body if cause == TAKEN else b""
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def gives_out_whole_packets_only(dut, idle, pressure):
+    slow = "heavy" in (idle, pressure)
+    beats, causes, wanted = [], "", []
+    for packet, end, cause, body in packets(4 if slow else 10, 100 if slow else 800):
+        beats += [*packet, end]
+        causes += cause
+        wanted += marked(body) if body else []
+    monitor = await start(dut)
+    await monitor.run(beats, pattern(idle, random, 500), pattern(pressure, random, 500), 2000, len(wanted))
+    assert monitor.got == wanted
+    assert monitor.causes == causes
+
+
+@cocotb.test()
+async def takes_the_longest_and_shortest(dut):
+    monitor = await start(dut)
+    for size, cause in ((SHORTEST, TAKEN), (SHORTEST - 1, SHORT), (LONGEST, TAKEN), (LONGEST + 1, LONG)):
+        body = some_bytes(random, size - 4)
+        wanted = marked(body) if cause == TAKEN else []
+        monitor.got, monitor.causes = [], ""
+        beats = [*with_crc(body), END]
+        await monitor.run(beats, pattern("always", random, 0), pattern("always", random, 0), 100, len(wanted))
+        assert monitor.got == wanted
+        assert monitor.causes == cause
+
+
+@cocotb.test()
+async def is_out_after_four_clocks_and_then_each_clock(dut):
+    body = some_bytes(random, 500)
+    monitor = await start(dut)
+    beats = [*with_crc(body), END]
+    await monitor.run(beats, pattern("always", random, 0), pattern("always", random, 0), 100, len(body))
+    assert monitor.accepted == list(range(len(beats)))
+    assert monitor.left == list(range(monitor.accepted[-1] + 4, monitor.accepted[-1] + 4 + len(body)))
+
+
+@cocotb.test()
+async def holds_its_input_while_full_and_loses_nothing(dut):
+    room = 1 << int(cocotb.plusargs["address_bits"])
+    monitor = await start(dut)
+    bodies = [some_bytes(random, random.randrange(3, 900)) for _ in range(2 * room // 300)]
+    beats = [beat for body in bodies for beat in (*with_crc(body), END)]
+    sent = 0
+    for _ in range(room + 200):
+        sent += await monitor.clock(beats[sent], False)
+    # Full to a few bytes: what was sent, without the CRCs and ends of its packets and what waits outside.
+    whole = monitor.causes.count(TAKEN)
+    assert room - 4 <= sent - 5 * whole - 5 + 3 <= room + 4
+    assert not dut.in_ready_o.value
+    wanted = [word for body in bodies for word in marked(body)]
+    await monitor.run(beats[sent:], pattern("always", random, 0), pattern("always", random, 0), 8000, len(wanted))
+    assert monitor.got == wanted
+    assert monitor.causes == TAKEN * len(bodies)
+
+
+@cocotb.test()
+async def swallows_what_is_too_long_while_full(dut):
+    room = 1 << int(cocotb.plusargs["address_bits"])
+    monitor = await start(dut)
+    body = some_bytes(random, LONGEST - 4)
+    packet = [*with_crc(body), END]
+    first = packet * (room // LONGEST)
+    for beat in first:
+        assert await monitor.clock(beat, False)
+    # One byte too many is reached where there is room for it; then nothing holds the rest.
+    words = marked(body) * (room // LONGEST)
+    while len(monitor.got) < len(words) - 800:
+        await monitor.clock(None, True)
+    long = [*some_bytes(random, 4 * room), END]
+    for beat in long:
+        assert await monitor.clock(beat, False)
+    await monitor.run(packet, pattern("always", random, 0), pattern("light", random, 0), 8000, 800 + LONGEST - 4)
+    assert monitor.got == words + marked(body)
+    assert monitor.causes == TAKEN * (room // LONGEST) + LONG + TAKEN
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("packet_fifo", cocotb.plusargs["address_bits"])
+    for name in SEEN.keys() - {"empty", "into an empty device", "last word leaves"}:
+        seen.point(name, SEEN[name])
+    seen.close()

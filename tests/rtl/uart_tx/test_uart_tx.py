@@ -1,0 +1,8 @@
+"""uart_tx, against the times at which each bit is due."""
+
+from runner import compiled, seed, simulate
+
+
+def test_uart_tx():
+    folder = compiled("uart_tx", folders=("link",))
+    simulate(folder, "uart_tx", "cocotb_uart_tx", seed())
