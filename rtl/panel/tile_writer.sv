@@ -17,8 +17,8 @@
 /// were bad, or the panel has no such tile or coding; the rest of the packet was swallowed, and the
 /// tile may be written in part. Nothing outside of the tile is ever written.
 ///
-/// Clocks from start_i to the first pixel or byte: 3 + log2 of the rows of tiles; from the last to
-/// done_o: 4.
+/// From start_i to done_o: a clock for each byte and for each pixel that comes without one, and
+/// 4 + ceil(log2(rows of tiles)) more (5 where there is but one row).
 module tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -54,7 +54,7 @@ module tile_writer #(
 
   localparam int Columns = tiles(Width);
   localparam int Rows = tiles(Height);
-  localparam int RowBits = $clog2(Rows + 1);
+  localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
   // Last place along a side of a tile: of the last tile in a row or column, and of the others.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);

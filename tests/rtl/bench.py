@@ -105,9 +105,15 @@ def pack(widths: Widths, words: Mapping[str, Ints | int]) -> list[int]:
     return [int(w) for w in total]
 
 
-def stream(instances: Sequence[Instance], batch: Sequence[tuple[Instance, Segment]], bench: str, seed: int) -> None:
+def stream(
+    instances: Sequence[Instance],
+    batch: Sequence[tuple[Instance, Segment]],
+    bench: str,
+    seed: int,
+    folders: Sequence[str] = ("registers", "optics"),
+) -> None:
     """Compile a bench and stream segments of words through instances of it."""
-    folder = compiled("bench", bench=bench_text(instances), name=bench)
+    folder = compiled("bench", bench=bench_text(instances), name=bench, folders=folders)
     plan = []
     for select, (config, words, expected) in batch:
         packed, wanted = pack(select.inputs, words), pack(select.outputs, expected)

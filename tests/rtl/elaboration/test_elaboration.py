@@ -17,6 +17,7 @@ FOLDER_OF = {
 MODULES = sorted(FOLDER_OF)
 
 F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
+PANELS = [{"Width": w, "Height": h} for w, h in ((7, 5), (640, 480), (1920, 1080), (2400, 2400))]
 GRID_SETS = [{"F": f, "Grid": g} for f in (14, 23) for g in (0, 1)]
 CELLS = [{"F": f, "CrossCells": 1} for f in (16, 23)]
 RAYS = [
@@ -40,6 +41,8 @@ PARAMETERS = {
     "enter_flat": [*F_SETS, *CELLS],
     "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "fifo_memory": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
+    "frame_check": PANELS,
+    "frame_store": PANELS,
     "flow_control": [{"Latency": c, "AddressBits": b, "Width": 9} for c, b in ((1, 4), (120, 7))],
     "leave_dome": [*F_SETS, *CELLS],
     "leave_flat": [*F_SETS, *CELLS],
@@ -69,7 +72,11 @@ PARAMETERS = {
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17))],
     "rsqrt": F_SETS,
     "saturate": [{"From": a, "To": b} for a, b in ((20, 18), (18, 18), (5, 1))],
+    "scan_out": [{**panel, **grid} for panel, grid in zip(PANELS, GRID_SETS, strict=True)],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
+    "test_pattern": [*GRID_SETS, *F_SETS, *PANELS],
+    "tile_table": PANELS,
+    "tile_writer": PANELS,
     "unit_slope": [*F_SETS, *CELLS],
 }  # fmt: skip
 
@@ -105,6 +112,9 @@ REFUSED = [
     ("ray_pipeline", {"Walk": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell"),
     ("ray_pipeline", {"Walk": 5, "Aims": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
     ("ray_pipeline", {"Walk": -1, "Aims": 1}, "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
+    ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks"),
+    ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: HSync, VSync and VFront must be 1 or"),
+    ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
     ("ring", {"Cycles": 1}, "ring: Cycles must be 2 to 17"),
     ("ring", {"Cycles": 18}, "ring: Cycles must be 2 to 17"),
 ]

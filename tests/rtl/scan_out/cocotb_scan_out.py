@@ -1,0 +1,142 @@
+"""scan_out in the simulator: every clock of small frames, with swaps, brightness and patterns between them."""
+
+import random
+import zlib
+
+import cocotb
+import numpy as np
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge
+from rtl_coverage import Coverage
+
+T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVWG"}
+WIDTH, HEIGHT = T["Width"], T["Height"]
+LEFT, TOP = T["HSync"] + T["HBack"], T["VSync"] + T["VBack"]
+LINE, LINES = LEFT + WIDTH + T["HFront"], TOP + HEIGHT + T["VFront"]
+OFF, CHECKER, RAMP = 0, 4, 5
+
+
+class Bench:
+    def __init__(self, dut):
+        self.dut, self.edge = dut, FallingEdge(dut.clk_i)
+
+    async def reset(self):
+        dut = self.dut
+        dut.rst_ni.value = 0
+        for _ in range(3):
+            await self.edge
+        assert int(dut.out_o.value) >> 24 & 0b11111 == 0
+        dut.rst_ni.value = 1
+
+    async def begin(self):
+        dut = self.dut
+        dut.swap_i.value = dut.kind_i.value = dut.fill_i.value = 0
+        dut.brightness_i.value = 255
+        Clock(dut.clk_i, 2, unit="ns").start()
+        await self.reset()
+        dut.rst_ni.value = 0
+        rng = np.random.default_rng(random.getrandbits(32))
+        self.store = rng.integers(0, 256, (2, HEIGHT, WIDTH, 3), np.uint8)
+        dut.fill_i.value = 1
+        for buffer in (0, 1):
+            dut.fill_buffer_i.value = buffer
+            for at, rgb in enumerate(self.store[buffer].reshape(-1, 3)):
+                dut.fill_at_i.value, dut.fill_rgb_i.value = at, int.from_bytes(rgb.tobytes())
+                await self.edge
+        dut.fill_i.value = 0
+        await self.reset()
+
+    async def to_vertical_sync(self):
+        """From reset to the first clock of vertical sync."""
+        for _ in range(40):
+            out = int(self.dut.out_o.value)
+            assert out >> 24 & 1 == 0
+            if out >> 26 & 1:
+                return
+            await self.edge
+        raise AssertionError("no vertical sync")
+
+    def picture(self, front, brightness, kind):
+        """Pixels that must leave, 24-bit words (height, width)."""
+        pixels = self.store[front]
+        if kind == CHECKER:
+            white = (np.arange(HEIGHT)[:, None] // 32 + np.arange(WIDTH) // 32) % 2
+            pixels = np.repeat(255 * white[..., None], 3, 2)
+        elif kind == RAMP:
+            pixels = np.broadcast_to(np.arange(WIDTH)[None, :, None] % 256, (HEIGHT, WIDTH, 3))
+        return (pixels.astype(int) * (brightness + 1) >> 8).astype(np.uint8)
+
+    async def frame(self, picture, at_line=None, settings=None):
+        """Compare a frame from vertical sync to the next; change settings and ask for a swap on the way.
+
+        Whether a swap came.
+        """
+        dut, front, swapped = self.dut, None, False
+        words = [[int.from_bytes(p.tobytes()) for p in row] for row in picture]
+        frames = int(dut.frames_o.value)
+        for y in range(LINES):
+            if y == at_line:
+                for name, value in settings.items():
+                    getattr(dut, name).value = value
+            for x in range(LINE):
+                out = int(dut.out_o.value)
+                row, column = y - TOP, x - LEFT
+                shows = 0 <= row < HEIGHT and 0 <= column < WIDTH
+                wanted = (row == column == 0) << 3 | (y < T["VSync"]) << 2 | (x < T["HSync"]) << 1 | shows
+                assert out >> 24 & 0b1111 == wanted, f"line {y}, clock {x}"
+                if shows:
+                    assert out & 0xFFFFFF == words[row][column], f"row {row}, column {column}"
+                # A swap comes with the next vertical sync, a few clocks ahead of the output.
+                front = out >> 29 if front is None else front
+                if out >> 28 & 1:
+                    assert (LINES - y) * LINE - x == 3
+                    dut.swap_i.value = 0
+                    swapped, front = True, 1 - front
+                assert out >> 29 == front
+                done = (row - HEIGHT + 1) * LINE + column - WIDTH + 1 >= 2  # clocks behind the last pixel
+                assert int(dut.frames_o.value) == frames + done, f"line {y}, clock {x}"
+                if done:
+                    assert int(dut.shown_crc_o.value) == zlib.crc32(picture.tobytes())
+                await self.edge
+        return swapped
+
+
+@cocotb.test()
+async def every_clock(dut):
+    bench = Bench(dut)
+    await bench.begin()
+    await bench.to_vertical_sync()
+    seen = Coverage("scan_out", f"{WIDTH}x{HEIGHT}-{T['Grid']}")
+    front, brightness, kind = 0, 255, OFF
+    for turn in range(14):
+        picture = bench.picture(front, brightness, kind)
+        if (brightness, kind) == (255, OFF):
+            assert (picture == bench.store[front]).all()
+            seen.point("the store, byte for byte", 1)
+        swap = random.getrandbits(1)
+        brightness_next = [255, 0, 128, 1, 254, 255, random.randrange(256)][turn % 7]
+        kind_next = [OFF, CHECKER, OFF, RAMP, OFF][turn % 5]
+        settings = {"swap_i": swap, "brightness_i": brightness_next, "kind_i": kind_next}
+        # Settings of the next frame, made at any line, do not show in this one.
+        swapped = await bench.frame(picture, random.randrange(LINES), settings)
+        assert swapped == bool(swap)
+        front, brightness, kind = front ^ swap, brightness_next, kind_next
+        seen.point("swap", swap)
+        seen.point("no swap", not swap)
+        seen.values("kind", kind, (OFF, CHECKER, RAMP))
+    seen.close()
+
+
+@cocotb.test()
+async def reset_begins_a_frame(dut):
+    bench = Bench(dut)
+    await bench.begin()
+    for clocks in (1, LINE // 2, LINE * TOP + LEFT + 30, LINE * LINES - 5):
+        dut.swap_i.value = 1
+        for _ in range(clocks):
+            await bench.edge
+        dut.swap_i.value = 0
+        await bench.reset()
+        assert int(dut.frames_o.value) == 0
+        await bench.to_vertical_sync()
+        await bench.frame(bench.picture(0, 255, OFF))

@@ -1,0 +1,53 @@
+"""scan_out with a panel's real timing: edges of the sync signals, and the CRC of a whole frame."""
+
+import zlib
+
+import cocotb
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge, RisingEdge
+from cocotb.utils import get_sim_time
+
+T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVW"}
+LINE = T["HSync"] + T["HBack"] + T["Width"] + T["HFront"]
+LINES = T["VSync"] + T["VBack"] + T["Height"] + T["VFront"]
+
+
+async def watch(signal, rises, falls):
+    """Clocks of a signal's edges."""
+    while True:
+        await RisingEdge(signal)
+        rises.append(round(get_sim_time("ns")) // 2)
+        await FallingEdge(signal)
+        falls.append(round(get_sim_time("ns")) // 2)
+
+
+@cocotb.test()
+async def a_whole_frame_with_the_panels_timing(dut):
+    dut.swap_i.value = dut.fill_i.value = 0
+    dut.brightness_i.value, dut.kind_i.value = 255, 5
+    dut.rst_ni.value = 0
+    Clock(dut.clk_i, 2, unit="ns").start()
+    for _ in range(3):
+        await FallingEdge(dut.clk_i)
+    dut.rst_ni.value = 1
+    edges = {}
+    for name in ("de", "hsync", "vsync", "frame_start"):
+        edges[name] = [], []
+        cocotb.start_soon(watch(getattr(dut, f"{name}_o"), *edges[name]))
+    for _ in range(2):
+        await RisingEdge(dut.vsync_o)
+    await FallingEdge(dut.clk_i)
+    (de, blank), (hsync, hsync_end), (vsync, vsync_end), (start, _) = edges.values()
+
+    assert vsync == [vsync[0], vsync[0] + LINE * LINES]
+    assert vsync_end == [vsync[0] + LINE * T["VSync"]]
+    assert hsync == [vsync[0] + LINE * y for y in range(LINES + 1)]
+    assert hsync_end == [rise + T["HSync"] for rise in hsync[:-1]]
+    first = vsync[0] + LINE * (T["VSync"] + T["VBack"]) + T["HSync"] + T["HBack"]
+    assert de == [first + LINE * y for y in range(T["Height"])]
+    assert blank == [rise + T["Width"] for rise in de]
+    assert start == [first]
+
+    ramp = b"".join(bytes([column % 256] * 3) for column in range(T["Width"]))
+    assert int(dut.shown_crc_o.value) == zlib.crc32(ramp * T["Height"])
+    assert int(dut.frames_o.value) == 1

@@ -1,0 +1,54 @@
+/// scan_out at a port of a frame store, which the test fills.
+module scan_out_bench #(
+  parameter int Width = 70,
+  parameter int Height = 35,
+  parameter int HFront = 3,
+  parameter int HSync = 5,
+  parameter int HBack = 4,
+  parameter int VFront = 2,
+  parameter int VSync = 3,
+  parameter int VBack = 1,
+  parameter int Grid = 0,
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                 clk_i,
+  input  logic                 rst_ni,
+  input  logic                 swap_i,
+  input  logic [7:0]           brightness_i,
+  input  logic [2:0]           kind_i,
+  output logic                 de_o,
+  output logic                 hsync_o,
+  output logic                 vsync_o,
+  output logic                 frame_start_o,
+  output logic [31:0]          shown_crc_o,
+  output logic [31:0]          frames_o,
+  /// front, swapped, frame_start, vsync, hsync, de, rgb
+  output logic [29:0]          out_o,
+  input  logic                 fill_i,
+  input  logic                 fill_buffer_i,
+  input  logic [PlaceBits-1:0] fill_at_i,
+  input  logic [23:0]          fill_rgb_i
+);
+
+  logic front, swapped;
+  logic [PlaceBits-1:0] read_at;
+  logic [23:0] read_rgb, unused_rgb, rgb;
+  panel_pkg::pattern_t pattern;
+  assign pattern = '{kind: panel_pkg::pattern_e'(kind_i), i: '0, j: '0};
+  assign out_o = {front, swapped, frame_start_o, vsync_o, hsync_o, de_o, rgb};
+
+  scan_out #(
+    .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .Grid(Grid)
+  ) i_scan_out (
+    .clk_i, .rst_ni, .swap_i, .swapped_o(swapped), .front_o(front), .brightness_i,
+    .pattern_i(pattern), .optics_i('0), .read_at_o(read_at), .read_rgb_i(read_rgb),
+    .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
+  );
+  frame_store #(.Width(Width), .Height(Height)) i_store (
+    .clk_i, .write_i(fill_i), .write_buffer_i(fill_buffer_i), .write_at_i(fill_at_i),
+    .write_rgb_i(fill_rgb_i), .a_buffer_i(front), .a_at_i(read_at), .a_rgb_o(read_rgb),
+    .b_buffer_i(1'b0), .b_at_i('0), .b_rgb_o(unused_rgb)
+  );
+
+endmodule

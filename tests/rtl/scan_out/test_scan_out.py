@@ -1,0 +1,33 @@
+"""scan_out: every clock of small frames, and the timing of real ones."""
+
+from pathlib import Path
+
+import pytest
+from runner import compiled, seed, simulate
+
+BENCH = Path(__file__).with_name("scan_out_bench.sv").read_text()
+FOLDERS = ("registers", "optics", "link", "panel")
+TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VBack")
+
+
+@pytest.mark.parametrize("grid", [0, 1])
+@pytest.mark.parametrize("timing", [(70, 3, 5, 4, 35, 2, 3, 1), (7, 0, 14, 0, 2, 1, 1, 0)], ids=["small", "tiny"])
+def test_every_clock(timing, grid):
+    parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid}
+    folder = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}", FOLDERS)
+    simulate(folder, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
+
+
+@pytest.mark.parametrize(
+    "timing",
+    [
+        (1920, 88, 44, 148, 1080, 4, 5, 36),
+        pytest.param((640, 16, 96, 48, 480, 10, 2, 33), marks=pytest.mark.full),
+        pytest.param((2400, 48, 32, 80, 2400, 3, 10, 55), marks=pytest.mark.full),
+    ],
+    ids=["1920x1080", "640x480", "2400x2400"],
+)
+def test_real_timing(timing):
+    parameters = dict(zip(TIMINGS, timing, strict=True))
+    folder = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}", FOLDERS)
+    simulate(folder, "scan_out_bench", "cocotb_video_timing", seed(), plusargs=parameters)

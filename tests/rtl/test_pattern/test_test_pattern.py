@@ -1,0 +1,150 @@
+"""test_pattern against the optics' twins, and those patterns against the display's geometry."""
+
+import numpy as np
+import pytest
+from bench import Instance, Segment, stream
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.lenslet_hex import lenslet_hex
+from lippmann.fixed.lenslet_square import lenslet_square
+from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.system import System
+from lippmann.sim.harness import packed
+from optics import display, random_configuration
+from rtl_coverage import Coverage
+from runner import seed
+
+OFF, LENS, CENTRES, VIEWS, CHECKER, RAMP = range(6)
+WHITE = 0xFFFFFF
+GRIDS = {"square": 0, "hex": 1}
+
+
+def located(config, grid, f, width, height, columns, rows):
+    """Lenslets of pixels, and the points from their centres."""
+    u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
+    x, y = (
+        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
+        for axis in "xy"
+    )
+    return (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
+
+
+def centres(config, f, x, y):
+    """Whether a lenslet's centre lies in the pixel, from the point x, y from it."""
+    xu, xv, yu, yv = (getattr(config, f"{axis}_from_{of}") >> 17 for axis in "xy" for of in "uv")
+    x, y = ((w << 17) >> f for w in (x, y))
+    det = xu * yv - xv * yu
+    limit = (det >> 3) + (det >> 7)
+    return (abs(yv * x - xv * y) <= limit) & (abs(xu * y - yu * x) <= limit)
+
+
+def views(grid, f, x, y):
+    """Place in the lenslet, to the right and upward, 0 to 255."""
+    side = y - (y >> 2) if grid == "hex" else y
+    return tuple(np.clip((256 * w + (128 << f)) >> f, 0, 255) for w in (x, side))
+
+
+def pattern(kind, lens, config, grid, f, width, height, columns, rows):
+    i, j, x, y = located(config, grid, f, width, height, columns, rows)
+    if kind == LENS:
+        return np.where((i == lens[0]) & (j == lens[1]), WHITE, 0)
+    if kind == CENTRES:
+        return np.where(centres(config, f, x, y), WHITE, 0)
+    if kind == VIEWS:
+        r, g = views(grid, f, x, y)
+        return r << 16 | g << 8
+    if kind == CHECKER:
+        return np.where((columns // 32 + rows // 32) % 2, WHITE, 0)
+    return columns % 256 * 0x010101 if kind == RAMP else np.zeros_like(columns)
+
+
+@pytest.mark.parametrize("f", [23, *(pytest.param(f, marks=pytest.mark.full) for f in (14, 17, 18))])
+def test_equals_twin(f):
+    s = seed()
+    rng = np.random.default_rng(s)
+    seen = Coverage("test_pattern", f"F{f}")
+    instances, batch = [], []
+    for (width, height), grid in (((640, 480), "square"), ((1921, 1080), "hex"), ((2400, 2400), "hex")):
+        parameters = {"Width": width, "Height": height, "F": f, "Grid": GRIDS[grid]}
+        one = Instance(
+            "test_pattern", {"column_i": 14, "row_i": 14}, {"rgb_o": 24},
+            f"panel_pkg::pattern_latency({GRIDS[grid]})", parameters, {"pattern_i": 27, "optics_i": 820},
+        )  # fmt: skip
+        instances.append(one)
+        for kind in [LENS, CENTRES, VIEWS] * 4 + [CHECKER, RAMP, OFF, 6, 7]:
+            config = random_configuration(rng, Build(f, grid))
+            # A stretch of rows, and pixels anywhere; the corners.
+            left, top = rng.integers(width - 40), rng.integers(height - 30)
+            columns, rows = (w.ravel() for w in np.meshgrid(np.arange(left, left + 40), np.arange(top, top + 30)))
+            columns = np.r_[columns, rng.integers(0, width, 300), 0, width - 1, 0, width - 1]
+            rows = np.r_[rows, rng.integers(0, height, 300), 0, 0, height - 1, height - 1]
+            i, j, *_ = located(config, grid, f, width, height, columns, rows)
+            pick = rng.integers(1200)
+            lens = int(i[pick]), int(j[pick])
+            rgb = pattern(kind, lens, config, grid, f, width, height, columns, rows)
+            word = kind << 24 | (lens[0] & 0xFFF) << 12 | lens[1] & 0xFFF
+            optics = int.from_bytes(packed(config), "little")
+            held = {"pattern_i": word, "optics_i": optics}
+            batch.append((one, Segment(held, {"column_i": columns, "row_i": rows}, {"rgb_o": rgb})))
+            if kind in (LENS, CENTRES, CHECKER):
+                seen.point(f"{grid} {kind} white", rgb == WHITE)
+                seen.point(f"{grid} {kind} black", rgb == 0)
+            elif kind == VIEWS:
+                seen.values("view", rgb >> 16 & 0xE0, range(0, 256, 32))
+                seen.values("view", rgb >> 8 & 0xE0, range(0, 256, 32))
+    stream(instances, batch, f"test_pattern-F{f}", s, folders=("registers", "optics", "panel"))
+    seen.close()
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("rotation", [0.0, 7.0, -31.0, 90.0])
+def test_twin_shows_the_lens_array(grid, rotation):
+    rng = np.random.default_rng(seed())
+    build = Build(23, grid)
+    offset, across = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25)
+    shown = display(build, radius=2.0, gap=1.0, rotation=rotation, offset=offset, across=across)
+    config, system = configuration(shown, build, "exact"), System.of(shown)
+    width, height, pitch = system.width_px, system.height_px, shown.array.pitch_mm
+    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(width), np.arange(height)))
+    i, j, x, y = located(config, grid, 23, width, height, columns, rows)
+    white, view = centres(config, 23, x, y), views(grid, 23, x, y)
+
+    # The same in millimetres, from the display.
+    frame, lattice = system.frame, system.lattice
+    panel = frame.panel_from_pixel(columns + 0.5, rows + 0.5)
+    own_i, own_j, local_x, local_y = lattice.locate(NumpyBackend(), *frame.array_from_panel(*panel))
+    same = (own_i == i) & (own_j == j)
+    assert same.mean() > 0.999
+    at = frame.pixel_from_panel(*frame.panel_from_array(*lattice.centre(own_i, own_j)))
+    away = np.maximum(abs(at[0] - columns - 0.5), abs(at[1] - rows - 0.5))
+    assert white[same & (away < 17 / 32 - 0.01)].all()
+    assert not white[same & (away > 17 / 32 + 0.01)].any()
+    # Wherever a lenslet's centre is on the panel, a pixel is white, four at most.
+    inside = (at[0] > 1) & (at[0] < width - 1) & (at[1] > 1) & (at[1] < height - 1)
+    lenslets = set(zip(own_i[inside], own_j[inside], strict=True))
+    lit = set(zip(i[white], j[white], strict=True))
+    assert lenslets <= lit
+    assert len(lit) <= white.sum() <= 4 * len(lit)
+
+    height_of_cell = np.sqrt(4 / 3) if grid == "hex" else 1.0
+    for wanted, got in ((local_x / pitch, view[0]), (local_y / pitch / height_of_cell, view[1])):
+        error = got - np.clip(np.floor(256 * (wanted + 0.5)), 0, 255)
+        assert abs(error[same]).max() <= 1
+        assert (error[same] == 0).mean() > 0.99
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_centre_between_pixels_lights_all_that_meet_there(grid):
+    # 20 pixels a pitch on an even panel: the centres of a row stand on corners of pixels.
+    build = Build(23, grid)
+    shown = display(build, radius=2.0, gap=1.0, across=20)
+    config, system = configuration(shown, build, "exact"), System.of(shown)
+    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(system.width_px), np.arange(system.height_px)))
+    i, j, x, y = located(config, grid, 23, system.width_px, system.height_px, columns, rows)
+    white = centres(config, 23, x, y)
+    row = white & (j == 0)
+    assert sorted(set(rows[row])) == [149, 150]
+    assert sorted(columns[row & (i == 0)]) == [199, 199, 200, 200]
+    # Those at the panel's edges are halved.
+    assert len(columns[row]) == 4 * (len(set(i[j == 0])) - 1)
