@@ -208,6 +208,14 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
     path = Path(path)
     if not path.is_file():
         raise input_error(str(path), "no such image", "render it first: lippmann render")
+    try:
+        return _read(oiio, path, limit)
+    except UnicodeDecodeError:  # OpenImageIO quotes a broken header
+        raise input_error(str(path), "is broken", "render it again") from None
+
+
+def _read(oiio: Any, path: Path, limit: tuple[int, int] | None) -> Picture:
+    """Read a file that is there; the rest of `read_picture`."""
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise input_error(str(path), f"is no image ({oiio.geterror()})", "give an EXR, TIFF or PNG file")

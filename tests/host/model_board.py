@@ -13,9 +13,14 @@ import threading
 import time
 import zlib
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 from cobs import cobs
+from serial.urlhandler import protocol_socket
+
+# pyserial rests for 0.3 s whenever it closes a socket; the tests close many.
+protocol_socket.time = SimpleNamespace(sleep=lambda seconds: None)
 
 OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, CRC_DIFFERS, NO_TILE, VERSION, OPTICS = range(10)
 MAX_PACKET = 3200

@@ -128,7 +128,7 @@ def test_time_out_follows_the_round_trip():
     time.sample(0.4)
     assert time.time_out_s == pytest.approx(0.225 + 4 * 0.125)
     time.back_off()
-    assert time.time_out_s == pytest.approx(2 * 0.725)
+    assert time.time_out_s == pytest.approx(1.5 * 0.725)
     time.ease()
     time.ease()
     assert time.time_out_s == pytest.approx(0.725)

@@ -363,8 +363,10 @@ class Board:
             self.line.send(packet, min(SEND_S, self.patience_s))
             sent = time.monotonic()
             until = min(end, sent + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
-            while (reply := self.line.receive(until - time.monotonic())) is not None:
-                if reply.kind == kind | REPLY and reply.seq == seq and reply.body:
+            # Not until nothing comes: of what nobody asked for there may be no end.
+            while time.monotonic() < until:
+                reply = self.line.receive(until - time.monotonic())
+                if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
                     if again:
                         self._round_trip.ease()
                     elif not work_s:

@@ -45,6 +45,8 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
     DeviceError
         When the port is missing, busy, forbidden, refused, or none.
     """
+    if not url:
+        raise InputError("an empty port; give a device, or socket://HOST:PORT")
     if baud <= 0:
         raise InputError(f"a baud rate of {baud} cannot be; give a positive one, such as {DEFAULT_BAUD}")
     try:
@@ -65,8 +67,10 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
 def _refusal(url: str, error: serial.SerialException) -> DeviceError | InputError:
     """Say why a port did not open, and what helps."""
     # pyserial keeps a socket's own error as the context of its exception only.
-    cause = error if error.errno is not None else error.__context__
-    if isinstance(cause, TypeError | ValueError):
+    cause: BaseException | None = error
+    while isinstance(cause, serial.SerialException) and cause.errno is None:
+        cause = cause.__context__
+    if isinstance(cause, TypeError | ValueError | KeyError):
         return input_error(url, "is no address", "give socket://HOST:PORT")
     if isinstance(cause, socket.gaierror):
         return device_error(url, "no such host", "check the name, or use 127.0.0.1")
@@ -131,6 +135,7 @@ class Line:
             self._fileno: int | None = self._port.fileno()
         except (OSError, AttributeError):  # rfc2217:// and loop:// have none
             self._fileno = None
+            self._port.write_timeout = None
 
     def __enter__(self) -> Line:
         return self

@@ -1,4 +1,4 @@
-"""How long to wait for a reply: the estimate of TCP (RFC 6298)."""
+"""How long to wait for a reply: the estimate of TCP (RFC 6298), with a gentler back-off."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from __future__ import annotations
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
+#: What a time-out grows by with each silence. TCP doubles it, for there a loss tells of too much traffic; here it
+#: tells of noise, and patience is better spent on more tries.
+GROWTH = 1.5
 
 
 class RoundTrip:
-    """Smoothed round-trip time and its deviation; the time-out follows them and doubles with each silence."""
+    """Smoothed round-trip time and its deviation; the time-out follows them and grows with each silence."""
 
     def __init__(self) -> None:
         self._smoothed: float | None = None
@@ -28,11 +31,11 @@ class RoundTrip:
 
     def back_off(self) -> None:
         """Take note of a time-out."""
-        self.time_out_s = min(2.0 * self.time_out_s, LONGEST_S)
+        self.time_out_s = min(GROWTH * self.time_out_s, LONGEST_S)
 
     def ease(self) -> None:
         """Take note of a reply after a time-out, which may answer any of several sends and so tells no time."""
-        self.time_out_s = max(self.time_out_s / 2.0, self._estimate())
+        self.time_out_s = max(self.time_out_s / GROWTH, self._estimate())
 
     def _estimate(self) -> float:
         """Return the time-out that the samples suggest."""

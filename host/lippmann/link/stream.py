@@ -236,21 +236,20 @@ class _Sender:
             due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
             end = last_gain + self._board.patience_s
             reply = line.receive(min(due, end) - time.monotonic())
+            gains = len(self._arrived)
+            status = self._take(reply) if reply else None
+            if status == Status.STALE_EPOCH:
+                return status
             now = time.monotonic()
-            if reply is not None:
-                gains = len(self._arrived)
-                status = self._take(reply)
-                if status == Status.STALE_EPOCH:
-                    return status
-                if status is not None:
-                    last_reply = now
-                if len(self._arrived) > gains:
-                    last_gain = now
-                    if progress:
-                        progress(held + len(self._arrived), self._sent.tiles)
+            if status is not None:
+                last_reply = now
+            if len(self._arrived) > gains:
+                last_gain = now
+                if progress:
+                    progress(held + len(self._arrived), self._sent.tiles)
             elif now >= end:
                 raise self._board.silence()
-            elif now >= due:
+            elif status is None and now >= due:
                 # One packet asks whether the line lives; its reply tells what of the others is lost.
                 self._round_trip.back_off()
                 self._give_up([next(iter(self._flights))])

@@ -1,0 +1,338 @@
+"""Requests to the model board, ports that are none, and boards that the host cannot talk to."""
+
+import errno
+import os
+import pty
+import socket
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import serial
+from lippmann.errors import DeviceError, InputError
+from lippmann.fixed.register_file import Write
+from lippmann.link import port as port_module
+from lippmann.link.board import BACK, FRONT, Board
+from lippmann.link.faults import Faults, Proxy
+from lippmann.link.packets import Kind, Status, packed
+from lippmann.link.port import MAX_WAITING, Line, open_port
+from lippmann.link.search import find_board, find_boards
+from lippmann.link.stream import send_frame
+from model_board import OPTICS_BUILD, ModelBoard
+from scene_cases import generator
+
+SEED = 4505
+FAST_BAUD = 12_000_000
+
+
+@contextmanager
+def joined(patience_s=5.0, **settings):
+    with ModelBoard(**settings) as model, Board.open(model.url, FAST_BAUD, patience_s) as board:
+        yield model, board
+
+
+def one_line(error):
+    """Return an error's text, which is one line that names a remedy."""
+    text = str(error.value)
+    assert "\n" not in text
+    assert ";" in text
+    return text
+
+
+# --- requests ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("on_pty", [False, True])
+def test_hello(on_pty):
+    with joined(width=100, height=70, identity=0xFEDCBA9876543210, pty=on_pty) as (_, board):
+        assert board.info == (1, 0xFEDCBA9876543210, 100, 70, 32, 3200, 50_000_000, 0, OPTICS_BUILD)
+        assert board.info.grid.count == 12
+
+
+def test_registers_are_read_and_written():
+    with joined() as (model, board):
+        board.write(0x204, [1, 0xFFFFFFFF])
+        assert board.read(0x200, 4) == [0, 1, 0xFFFFFFFF, 0]
+        assert model.writes == [(0x204, (1, 0xFFFFFFFF))]
+        model.registers = dict.fromkeys(range(0, 0x400, 4), 0) | {0x100 + 4 * k: k for k in range(100)}
+        # More than one READ holds.
+        assert board.read(0x100, 100) == list(range(100))
+        writes = [Write(0, 5), Write(4, 6), Write(0x10, 7), *(Write(0x14 + 4 * k, k) for k in range(64))]
+        model.writes.clear()
+        board.write_all(writes)
+        assert model.writes == [(0x200, (5, 6)), (0x210, (7, *range(63))), (0x310, (63,))]
+
+
+def test_bad_addresses_and_words_are_refused_whole():
+    with joined() as (model, board):
+        for ask in (
+            lambda: board.read(0x100),
+            lambda: board.write(0x2FC, [1, 2]),
+            lambda: board.write(0x202, [1]),
+            lambda: board.write(0x10000, [1]),
+            lambda: board.write(0x200, []),
+            lambda: board.write(0x200, [0] * 65),
+            lambda: board.write(0x200, [-1]),
+            lambda: board.write(0x200, [1 << 32]),
+        ):
+            with pytest.raises(InputError) as error:
+                ask()
+            one_line(error)
+        assert not any(model.registers.values())
+
+
+def test_rays_are_traced():
+    with joined() as (_, board):
+        # More than one TRACE holds; the model gives nine words of the four.
+        u, v, a, b = generator(SEED).integers(-(1 << 17), 1 << 17, (4, 150))
+        rays = board.trace(u, v, a, b)
+        np.testing.assert_array_equal(rays.i, u)
+        np.testing.assert_array_equal(rays.x, a)
+        np.testing.assert_array_equal(rays.z, u - v)
+        np.testing.assert_array_equal(rays.dz, -v)
+        np.testing.assert_array_equal(rays.status, u & 7)
+
+
+def test_a_raster_is_signed_once():
+    with joined() as (model, board):
+        assert board.sign(100) == (4711, 0x12345678)
+        board.write(0x200, [0xBAD])
+        with pytest.raises(DeviceError, match=r"refuses SIGN.*raster"):
+            board.sign(100)
+        executed = model.executed[8]
+
+        # A lost reply does not run the raster again.
+        model.mute = True
+        threading.Timer(0.1, lambda: setattr(model, "mute", False)).start()
+        with pytest.raises(DeviceError, match="refuses SIGN"):
+            board.sign(100)
+        assert model.executed[8] == executed + 1
+
+
+def test_what_present_says():
+    with joined() as (model, board):
+        assert board.present(0, 1) == (Status.FRAME_CRC_DIFFERS, 0)
+        assert board.present(7, 1) == (Status.STALE_EPOCH, 7)
+        assert model.shown == []
+        assert board.tiles(BACK).epoch == board.tiles(FRONT).epoch == 0
+
+
+def test_a_lost_reply_repeats_no_write():
+    with joined() as (model, board):
+        lose = iter([True, True, True, False])
+        model.on_packet = lambda model, _: setattr(model, "mute", next(lose, False))
+        board.write(0x200, [1])
+        assert model.writes == [(0x200, (1,))]
+        assert model.statuses[0] == 1 + 4
+
+
+def test_replies_of_others_are_ignored():
+    with joined() as (model, board):
+        board.write(0x200, [11, 22])
+        # A reply to a question that this board object never asked lies on the line.
+        board.line.send(packed(Kind.READ, 0, b"\4\2\1"), 1.0)
+        board._seq = 99
+        assert board.read(0x200, 2) == [11, 22]
+        assert model.executed[2] == 2
+
+
+# --- boards that cannot be talked to ----------------------------------------------------------------
+
+
+def test_wrong_version():
+    with ModelBoard() as model:
+        model.version = 2
+        with pytest.raises(DeviceError, match=r"version 1.*update") as error:
+            Board.open(model.url, FAST_BAUD)
+        one_line(error)
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ((2, None, 1, 96, 72, 32, 3200, 1, 0, 0), "version 2"),
+        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another greeting"),
+        ((1, None, 1, 0, 72, 32, 3200, 1, 0, 0), "limits"),
+        ((1, None, 1, 65535, 65535, 32, 3200, 1, 0, 0), "limits"),
+        ((1, None, 1, 96, 72, 64, 3200, 1, 0, 0), "limits"),
+        ((1, None, 1, 96, 72, 32, 600, 1, 0, 0), "limits"),
+        (None, "reply to HELLO has 0 bytes"),
+    ],
+)
+def test_answers_that_make_no_sense(limits, message):
+    import struct
+
+    with ModelBoard() as model:
+
+        def hello(body):
+            if limits is None:
+                return b""
+            nonce = struct.unpack("<BI", body)[1]
+            return struct.pack("<BIQHHBHIHI", limits[0], nonce ^ (limits[1] or 0), *limits[2:])
+
+        model._hello = hello
+        with pytest.raises(DeviceError, match=message) as error:
+            Board.open(model.url, FAST_BAUD)
+        one_line(error)
+
+
+def test_silence_ends_in_time():
+    with ModelBoard() as model:
+        model.mute = True
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match=r"nothing answers.*power") as error:
+            Board.open(model.url, FAST_BAUD, patience_s=0.5)
+        assert 0.5 <= time.monotonic() - begun < 0.7
+        one_line(error)
+
+
+def test_a_wrong_baud_rate():
+    with (
+        ModelBoard() as model,
+        Proxy(model.url, SEED, up=Faults(garble=1.0)) as line,
+        pytest.raises(DeviceError, match=r"no packet.*another baud rate than 12000000") as error,
+    ):
+        Board.open(line.url, FAST_BAUD, patience_s=0.5)
+    one_line(error)
+
+
+def test_a_flood_of_anything_ends_in_time():
+    """Garbage and good packets that nobody asked for, as fast as they come."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def flood():
+            with server.accept()[0] as line:
+                bytes_ = generator(SEED).bytes(5000) + b"\0" + packed(0x81, 5, bytes(40)) * 50
+                try:
+                    while True:
+                        line.sendall(bytes_)
+                except OSError:
+                    pass
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        begun = time.monotonic()
+        with Line(f"socket://127.0.0.1:{server.getsockname()[1]}", FAST_BAUD) as line:
+            with pytest.raises(DeviceError, match="not answered"):
+                Board(line, patience_s=0.5)
+            assert time.monotonic() - begun < 1.0
+            assert len(line._waiting) <= MAX_WAITING
+        thread.join()
+
+
+# --- ports ------------------------------------------------------------------------------------------
+
+
+def test_no_such_port():
+    with pytest.raises(DeviceError, match=r"/dev/ttyNONE: no such port; plug") as error:
+        Board.open("/dev/ttyNONE")
+    one_line(error)
+    assert error.value.exit_code == 1
+
+
+def test_nobody_listens():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        free = server.getsockname()[1]
+    with pytest.raises(DeviceError, match=r"nobody listens.*board start"):
+        Board.open(f"socket://127.0.0.1:{free}")
+
+
+@pytest.mark.parametrize("url", ["socket://", "socket://127.0.0.1", "socket://127.0.0.1:x", "gopher://there", ""])
+def test_urls_that_are_none(url):
+    with pytest.raises(InputError) as error:
+        open_port(url)
+    one_line(error)
+
+
+def test_a_host_that_is_none():
+    with pytest.raises(DeviceError, match="no such host"):
+        open_port("socket://no-such-host.invalid:5000")
+
+
+@pytest.mark.parametrize("baud", [0, -9600])
+def test_baud_rates_that_are_none(baud):
+    with pytest.raises(InputError, match="baud"):
+        open_port("/dev/ttyNONE", baud)
+
+
+def test_a_busy_port():
+    master, slave = pty.openpty()
+    name = os.ttyname(slave)
+    with Line(name), pytest.raises(DeviceError, match=r"busy.*close the other program"):
+        Line(name)
+    with Line(name):
+        pass
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_file_is_no_port(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"")
+    for name in (str(path), "/dev/null", str(tmp_path)):
+        with pytest.raises(DeviceError) as error:
+            open_port(name)
+        one_line(error)
+
+
+def test_no_permission(monkeypatch):
+    # Root may open anything: the refusal is pyserial's, made here.
+    def refuse(url, **_):
+        raise serial.SerialException(errno.EACCES, f"could not open port {url}: [Errno 13] Permission denied")
+
+    monkeypatch.setattr(port_module.serial, "serial_for_url", refuse)
+    with pytest.raises(DeviceError, match=r"no permission; join the group.*usermod -aG \w+ \$USER"):
+        open_port("/dev/null")
+
+
+def test_a_port_that_goes_away():
+    with ModelBoard() as model:
+        board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
+    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+        board.read(0)
+    with ModelBoard(pty=True) as model:
+        board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
+    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+        board.read(0)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_ports_that_cannot_be_waited_on():
+    """loop:// has no file number: what is sent comes back."""
+    with Line("loop://", FAST_BAUD) as line:
+        assert line.send(packed(2, 7, b"body"), 1.0)
+        assert line.receive(1.0) == (2, 7, b"body")
+        begun = time.monotonic()
+        assert line.receive(0.05) is None
+        assert 0.05 <= time.monotonic() - begun < 0.2
+
+
+def test_search_by_answer():
+    master, slave = pty.openpty()
+    silent = os.ttyname(slave)
+    with ModelBoard(identity=1) as one, ModelBoard(identity=2, pty=True) as two:
+        found, others = find_boards([silent, one.url, "/dev/ttyNONE", two.url], FAST_BAUD, 0.3)
+        assert [(board.url, board.hello.identity) for board in found] == [(one.url, 1), (two.url, 2)]
+        assert [str(error).split(":")[0] for error in others] == [silent, "/dev/ttyNONE"]
+        assert find_board([silent, two.url], FAST_BAUD, 0.3).hello.identity == 2
+        with pytest.raises(DeviceError, match=r"2 boards answer.*--port"):
+            find_board([one.url, two.url], FAST_BAUD, 0.3)
+        with pytest.raises(DeviceError, match=r"of 1 ports none answers.*--port"):
+            find_board([silent], FAST_BAUD, 0.3)
+        with pytest.raises(DeviceError, match=r"no serial port.*--port"):
+            find_board([])
+    os.close(master)
+    os.close(slave)
+
+
+def test_closed_and_opened_again():
+    with ModelBoard(pty=True) as model:
+        image = generator(SEED).integers(0, 256, (72, 96, 3), np.uint8)
+        for k in range(3):
+            with Board.open(model.url, FAST_BAUD, 2.0) as board:
+                assert send_frame(board, image).unchanged == (k > 0)
+                # Half a packet before the port is closed spoils nothing of the next session.
+                board.line.send(b"\x20half", 1.0)
+    assert len(model.shown) == 1

@@ -1,0 +1,139 @@
+"""Images for the board: panel values by hand, and refusals before a pixel is read."""
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from lippmann.errors import InputError
+from lippmann.images import write_picture
+from lippmann.link.board import Hello
+from lippmann.link.frames import load_frame
+from scene_cases import generator
+
+SEED = 4506
+IDENTITY = 0x79EE8471D40B2533
+HELLO = Hello(1, IDENTITY, 60, 40, 32, 3200, 50_000_000, 0, 0)
+META = {"identity": f"{IDENTITY:016x}", "display": "paper-square"}
+
+
+def picture(*key, height=40, width=60):
+    return generator(SEED, *key).random((height, width, 3), np.float32)
+
+
+def srgb_levels(light, levels=255):
+    """IEC 61966-2-1, in double."""
+    light = np.clip(light.astype(np.float64), 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055) * levels
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_panel_values(tmp_path, suffix):
+    light = picture(suffix)
+    path = tmp_path / f"picture{suffix}"
+    write_picture(path, light, META)
+    frame = load_frame(path, HELLO)
+    assert frame.shape == (40, 60, 3)
+    assert frame.dtype == np.uint8
+    if suffix == ".exr":
+        light = light.astype(np.float16).astype(np.float32)
+    # Half a level of rounding, and what float32 adds.
+    assert np.abs(frame - srgb_levels(light)).max() <= 0.5 + 1e-3
+
+
+def test_png_values_pass_as_they_are(tmp_path):
+    values = np.arange(40 * 60 * 3, dtype=np.int64).reshape(40, 60, 3).astype(np.uint8)
+    out = oiio.ImageOutput.create("x.png")
+    path = tmp_path / "x.png"
+    assert out.open(str(path), oiio.ImageSpec(60, 40, 3, oiio.UINT8))
+    assert out.write_image(values)
+    out.close()
+    np.testing.assert_array_equal(load_frame(path, HELLO, force=True), values)
+    # Another curve changes the values, and black and white stay.
+    linear = load_frame(path, HELLO, transfer="linear", force=True)
+    assert (linear == values).mean() < 0.05
+    np.testing.assert_array_equal(linear[values == 255], 255)
+    np.testing.assert_array_equal(linear[values == 0], 0)
+
+
+@pytest.mark.parametrize(("bits", "levels"), [(1, 2), (4, 16), (6, 64), (8, 256), (10, 256)])
+def test_panels_of_other_depths(tmp_path, bits, levels):
+    # As half floats hold it, so that EXR and PNG are made of the same.
+    ramp = np.broadcast_to(np.linspace(0.0, 1.0, 60, dtype=np.float16)[None, :, None], (40, 60, 3)).astype(np.float32)
+    path = tmp_path / "ramp.exr"
+    write_picture(path, ramp, META)
+    frame = load_frame(path, HELLO, "linear", bits)
+    steps = np.rint(np.rint(ramp.astype(np.float64) * (levels - 1)) * 255 / (levels - 1))
+    np.testing.assert_array_equal(frame, steps)
+    # A PNG of that panel comes to the same.
+    write_picture(tmp_path / "ramp.png", ramp, META, "linear", min(bits, 8))
+    np.testing.assert_array_equal(load_frame(tmp_path / "ramp.png", HELLO, "linear", bits), steps)
+
+
+def test_images_of_other_displays_are_refused_unless_forced(tmp_path):
+    path = tmp_path / "other.exr"
+    for metadata, message in (
+        ({"identity": "0123456789abcdef"}, r"for display 0123456789abcdef, the board drives 79ee8471d40b2533.*--force"),
+        ({}, r"names no display.*--force"),
+    ):
+        write_picture(path, picture(), metadata)
+        with pytest.raises(InputError, match=message) as error:
+            load_frame(path, HELLO)
+        assert "\n" not in str(error.value)
+        assert load_frame(path, HELLO, force=True).shape == (40, 60, 3)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_the_size_is_checked_before_any_pixel(tmp_path, suffix):
+    path = tmp_path / f"x{suffix}"
+    write_picture(path, picture(height=200, width=300), META)
+    # Only the header is left: whoever reads pixels finds the file broken.
+    path.write_bytes(path.read_bytes()[:1200])
+    for force in (False, True):
+        with pytest.raises(InputError, match=r"300 x 200 pixels, the panel 60 x 40"):
+            load_frame(path, HELLO, force=force)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
+def test_truncated_files_are_refused(tmp_path, suffix):
+    whole = tmp_path / f"whole{suffix}"
+    write_picture(whole, picture(), META)
+    data = whole.read_bytes()
+    path = tmp_path / f"cut{suffix}"
+    for share in (0.0, 0.02, 0.3, 0.6, 0.9):
+        path.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(InputError) as error:
+            load_frame(path, HELLO)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_mutated_files_are_read_or_refused(tmp_path, suffix):
+    rng = generator(SEED, suffix)
+    path = tmp_path / f"x{suffix}"
+    write_picture(path, picture(), META)
+    data = np.frombuffer(path.read_bytes(), np.uint8)
+    for _ in range(60):
+        spoilt = data.copy()
+        spots = rng.integers(0, min(len(data), 2000), 8)
+        spoilt[spots] = rng.integers(0, 256, 8)
+        path.write_bytes(spoilt.tobytes())
+        try:
+            assert load_frame(path, HELLO, force=True).shape == (40, 60, 3)
+        except InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017 either end is right
+
+
+def test_a_header_that_promises_too_much_is_refused(tmp_path):
+    path = tmp_path / "x.exr"
+    spec = oiio.ImageSpec(60, 40, 900, oiio.HALF)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    assert out.write_image(np.zeros((40, 60, 900), np.float16))
+    out.close()
+    with pytest.raises(InputError, match="flat image of 1 to 4 channels"):
+        load_frame(path, HELLO, force=True)
+
+
+@pytest.mark.parametrize("name", ["missing.png", "x.gif", "x", "x.png/", "x.null", "x.exr?RES=60x40"])
+def test_paths_that_are_no_image(tmp_path, name):
+    with pytest.raises(InputError):
+        load_frame(str(tmp_path / name), HELLO)
