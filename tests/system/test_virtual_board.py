@@ -30,7 +30,12 @@ SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1
 WIDTH, HEIGHT = 112, 80  # tiles clipped on both edges
 BAUD = 12_000_000
 #: Lines: how the host reaches the board, and what the RTL is given.
-LINES = {"socket-bytes": ("tcp", None), "pty-bytes": ("pty", None), "socket-bits": ("tcp", BAUD), "pty-bits": ("pty", BAUD)}
+LINES = {
+    "socket-bytes": ("tcp", None),
+    "pty-bytes": ("pty", None),
+    "socket-bits": ("tcp", BAUD),
+    "pty-bits": ("pty", BAUD),
+}
 
 
 def small(grid="square"):
@@ -129,7 +134,9 @@ def test_rays_of_the_board_are_those_of_the_twin(grid):
         board.write_all(optics_writes(config))
         u, v = random.integers(-8 * WIDTH, 8 * WIDTH, 150), random.integers(-8 * HEIGHT, 8 * HEIGHT, 150)
         zero = np.zeros_like(u)
-        for got, wanted in zip(board.trace(u, v, zero, zero), ray_pipeline(u, v, zero, zero, config, build), strict=True):
+        for got, wanted in zip(
+            board.trace(u, v, zero, zero), ray_pipeline(u, v, zero, zero, config, build), strict=True
+        ):
             np.testing.assert_array_equal(got, wanted)
         for window in (((0, WIDTH - 1), (0, HEIGHT - 1)), ((5, 5), (7, 7)), ((3, 60), (10, 20))):
             frame = Raster(WIDTH, HEIGHT, *window, samples=2, jitter="lfsr", seed=SEED)
@@ -146,8 +153,10 @@ def test_rays_of_the_board_are_those_of_the_twin(grid):
         board.write_all(raster_writes(frame))
         assert board.sign(frame.rays) == (frame.rays, expected)
         # Rays of a list go through after a frame, too.
-        assert (board.trace(u, v, zero[:150], zero[:150]).status == ray_pipeline(
-            u, v, zero[:150], zero[:150], config, build).status).all()
+        assert (
+            board.trace(u, v, zero[:150], zero[:150]).status
+            == ray_pipeline(u, v, zero[:150], zero[:150], config, build).status
+        ).all()
 
 
 def ask(board, kind, body, seq=None):

@@ -6,11 +6,11 @@ import click
 
 from lippmann.cli.common import emit, json_option
 from lippmann.cli.line import baud_option
-from lippmann.display import load_display
+from lippmann.display import Transfer, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.fullscreen import show
 from lippmann.link.board import Board
-from lippmann.link.frames import load_frame
+from lippmann.link.frames import Target, load_frame
 
 
 @click.command("display")
@@ -38,21 +38,24 @@ def command(
     """
     if display_path is None and port is None:
         raise InputError("name the panel with --display FILE, or with --port URL the board that knows it")
-    transfer, bits = "srgb", 8
+    transfer: Transfer = "srgb"
+    bits = 8
     if display_path is not None:
         display = load_display(display_path)
-        panel = display.panel
-        identity, width, height = display.identity, panel.width_px, panel.height_px
-        transfer, bits = panel.transfer, panel.bits
+        target = Target(int(display.identity, 16), display.panel.width_px, display.panel.height_px)
+        transfer, bits = display.panel.transfer, display.panel.bits
     if port is not None:
         with Board.open(port, baud) as board:
-            own = f"{board.info.identity:016x}"
-            if display_path is not None and own != identity and not force:
-                raise input_error(
-                    port, f"the board drives {own}, {display_path} is {identity}", "name its display file"
-                )
-            identity, width, height = own, board.info.width, board.info.height
-    pixels = load_frame(image, identity, width, height, transfer, bits, force)
+            own = Target(board.info.identity, board.info.width, board.info.height)
+        if display_path is not None and own != target and not force:
+            raise input_error(
+                port, f"the board drives {own.identity:016x}, {display_path} is {target.identity:016x}", "name its file"
+            )
+        target = own
+    pixels = load_frame(image, target, transfer, bits, force)
     show(pixels, monitor, seconds)
-    result = {"image": image, "monitor": monitor, "width": width, "height": height, "identity": identity}
-    emit(result, as_json, lambda: click.echo(f"{image}: shown on monitor {monitor}, {width} x {height}"))
+    result = {
+        "image": image, "monitor": monitor, "width": target.width, "height": target.height,
+        "identity": f"{target.identity:016x}",
+    }  # fmt: skip
+    emit(result, as_json, lambda: click.echo(f"{image}: shown on monitor {monitor}, {target.width} x {target.height}"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +14,16 @@ from lippmann.link.board import Hello
 from lippmann.link.tiles import Pixels
 
 
+class Target(NamedTuple):
+    """Where an image is to be shown without a board: the display's identity, and the panel's size in px."""
+
+    identity: int
+    width: int
+    height: int
+
+
 def load_frame(
-    path: str | Path, hello: Hello, transfer: Transfer = "srgb", bits: int = 8, force: bool = False
+    path: str | Path, target: Hello | Target, transfer: Transfer = "srgb", bits: int = 8, force: bool = False
 ) -> Pixels:
     """Read an image as the panel's values.
 
@@ -22,8 +31,8 @@ def load_frame(
     ----------
     path
         .exr or .tif with linear radiance, .png with panel values.
-    hello
-        The board, which names the panel's size and the display's identity.
+    target
+        The board, or what else names the panel's size and the display's identity.
     transfer, bits
         The panel's curve and depth; the link carries 8 bits, deeper panels get those.
     force
@@ -42,13 +51,15 @@ def load_frame(
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
-    picture = read_picture(path, limit=(hello.width, hello.height))
-    identity = f"{hello.identity:016x}"
+    picture = read_picture(path, limit=(target.width, target.height))
+    identity = f"{target.identity:016x}"
     own = picture.metadata.get("identity")
     if own != identity and not force:
         what = f"was rendered for display {own}" if own else "names no display"
         raise input_error(
-            str(path), f"{what}, the board drives {identity}", "render it for this display, or stream it with --force"
+            str(path),
+            f"{what}, the panel belongs to {identity}",
+            "render it for this display, or stream it with --force",
         )
     return panel_values(picture.radiance, transfer, bits)
 

@@ -1,0 +1,61 @@
+"""An image on the host's own panel, on SDL's dummy desktop: one pixel is one pixel, or nothing is shown."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.errors import DeviceError, InputError
+from lippmann.fullscreen import monitors, show
+from lippmann.images import write_picture
+
+
+@pytest.fixture(autouse=True)
+def dummy(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
+
+def noise(width, height):
+    return np.random.default_rng(5).integers(0, 256, (height, width, 3)).astype(np.uint8)
+
+
+def test_every_pixel_is_shown_as_it_is():
+    width, height = monitors()[0]
+    image = noise(width, height)
+    shown = []
+    np.testing.assert_array_equal(show(image, 0, 0.01, lambda: shown.append(True)), image)
+    assert shown == [True]
+
+
+def test_nothing_is_scaled():
+    width, height = monitors()[0]
+    with pytest.raises(InputError, match="resolution"):
+        show(noise(width, height - 1), 0, 0.01)
+    with pytest.raises(InputError, match="no monitor 7; choose from 0: "):
+        show(noise(width, height), 7, 0.01)
+
+
+def test_without_a_desktop(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(DeviceError, match="graphical session"):
+        monitors()
+
+
+def test_the_command(tmp_path, capsys):
+    width, height = monitors()[0]
+    toml = tmp_path / "d.toml"
+    toml.write_text(
+        f'gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\n'
+        '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
+    )
+    path = tmp_path / "i.png"
+    write_picture(path, noise(width, height) / 255.0, {}, "linear")
+    words = ["display", str(path), "--display", str(toml), "--seconds", "0", "--json"]
+    assert run(words) == 2
+    assert "names no display" in json.loads(capsys.readouterr().out)["error"]
+    assert run([*words, "--force"]) == 0
+    assert json.loads(capsys.readouterr().out)["width"] == width
+    assert run(["display", str(path)]) == 2
+    assert os.environ["SDL_VIDEODRIVER"] == "dummy"
