@@ -27,7 +27,10 @@ def monitors() -> list[tuple[int, int]]:
         When there is no desktop to show anything on.
     """
     pygame = _pygame()
-    return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+    try:
+        return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+    finally:
+        pygame.display.quit()
 
 
 def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Callable[[], None] | None = None) -> Pixels:
