@@ -71,7 +71,7 @@ def test_panels_of_other_depths(tmp_path, bits, levels):
 def test_images_of_other_displays_are_refused_unless_forced(tmp_path):
     path = tmp_path / "other.exr"
     for metadata, message in (
-        ({"identity": "0123456789abcdef"}, r"for display 0123456789abcdef, the panel belongs to 79ee8471d40b2533.*--force"),
+        ({"identity": "0123456789abcdef"}, r"0123456789abcdef, the panel belongs to 79ee8471d40b2533.*--force"),
         ({}, r"names no display.*--force"),
     ):
         write_picture(path, picture(), metadata)
