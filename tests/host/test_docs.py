@@ -76,15 +76,24 @@ def test_commands_parse(page):
         top = cli.make_context("lippmann", [words[0]])
         command = cli.get_command(top, words[0])
         try:
+            if isinstance(command, click.Group) and words[1] in command.commands:
+                command, words = command.commands[words[1]], words[1:]
             command.make_context(words[0], words[1:], parent=top)
         except click.ClickException as error:
             pytest.fail(f"{line}: {error.format_message()}")
 
 
+def parameters(command):
+    """Return the parameters of a command, and of those below it."""
+    below = command.commands.values() if isinstance(command, click.Group) else ()
+    return [*command.params, *(p for one in below for p in parameters(one))]
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_option_is_documented(command):
     text = (TOP / "docs/reference/command-line.md").read_text()
-    options = [o for p in cli.get_command(click.Context(cli), command).params for o in p.opts if o.startswith("--")]
+    found = parameters(cli.get_command(click.Context(cli), command))
+    options = [o for p in found for o in p.opts if o.startswith("--")]
     for option in options:
         assert re.search(rf"`[^`\n]*{option}\b", text), f"{command} {option} is not in command-line.md"
 

@@ -47,7 +47,7 @@ def test_the_command(tmp_path, capsys):
     width, height = monitors()[0]
     toml = tmp_path / "d.toml"
     toml.write_text(
-        f'gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\n'
+        f"gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\n"
         '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
     )
     path = tmp_path / "i.png"

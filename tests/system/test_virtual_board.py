@@ -6,7 +6,10 @@ import contextlib
 import dataclasses
 import json
 import os
+import signal
+import socket
 import struct
+import threading
 import time
 import zlib
 from pathlib import Path
@@ -21,7 +24,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
 from lippmann.link.board import BACK, FRONT, Board
 from lippmann.link.faults import NO_FAULTS, Faults, Proxy
-from lippmann.link.packets import Kind, Status, packed
+from lippmann.link.packets import Kind, PacketReader, Status, packed
 from lippmann.link.registers import REGISTERS
 from lippmann.link.stream import send_frame
 from lippmann.sim import virtual_board
@@ -346,6 +349,82 @@ def test_a_bad_line_never_shows_a_wrong_frame(virtual, fault):
     wait_for(virtual.folder, images[2])
     assert_only(virtual.folder, images)
     assert time.monotonic() - begun < 60
+
+
+def test_a_wrong_baud_rate_is_told_and_harms_nothing(virtual):
+    image = random_image(12)
+    with Board.open(virtual.url) as board:
+        send_frame(board, image)
+    with Proxy(virtual.url, SEED, pty=virtual.url.startswith("/dev")) as line:
+        line.down = line.up = Faults(garble=1.0)
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match=r"baud rate"):
+            Board.open(line.url, patience_s=2.0)
+        assert time.monotonic() - begun < 10
+    wait_for(virtual.folder, image)
+    assert_only(virtual.folder, [image])
+
+
+def test_random_and_mutated_bytes_harm_nothing(virtual):
+    random = np.random.default_rng([SEED, 13])
+    image = random_image(13)
+    packets = [packed(int(random.integers(1, 9)), k, random.bytes(int(random.integers(0, 90)))) for k in range(200)]
+    with Board.open(virtual.url) as board:
+        send_frame(board, image)
+        for packet in packets:
+            mutated = bytearray(packet)
+            for _ in range(int(random.integers(1, 4))):
+                mutated[int(random.integers(len(mutated)))] ^= int(random.integers(1, 256))
+            board.line.send(bytes(mutated) + random.bytes(int(random.integers(0, 40))), 5.0)
+        board.line.send(b"\0", 1.0)
+        # In step again at the next delimiter, and not a pixel has changed.
+        board.hello()
+        assert send_frame(board, image).sends == 0
+    wait_for(virtual.folder, image)
+    assert_only(virtual.folder, [image])
+
+
+def test_a_slow_reader_loses_nothing(quick):
+    """More replies than all buffers hold wait until they are read."""
+    count = 20_000
+    asked = b"".join(packed(Kind.READ, k, struct.pack("<HB", 0, 64)) for k in range(count))
+    reader = PacketReader()
+    numbers = []
+    with socket.socket() as line:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        line.connect(("127.0.0.1", int(quick.url.rsplit(":", 1)[1])))
+        sender = threading.Thread(target=line.sendall, args=(asked,))
+        sender.start()
+        time.sleep(1.0)
+        line.settimeout(20.0)
+        while len(numbers) < count:
+            numbers += [packet.seq for packet in reader.feed(line.recv(65536))]
+        sender.join()
+    assert numbers == list(range(count))
+
+
+def test_a_board_that_stalls_is_waited_for(quick):
+    image = random_image(14)
+    with Board.open(quick.url, patience_s=5.0) as board:
+        quick.process.send_signal(signal.SIGSTOP)
+        threading.Timer(1.5, quick.process.send_signal, [signal.SIGCONT]).start()
+        send_frame(board, image)
+    wait_for(quick.folder, image)
+    with Board.open(quick.url, patience_s=1.0) as board:
+        quick.process.send_signal(signal.SIGSTOP)
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match="not answered"):
+            board.read(0)
+        assert time.monotonic() - begun < 5
+        quick.process.send_signal(signal.SIGCONT)
+
+
+def test_waveforms_of_a_window(tmp_path):
+    file = tmp_path / "board.fst"
+    with virtual_board.running(small(), trace=file, trace_clocks=(100, 2000)) as board, Board.open(board.url) as link:
+        while link.read(REGISTERS["clocks"].address)[0] < 2000:
+            pass
+    assert file.stat().st_size > 1000
 
 
 def test_a_power_cycle_in_the_middle(virtual):
