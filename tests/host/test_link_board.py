@@ -184,7 +184,7 @@ def test_silence_ends_in_time():
         begun = time.monotonic()
         with pytest.raises(DeviceError, match=r"nothing answers.*power") as error:
             Board.open(model.url, FAST_BAUD, patience_s=0.5)
-        assert 0.5 <= time.monotonic() - begun < 0.7
+        assert 0.5 <= time.monotonic() - begun < 1.0
         one_line(error)
 
 

@@ -218,5 +218,5 @@ def test_a_paced_line_keeps_its_rate():
         host.sendall(b"\1\0" * 5000)
         while model.packets < 5000:
             time.sleep(0.002)
-        assert 0.5 <= time.monotonic() - begun < 0.6
+        assert 0.5 <= time.monotonic() - begun < 0.8
         assert not select.select([host], [], [], 0)[0]
