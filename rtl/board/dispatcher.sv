@@ -423,7 +423,7 @@ module dispatcher #(
         end
         SignWait: begin
           // The status is asked again and again: a frame that was refused gives no rays.
-          if (sign_done_i) begin
+          if (sign_done_i && !sign_start_o) begin
             state_q <= Answer;
           end else if (bus_done_i) begin
             if (bus_word_i[2] && !bus_write_o) begin
