@@ -71,6 +71,7 @@ REFUSED = [
     ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("flow_control", {"Latency": 0}, "flow_control: Latency must be 1 to 8 less than the FIFO's places"),
+    ("flow_control", {"Latency": -1}, "flow_control: Latency must be 1 to 8 less than the FIFO's places"),
     ("flow_control", {"Latency": 25, "AddressBits": 5}, "flow_control: Latency must be 1 to 8 less than"),
     ("low_product", {"Low": 18}, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes"),
     ("low_product", {"Low": 9, "Latency": 2}, "low_product: Low must be 1 to 17 and Latency no shorter than"),
