@@ -13,6 +13,7 @@ from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import (
+    FRACTIONS,
     INDEX_BITS,
     OFFSET_BITS,
     OFFSET_FRACTION,
@@ -33,6 +34,9 @@ MAX_POINT = 4.0
 #: Indices that the words hold: the bend at a dome stays below 2; above 1.16 a ray in the glass that is steeper than
 #: 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
+#: Least half of a cell, units of the last place: lengths are in radii, and exit points (5 + 1.2 (T/R)^2) R 2^-(F + 1)
+#: off at most (measured), so a thousandth of the pitch with substrates of up to one and a half radii.
+LEAST_HALF = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     n, T = array.index, array.thickness_mm
     frame = System.of(display).frame
     _check_panel(display)
+    _check_curvature(display, build)
 
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
     c, s, px = frame.cos, frame.sin, frame.pitch_mm
@@ -215,6 +220,18 @@ def _check_panel(display: Display) -> None:
         raise InputError(
             f"lenslet index: up to {lenslets:.6g} lenslets from the axis are outside its range [-{limit}, {limit}); "
             "raise array.pitch_mm, take a smaller panel, or bring array.offset_mm nearer to it"
+        )
+
+
+def _check_curvature(display: Display, build: Build) -> None:
+    """Refuse a dome so flat that its cell has too few significant bits in radii; a pinhole has no dome."""
+    half = 0.5 * display.array.pitch_mm / display.array.radius_mm
+    least = math.ldexp(LEAST_HALF, -build.fraction_bits - 1)
+    if build.model != "pinhole" and half < least:
+        raise InputError(
+            f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {build.fraction_bits}; the "
+            "lenslet is too flat: lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to "
+            f"{FRACTIONS[-1]}"
         )
 
 

@@ -1,0 +1,63 @@
+"""What the formats cannot hold is refused with the register's name and range, and what they hold is traced well."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import LEAST_HALF, configuration
+from lippmann.fixed.trace import aims_of_words, trace_fixed, words_of_aims
+from lippmann.optics.status import gets_through
+from lippmann.optics.trace import trace
+from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
+
+
+def flat(radius, grid="square", side="panel", thickness=None):
+    """A display of 1 mm lenslets of any radius, as thin as can be unless told; the focus does not matter here."""
+    return display_of(grid, side, radius=radius, thickness=thickness, gap=3.3)
+
+
+@pytest.mark.parametrize(
+    ("radius", "f", "least"), [(1e4, 23, "0.000244141"), (1e6, 23, "0.000244141"), (100.0, 16, "0.03125")]
+)
+@pytest.mark.parametrize("model", ["exact", "paraxial", "thin"])
+def test_a_dome_too_flat_for_the_words_is_refused(radius, f, least, model):
+    display = flat(radius)
+    build = Build.of(display, model, f, aims=False)
+    with pytest.raises(InputError, match=rf"register cell_half: {0.5 / radius:g} is outside its range \[{least}, 1\)"):
+        configuration(display, build, model)
+
+
+def test_a_pinhole_has_no_dome():
+    display = flat(1e6)
+    configuration(display, Build.of(display, "pinhole", 23, aims=False), "pinhole")
+
+
+@pytest.mark.parametrize("f", [14, 23])
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("thickness", [None, 1.5])
+def test_the_flattest_dome_leaves_a_thousandth_of_the_pitch(f, grid, side, thickness):
+    """The exit point is (5 + 1.2 (T/R)^2) R 2^-(F + 1) off at most, the lenslet and the status right off the seams."""
+    radius = 0.5 / LEAST_HALF * 2.0 ** (f + 1)
+    display = flat(radius, grid, side, thickness and thickness * radius)
+    rng = np.random.default_rng(8)
+    pixels, aims = random_pixels(rng, display, 5000), random_in_cell(rng, display, 5000)
+    aims = aims_of_words(display, *words_of_aims(display, aims, f), f)
+    twin = trace_fixed(display, pixels, aims, "exact", f)
+    golden = trace(display, twin.pixel, aims, "exact")
+    differs = (twin.status != golden.status) | (twin.lenslet != golden.lenslet).any(axis=1)
+    assert differs.mean() < 0.01
+    alive = ~differs & gets_through(golden.status)
+    assert alive.sum() > 1000
+    away = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[alive].max()
+    assert away < (5.0 + 1.2 * (display.array.thickness_mm / radius) ** 2) * radius * 2.0 ** -(f + 1)
+    assert away < 1e-3
+    # A dome half as curved is refused.
+    with pytest.raises(InputError, match="register cell_half"):
+        configuration(
+            dataclasses.replace(display, array=dataclasses.replace(display.array, radius_mm=2.0 * radius)),
+            Build.of(display, "exact", f, aims=True),
+            "exact",
+        )
