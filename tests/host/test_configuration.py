@@ -7,7 +7,7 @@ import pytest
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import LEAST_HALF, configuration
-from lippmann.fixed.trace import aims_of_words, trace_fixed, words_of_aims
+from lippmann.fixed.trace import aims_of_words, pixels_of_words, trace_fixed, words_of_aims, words_of_pixels
 from lippmann.optics.status import gets_through
 from lippmann.optics.trace import trace
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
@@ -61,3 +61,13 @@ def test_the_flattest_dome_leaves_a_thousandth_of_the_pitch(f, grid, side, thick
             Build.of(display, "exact", f, aims=True),
             "exact",
         )
+
+
+@pytest.mark.parametrize("pixel", [(8192.0, 0.0), (-8192.1, 0.0), (0.0, 8192.1), (0.0, -8192.0), (1e300, 0.0)])
+def test_pixels_that_the_words_do_not_hold_are_refused(pixel):
+    display = display_of("square", "panel")
+    centre = np.array([display.panel.width_px / 2, display.panel.height_px / 2])
+    held = centre + np.array([[-8192.0, 0.0], [8191.9375, 0.0], [0.0, 8192.0], [0.0, -8191.9375]])
+    np.testing.assert_array_equal(pixels_of_words(display, *words_of_pixels(display, held)), held)
+    with pytest.raises(InputError, match=r"pixels lie outside \[-8192, 8192\) from the panel's centre"):
+        words_of_pixels(display, np.array([centre + pixel]))
