@@ -71,3 +71,20 @@ def test_pixels_that_the_words_do_not_hold_are_refused(pixel):
     np.testing.assert_array_equal(pixels_of_words(display, *words_of_pixels(display, held)), held)
     with pytest.raises(InputError, match=r"pixels lie outside \[-8192, 8192\) from the panel's centre"):
         words_of_pixels(display, np.array([centre + pixel]))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"grid": "oct"}, "grid 'oct' cannot be built; choose from square, hex"),
+        ({"model": "thin"}, "model 'thin' cannot be built; choose from pinhole, paraxial, exact"),
+        ({"model": "paraxial", "viewer": True}, "viewer is for exact builds; leave it out of a paraxial one"),
+        ({"fraction_bits": 24}, "F = 24 fraction bits cannot be built; choose 14 to 23"),
+        ({"walk": 5, "aims": True}, "walk = 5 cannot be built; choose 0 to 4"),
+        ({"walk": 1}, "walk = 0 is the only choice"),
+        ({"model": "pinhole", "aims": True}, "a pinhole build knows no aperture points"),
+    ],
+)
+def test_what_the_rtl_refuses_is_no_build(parameters, says):
+    with pytest.raises(InputError, match=says):
+        Build(**{"fraction_bits": 23, "grid": "square", **parameters})
