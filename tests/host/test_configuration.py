@@ -88,3 +88,42 @@ def test_pixels_that_the_words_do_not_hold_are_refused(pixel):
 def test_what_the_rtl_refuses_is_no_build(parameters, says):
     with pytest.raises(InputError, match=says):
         Build(**{"fraction_bits": 23, "grid": "square", **parameters})
+
+
+@pytest.mark.parametrize(
+    ("numbers", "aims", "says"),
+    [
+        ({"width_px": 16384}, False, r"register raster_panel: a panel of 16384 x 160 is outside its range, 1 to 16383"),
+        (
+            {"width_px": 16383, "height_px": 16383, "pixel_pitch": 0.2},
+            False,
+            r"registers x_from_u, x_from_v and x_offset, and those of y: .* 2675.* outside the range \[-2048, 2048\)",
+        ),
+        ({"offset": (2050.0, 0.0)}, False, r"registers x_from_u, x_from_v and x_offset, .* \[-2048, 2048\)"),
+        ({"pixel_pitch": 0.3}, False, r"register x_from_u: 0.3 is outside its range \[-0.25, 0.25\)"),
+        (
+            {"thickness": 0.5, "gap": 0.0},
+            True,
+            r"register.* slope_x and slope_y: they make slopes .* up to [\d.]+, outside the range \[0, 1.732\)",
+        ),
+        (
+            {"radius": 0.75, "thickness": 3.1, "gap": 3.0, "side": "viewer"},
+            False,
+            r"register depth: .* outside its range",
+        ),
+        ({"index": 1.1}, False, r"register index: 1.1 is outside its range \[1.16, 2.2\]"),
+        ({"index": 2.3}, True, r"register index: 2.3 is outside its range \[1.16, 2.2\]"),
+    ],
+)
+def test_a_display_out_of_range_is_refused_with_register_and_range(numbers, aims, says):
+    display = display_of("square", numbers.pop("side", "panel"), **numbers)
+    with pytest.raises(InputError, match=says) as refusal:
+        configuration(display, Build.of(display, "exact", 23, aims), "exact")
+    assert "\n" not in str(refusal.value)
+    assert any(f"{verb} " in str(refusal.value) for verb in ("raise", "lower", "give", "must be"))
+
+
+def test_rays_that_meet_the_first_face_too_far_out_are_refused():
+    display = display_of("square", "panel", radius=0.71, thickness=4.0, gap=0.0)
+    with pytest.raises(InputError, match=r"registers point_x, .* and point_aim_y: .* outside the range \[0, 4\)"):
+        configuration(display, Build.of(display, "exact", 23, aims=True), "exact", reach_mm=2.0)
