@@ -234,7 +234,15 @@ def test_trace_reads_pixels_from_files(place, capfd):
     np.save("whole.npy", whole)
     np.savez("broken.npz", pixel=broken)
     np.savetxt("broken.csv", broken, delimiter=",")
-    for name, expected in (("whole.npy", whole + 0.5), ("broken.npz", broken), ("broken.csv", broken)):
+    for name, head in (("headed", "u,v\n"), ("commented", "# of the panel\n\n U , V # pixels\n")):
+        (place / f"{name}.csv").write_text(head + (place / "broken.csv").read_text())
+    for name, expected in (
+        ("whole.npy", whole + 0.5),
+        ("broken.npz", broken),
+        ("broken.csv", broken),
+        ("headed.csv", broken),
+        ("commented.csv", broken),
+    ):
         assert lippmann(capfd, "trace", "--display", "tiny.toml", "--pixels", name, "-o", "r.npz")[0] == 0
         with np.load("r.npz") as rays:
             np.testing.assert_array_equal(rays["pixel"], expected)
@@ -263,6 +271,31 @@ def test_trace_refuses_bad_pixels(place, capfd, content, message):
 def test_trace_refuses_bad_counts(place, capfd, count):
     line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
     assert re.search(r"out of range; give 1 to|no such file; give|unknown extension", line)
+
+
+@pytest.mark.parametrize("head", ["x,y", "u,v,w", "0.5;0.5"])
+def test_trace_refuses_other_headings(place, capfd, head):
+    (place / "p.csv").write_text(f"{head}\n1.5,2.5\n")
+    assert "p.csv: " in refused(capfd, "trace", "--display", "tiny.toml", "--pixels", "p.csv", "-o", "r.npz")
+
+
+@pytest.mark.parametrize(
+    ("engine", "option", "value"),
+    [
+        *((engine, "--fraction-bits", "23") for engine in ("golden", "fast")),
+        *((engine, "--device", "cuda") for engine in ("golden", "twin", "rtl")),
+    ],
+)
+def test_trace_refuses_options_that_an_engine_does_not_know(place, capfd, engine, option, value):
+    arguments = ("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 5, option, value, "-o", "r.npz")
+    assert re.search(rf"{option}.* belongs to the engine.*leave it out with {engine}", refused(capfd, *arguments))
+    assert not (place / "r.npz").exists()
+
+
+def test_a_report_goes_into_a_folder_that_exists(place, capfd):
+    """As every other output; known before minutes of measuring."""
+    line = refused(capfd, "bench", "fixed", "--scenes", ROOT / "scenes", "--report", "kept/here")
+    assert "the folder kept/here does not exist; make it first" in line
 
 
 # --- displays -------------------------------------------------------------------------------------
