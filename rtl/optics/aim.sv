@@ -36,6 +36,13 @@ module aim #(
   localparam int L = IndexBits + F;
   localparam int Wait = lenslet_latency(Grid);
 
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "aim: F must be 14 to 23");
+  end
+  if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
+    $fatal(1, "aim: Grid must be GridSquare or GridHex");
+  end
+
   logic signed [IndexBits-1:0] di, dj, i_late, j_late;
   logic signed [W-1:0] a, b, x_late, y_late;
   if (Grid == GridHex) begin : gen_hex

@@ -25,6 +25,10 @@ module blend #(
   localparam int Drop = F - Guard;
   localparam int Wp = 2 * W - Drop;
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "blend: F must be 14 to 23");
+  end
+
   logic signed [Wp-1:0] kx, la, sum_q;
   multiplier #(
     .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)

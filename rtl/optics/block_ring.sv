@@ -16,10 +16,11 @@ module block_ring #(
   output logic [Width-1:0] q_o
 );
 
-  localparam int PlaceBits = $clog2(Cycles);
+  // At least 3, so that a refused Cycles gets to its message.
+  localparam int PlaceBits = Cycles > 8 ? $clog2(Cycles) : 3;
 
-  if (Cycles < 5) begin : gen_illegal
-    $fatal(1, "block_ring: Cycles must be 5 or more");
+  if (Width < 1 || Cycles < 5) begin : gen_illegal
+    $fatal(1, "block_ring: Width must be 1 or more and Cycles 5 or more");
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;

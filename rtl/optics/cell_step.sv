@@ -26,6 +26,13 @@ module cell_step #(
 
   localparam int W = F + 2;
 
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "cell_step: F must be 14 to 23");
+  end
+  if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
+    $fatal(1, "cell_step: Grid must be GridSquare or GridHex");
+  end
+
   if (Grid == GridHex) begin : gen_hex
     // sqrt(3)/2 as a near word, and the product with F + 4 fraction bits
     localparam int Drop = F + 1 - Guard;

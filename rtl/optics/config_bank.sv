@@ -18,6 +18,10 @@ module config_bank #(
   output logic [Width-1:0] config_o
 );
 
+  if (Width < 1) begin : gen_illegal
+    $fatal(1, "config_bank: Width must be 1 or more");
+  end
+
   logic pending_q;
   logic copy_q;  // a register of its own: it reaches every bit
   logic [Width-1:0] config_q;

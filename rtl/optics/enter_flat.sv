@@ -27,6 +27,10 @@ module enter_flat #(
 
   localparam int W = F + 2;
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "enter_flat: F must be 14 to 23");
+  end
+
   // ---- e / n ----
   localparam int Drop = F + 1 - Guard;
   localparam int Wp = 2 * W - Drop;

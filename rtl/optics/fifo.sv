@@ -22,6 +22,10 @@ module fifo #(
   output logic [Width-1:0] data_o
 );
 
+  if (Width < 1 || AddressBits < 1) begin : gen_illegal
+    $fatal(1, "fifo: Width and AddressBits must be 1 or more");
+  end
+
   logic [AddressBits-1:0] write_at_q, read_at_q;
   logic [AddressBits:0] stored_q;  // in the memory, not yet asked for
   logic [1:0] asked_q;             // on the way

@@ -17,6 +17,10 @@ module fifo_memory #(
   output logic [Width-1:0]       read_data_o
 );
 
+  if (Width < 1 || AddressBits < 1) begin : gen_illegal
+    $fatal(1, "fifo_memory: Width and AddressBits must be 1 or more");
+  end
+
   logic [Width-1:0] words[1 << AddressBits];
   logic [Width-1:0] word_q;
 

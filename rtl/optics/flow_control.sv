@@ -53,9 +53,10 @@ module flow_control #(
   end
 
   // ---- which stages hold a ray, 64 to a register: what a simulator shifts at once ----
-  localparam int Marks = (Latency + 63) / 64;
+  localparam int Held = Latency < 1 ? 1 : Latency;  // that a refused Latency gets to its message
+  localparam int Marks = (Held + 63) / 64;
   for (genvar k = 0; k < Marks; k++) begin : gen_marks
-    localparam int Stages = Latency - 64 * k < 64 ? Latency - 64 * k : 64;
+    localparam int Stages = Held - 64 * k < 64 ? Held - 64 * k : 64;
     logic [Stages-1:0] valid_q;
     logic enter;
     if (k == 0) begin : gen_first
@@ -70,7 +71,7 @@ module flow_control #(
   end
 
   fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
-    .clk_i, .rst_ni, .write_i(gen_marks[Marks-1].valid_q[(Latency-1)%64]), .data_i(piped_i),
+    .clk_i, .rst_ni, .write_i(gen_marks[Marks-1].valid_q[(Held-1)%64]), .data_i(piped_i),
     .valid_o, .ready_i, .data_o
   );
 

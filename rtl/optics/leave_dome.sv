@@ -36,6 +36,10 @@ module leave_dome #(
   localparam int W = F + 2;
   localparam int Wf = W + 2;
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "leave_dome: F must be 14 to 23");
+  end
+
   // ---- the squared cosine in the air ----
   localparam int SineDrop = F;
   localparam int Ws = 2 * Wf - SineDrop;

@@ -42,6 +42,10 @@ module leave_flat #(
   localparam int Wf = W + 2;
   localparam int Total = leave_flat_latency(F);
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "leave_flat: F must be 14 to 23");
+  end
+
   // ---- squared slope in the glass ----
   localparam int SquareDrop = F - 3;
   localparam int Wq = 2 * W - SquareDrop;

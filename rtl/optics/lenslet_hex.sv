@@ -28,6 +28,10 @@ module lenslet_hex #(
 
   localparam int L = IndexBits + F;
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "lenslet_hex: F must be 14 to 23");
+  end
+
   // ---- oblique coordinates, s with F + 1 fraction bits ----
   logic [L:0] s_q;
   logic [L-1:0] t_q;

@@ -22,6 +22,10 @@ module lenslet_square #(
   localparam int L = IndexBits + F;
   localparam logic [L-1:0] Half = L'(1) << (F - 1);
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "lenslet_square: F must be 14 to 23");
+  end
+
   logic [L-1:0] x_q, y_q;
   always_ff @(posedge clk_i) begin
     x_q <= x_i + Half;

@@ -43,6 +43,10 @@ module meet_dome #(
   localparam int Wb = Wf + 2;  // b keeps two more bits: its square is taken
   localparam int FootLatency = foot_latency(F);
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "meet_dome: F must be 14 to 23");
+  end
+
   // ---- b, the length from the foot of the perpendicular ----
   localparam int DotDrop = F + 1 - Guard;
   localparam int Wd = Wf + W - DotDrop;

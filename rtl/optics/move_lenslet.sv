@@ -24,6 +24,13 @@ module move_lenslet #(
 
   localparam int Wh = F + 3;
 
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "move_lenslet: F must be 14 to 23");
+  end
+  if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
+    $fatal(1, "move_lenslet: Grid must be GridSquare or GridHex");
+  end
+
   // No sum of steps is larger than one and a half pitches.
   logic signed [Wh-1:0] whole, half, row, step_x_q, step_y_q, hx_q, hy_q;
   assign whole = di_i == 2'sd0 ? '0 : di_i[1] ? -Wh'(cx_i) : Wh'(cx_i);

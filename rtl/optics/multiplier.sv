@@ -30,6 +30,9 @@ module multiplier #(
   localparam int Lb = low_bits(Wb);
   localparam int Ll = La > Lb ? La : Lb;
 
+  if (Wa < 1 || Wb < 1 || Drop >= Wa + Wb) begin : gen_illegal_width
+    $fatal(1, "multiplier: Wa and Wb must be 1 or more, and Drop less than their sum");
+  end
   if (Square && Wa != Wb) begin : gen_illegal_square
     $fatal(1, "multiplier: Square takes words of one width");
   end

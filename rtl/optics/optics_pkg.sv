@@ -132,9 +132,10 @@ package optics_pkg;
     return 2 + low_latency(low) + 1;
   endfunction
 
-  /// Segments of a root's table within each octave, as a power of two.
+  /// Segments of a root's table within each octave, as a power of two. An illegal F, which its
+  /// module refuses, gets no large table.
   function automatic int segment_bits(int f);
-    return f / 3;
+    return f < 14 ? 4 : f > 23 ? 7 : f / 3;
   endfunction
 
   /// Bits of the place within a segment.

@@ -36,8 +36,11 @@ module quadratic #(
   localparam int Wt = W0 + W1 + W2;
   typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry {c0, c1, c2}
 
-  if (F < 14 || F > 23) begin : gen_illegal
+  if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "quadratic: F must be 14 to 23");
+  end
+  if (Root != RootReciprocal && Root != RootSquare) begin : gen_illegal_root
+    $fatal(1, "quadratic: Root must be RootReciprocal or RootSquare");
   end
 
   /// The root at z within a segment; segments of the upper octave are twice as wide.

@@ -60,6 +60,9 @@ module ray_pipeline #(
   begin : gen_illegal_model
     $fatal(1, "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact");
   end
+  if (Viewer && Model != ModelExact) begin : gen_illegal_viewer
+    $fatal(1, "ray_pipeline: Viewer must be 0 but for ModelExact: others read it from registers");
+  end
   if (Aims && Model == ModelPinhole) begin : gen_illegal_aims
     $fatal(1, "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray");
   end

@@ -19,8 +19,8 @@ module ring #(
   localparam int PlaceBits = Cycles > 2 ? $clog2(Cycles - 1) : 1;
   localparam int Places = 1 << PlaceBits;
 
-  if (Cycles < 2 || Cycles > 17) begin : gen_illegal
-    $fatal(1, "ring: Cycles must be 2 to 17");
+  if (Width < 1 || Cycles < 2 || Cycles > 17) begin : gen_illegal
+    $fatal(1, "ring: Width must be 1 or more and Cycles 2 to 17");
   end
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];

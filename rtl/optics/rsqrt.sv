@@ -14,6 +14,10 @@ module rsqrt #(
 );
   import optics_pkg::*;
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "rsqrt: F must be 14 to 23");
+  end
+
   logic [F+4:0] q;
   quadratic #(.F(F), .Root(RootReciprocal)) i_quadratic (.clk_i, .x_i, .y_o(q));
 

@@ -10,6 +10,10 @@ module saturate #(
   output logic signed [To-1:0]   q_o
 );
 
+  if (To < 1 || To > From) begin : gen_illegal
+    $fatal(1, "saturate: To must be 1 or more and From no less");
+  end
+
   logic fits;
   assign fits = d_i[From-1:To-1] == {(From - To + 1){d_i[From-1]}};
   always_ff @(posedge clk_i) begin

@@ -20,6 +20,11 @@ module sqrt #(
   import optics_pkg::*;
 
   localparam int J = F + 3;
+
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "sqrt: F must be 14 to 23");
+  end
+
   logic [J-1:0] scaled;
   logic [F+4:0] q, shifted;
 

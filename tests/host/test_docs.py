@@ -4,6 +4,7 @@ Pages are run as a reader would: blocks in their order, in one folder. A ```toml
 comment with a file name (`# mine.toml`) is that file.
 """
 
+import csv
 import importlib.util
 import json
 import os
@@ -221,3 +222,15 @@ def test_pictures_are_small():
     sizes = {p.name: p.stat().st_size for p in (TOP / "docs/pictures").iterdir() if p.suffix in (".png", ".gif")}
     assert sum(sizes.values()) < 2_500_000, sizes
     assert sizes["sweep.gif"] <= 900_000
+
+
+def test_promises_that_are_not_kept_are_told():
+    """Each configuration and display of the error report that is above its promise, with its worst figure."""
+    with (TOP / "docs/reports/fixed-point-error.csv").open() as stream:
+        rows = [row for row in csv.DictReader(line for line in stream if line[0] != "#") if row["kept"] == "False"]
+    assert rows
+    told = (TOP / "docs/reference/rtl.md").read_text().split("## What differs from golden")[1].split("\n## ")[0]
+    for key in {(row["configuration"], row["display"]) for row in rows}:
+        worst = max(float(r["max_weighted_urad"]) for r in rows if (r["configuration"], r["display"]) == key)
+        assert all(f"`{name}`" in told for name in key)
+        assert f"{worst:.2f} microradian, weighted" in told

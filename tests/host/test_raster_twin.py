@@ -128,8 +128,13 @@ def test_entries_hold_what_was_put_in():
 @pytest.mark.parametrize(
     ("offset", "aim", "says"),
     [
-        ([[0.5, 0.0]], [[0.0, 0.0]], "offset"),
-        ([[0.0, 0.0]], [[0.0, 2.0]], "aim"),
+        ([[0.5, 0.0]], [[0.0, 0.0]], r"an offset, rounded, is outside its range \[-0.5, 0.4375\]"),
+        ([[0.47, 0.0]], [[0.0, 0.0]], r"offset, rounded"),
+        ([[0.0, 0.0]], [[0.0, 2.0]], r"an aim, rounded, is outside its range \[-2, 1.999023438\]"),
+        ([[0.0, 0.0]], [[0.0, np.nan]], "aim"),
+        ([[0.0, 0.0]], [[0.0, 0.0]] * 2, r"\(1, 2\) and aims of shape \(2, 2\) do not go together"),
+        ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], r"give \(N, 2\) each"),
+        ([0.0, 0.0], [0.0, 0.0], r"give \(N, 2\) each"),
         ([[0.0, 0.0]] * 65, [[0.0, 0.0]] * 65, "65"),
     ],
 )

@@ -151,6 +151,10 @@ def test_values_out_of_range_are_refused():
         write("optics_depth", value=1 << 31)
     with pytest.raises(InputError, match="no field"):
         write("raster_columns", second=1)
+    with pytest.raises(InputError, match=r"there is no register 'raster_colums'; docs/reference/registers\.md"):
+        write("raster_colums", first=1)
+    with pytest.raises(InputError, match="there is no register"):
+        read("raster_colums", 1)
     with pytest.raises(InputError, match="do not fit"):
         table_writes([0] * 3, 62)
 
@@ -164,3 +168,7 @@ def test_a_block_tells_its_build():
         build_of({**words, "identity": 0x4C495051})
     with pytest.raises(InputError, match="version 2"):
         build_of({**words, "version": 0x00020000})
+    with pytest.raises(InputError, match="field model: 3 is no model that this host knows, 0 to 2"):
+        build_of({**words, "build": words["build"] | 3 << 6})
+    with pytest.raises(InputError, match="register version, build was not read"):
+        build_of({"identity": words["identity"]})

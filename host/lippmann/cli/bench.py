@@ -11,6 +11,7 @@ import click
 from lippmann.cli.common import device_option, emit, json_option, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
+from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
@@ -83,6 +84,8 @@ def _fixed(folder: Path, seed: int, names: tuple[str, ...], report: str | None, 
     from lippmann.bench.report import write_report
     from lippmann.sim.configurations import chosen
 
+    if report is not None:
+        check_output(Path(report) / "fixed-point-error.md", (".md",))
     errors, shares = [], []
     for named in chosen(names):
         errors += measure_configuration(named, folder, seed, log=log)

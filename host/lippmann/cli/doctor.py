@@ -11,18 +11,37 @@ import click
 from lippmann import __version__
 from lippmann.cli.common import emit, json_option
 from lippmann.errors import LippmannError
+from lippmann.link.port import port_trouble, ports
+from lippmann.link.search import baud_of_board
 from lippmann.machine import machine
 from lippmann.render.renderer import free_memory_mb
 from lippmann.render.variant import start_mitsuba
+from lippmann.sim.tools import RTL_TOOLS
 
-PACKAGES = ("numpy", "mitsuba", "drjit", "OpenImageIO", "click", "rich", "pillow")
+PACKAGES = (
+    "numpy",
+    "mitsuba",
+    "drjit",
+    "OpenImageIO",
+    "click",
+    "rich",
+    "pillow",
+    "pyserial",
+    "cobs",
+    "qoi",
+    "pygame-ce",
+)
 
 
 @click.command("doctor")
+@click.option("--port", metavar="URL", help="Ask this port for a board at each common baud rate (a second each).")
 @json_option
 @click.pass_context
-def command(ctx: click.Context, as_json: bool) -> None:
-    """Check libraries, CPU rendering and GPU; exit 3 when something needed is missing.
+def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
+    """Check libraries, rendering, the RTL's tools and serial ports; exit 3 when something needed is missing.
+
+    The host's work needs none of the RTL's tools: without them only `trace --engine rtl`, `bench rtl` and make's
+    targets for the RTL fail.
 
     Example: lippmann doctor
     """
@@ -45,13 +64,27 @@ def command(ctx: click.Context, as_json: bool) -> None:
         except LippmannError as error:
             check(f"mitsuba on {device}", False, str(error), needed)
     check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
+    for tool in RTL_TOOLS:
+        at = tool.find()
+        check(tool.name, at is not None, f"{tool.purpose}; {at or f'not there: {tool.remedy}'}", needed=False)
+    for url in ports():
+        trouble = port_trouble(url)
+        check(url, trouble is None, "serial port, may be opened" if trouble is None else trouble, needed=False)
+    if port is not None:
+        found = baud_of_board(port)
+        check(
+            port,
+            found is not None,
+            f"a board at {found} baud" if found else "no board answers at any rate",
+            needed=False,
+        )
     good = all(c["ok"] for c in checks if c["needed"])
 
     def text() -> None:
         click.echo(f"lippmann {__version__} on {machine()}")
         for c in checks:
             mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
-            click.echo(f"{mark:<8}{c['check']:<18}{c['detail']}")
+            click.echo(f"{mark:<8}{c['check']:<20}{c['detail']}")
 
     emit({"ok": good, "version": __version__, "machine": machine(), "checks": checks}, as_json, text)
     if not good:

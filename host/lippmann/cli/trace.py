@@ -12,6 +12,7 @@ from typing import Any, cast
 import click
 import numpy as np
 import numpy.typing as npt
+from click.core import ParameterSource
 
 from lippmann.cli.common import device_option, display_option, emit, json_option, seed_option
 from lippmann.display import Display, load_display
@@ -35,7 +36,7 @@ MAX_RAYS = 100_000_000
     required=True,
     metavar="N|FILE",
     help="N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
-    "others are continuous pixel coordinates.",
+    "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
 )
 @click.option(
     "--aperture",
@@ -56,7 +57,9 @@ MAX_RAYS = 100_000_000
 @device_option
 @click.option("-o", "output", required=True, metavar="RAYS.npz")
 @json_option
+@click.pass_context
 def command(
+    ctx: click.Context,
     display_path: str,
     engine: str,
     model: str,
@@ -75,6 +78,10 @@ def command(
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --engine fast --pixels 1000 -o rays.npz
     """
+    if engine in ("golden", "fast") and ctx.get_parameter_source("fraction_bits") == ParameterSource.COMMANDLINE:
+        raise click.UsageError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
+    if engine != "fast" and device == "cuda":
+        raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")
     path = check_output(output, (".npz",))
     display = load_display(display_path)
     if wavelength_nm is not None:
@@ -174,10 +181,20 @@ def _table(path: Path) -> Any:
                 return np.load(stream)["pixel"]
         if path.suffix in (".csv", ".txt"):
             with warnings.catch_warnings(action="ignore"):  # of an empty file, which is refused below
-                return np.genfromtxt(path, delimiter=",", comments="#", ndmin=2)
+                return np.genfromtxt(path, delimiter=",", comments="#", ndmin=2, skip_header=_lines_of_header(path))
         raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
     except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
+
+
+def _lines_of_header(path: Path) -> int:
+    """Return how many lines stand before the numbers where the columns have the heading u,v; else none."""
+    with path.open(encoding="utf-8") as stream:
+        for count, line in enumerate(stream, 1):
+            text = line.split("#")[0].strip()
+            if text:
+                return count if re.fullmatch(r"u\s*,\s*v", text, re.IGNORECASE) else 0
+    return 0
 
 
 def _aperture(display: Display, count: int, random: np.random.Generator) -> npt.NDArray[np.float64]:

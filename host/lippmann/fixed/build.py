@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
@@ -49,6 +49,11 @@ class Build:
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
+        for name, kind in (("grid", Grid), ("model", HardwareModel)):
+            if getattr(self, name) not in get_args(kind):
+                raise InputError(
+                    f"{name} '{getattr(self, name)}' cannot be built; choose from {', '.join(get_args(kind))}"
+                )
         if self.fraction_bits not in FRACTIONS:
             raise InputError(
                 f"F = {self.fraction_bits} fraction bits cannot be built; choose {FRACTIONS[0]} to {FRACTIONS[-1]}"
@@ -57,6 +62,10 @@ class Build:
             raise InputError(f"walk = {self.walk} cannot be built; choose 0 to {MAX_WALK}")
         if self.walk and (self.model != "exact" or not (self.aims or self.viewer)):
             raise InputError("walk = 0 is the only choice where rays cannot leave their cell")
+        if self.viewer and self.model != "exact":
+            raise InputError(
+                f"viewer is for exact builds; leave it out of a {self.model} one, whose registers know the side"
+            )
         if self.aims and self.model == "pinhole":
             raise InputError("a pinhole build knows no aperture points; leave aims out, or choose another model")
 

@@ -13,6 +13,7 @@ from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import (
+    FRACTIONS,
     INDEX_BITS,
     OFFSET_BITS,
     OFFSET_FRACTION,
@@ -33,6 +34,9 @@ MAX_POINT = 4.0
 #: Indices that the words hold: the bend at a dome stays below 2; above 1.16 a ray in the glass that is steeper than
 #: 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
+#: Least half of a cell, units of the last place: lengths are in radii, and exit points (5 + 1.2 (T/R)^2) R 2^-(F + 1)
+#: off at most (measured), so a thousandth of the pitch with substrates of up to one and a half radii.
+LEAST_HALF = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     n, T = array.index, array.thickness_mm
     frame = System.of(display).frame
     _check_panel(display)
+    _check_curvature(display, build)
 
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
     c, s, px = frame.cos, frame.sin, frame.pitch_mm
@@ -205,16 +210,30 @@ def _check_panel(display: Display) -> None:
     limit = 1 << (PIXEL_BITS - PIXEL_FRACTION)
     if max(panel.width_px, panel.height_px) >= limit:
         raise InputError(
-            f"pixel coordinates: a panel of {panel.width_px} x {panel.height_px} is outside their range; "
-            f"panel.width_px and panel.height_px must be below {limit}"
+            f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
+            f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
     reach = math.hypot(panel.width_mm, panel.height_mm) / 2.0 + math.hypot(*array.offset_mm)
     lenslets = reach / (array.pitch_mm * HALF_SQRT3) * (1.5 if array.grid == "hex" else 1.0)
+    # What the sum of x_from_u, x_from_v and x_offset (y likewise) makes of a panel's corner.
     limit = 1 << (INDEX_BITS - 1)
     if lenslets >= limit - 4:
         raise InputError(
-            f"lenslet index: up to {lenslets:.6g} lenslets from the axis are outside its range [-{limit}, {limit}); "
-            "raise array.pitch_mm, take a smaller panel, or bring array.offset_mm nearer to it"
+            f"registers x_from_u, x_from_v and x_offset, and those of y: they place the panel's corner {lenslets:.6g} "
+            f"lenslets from the axis, outside the range [-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
+            "smaller panel, or bring array.offset_mm nearer to it"
+        )
+
+
+def _check_curvature(display: Display, build: Build) -> None:
+    """Refuse a dome so flat that its cell has too few significant bits in radii; a pinhole has no dome."""
+    half = 0.5 * display.array.pitch_mm / display.array.radius_mm
+    least = math.ldexp(LEAST_HALF, -build.fraction_bits - 1)
+    if build.model != "pinhole" and half < least:
+        raise InputError(
+            f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {build.fraction_bits}; the "
+            "lenslet is too flat: lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to "
+            f"{FRACTIONS[-1]}"
         )
 
 
@@ -228,19 +247,25 @@ def _check_reach(
     # Measured from the lenslet aimed at, whose cell is another than the pixel's when the aim lies out of that.
     pixel, aim = (rho, rho) if reach <= rho * (1.0 + 1e-9) else (2.0 * rho + reach, rho)
     aim = aim if build.aims else 0.0
+
+    def names(what: str) -> str:
+        """Tell which registers' sum it is."""
+        alone = not build.aims or (build.model == "exact" and what == "slope")
+        return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
+
     steepest = abs(slope[0]) * ((rho + reach if build.aims else rho) if build.model == "exact" else pixel)
     steepest += abs(slope[1]) * aim
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
-            f"slope of a ray: up to {steepest:.3g} is outside its range, below {math.sqrt(MAX_SLOPE_SQUARE):.3f} "
-            "(60 degrees); the f-number is too small: raise gap_mm, or array.thickness_mm where the plano side faces "
-            "the panel, or lower array.pitch_mm"
+            f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
+            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: raise gap_mm, or "
+            "array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
     if furthest >= MAX_POINT:
         raise InputError(
-            f"point on the first face: up to {furthest:.3g} radii from the axis is outside its range, below "
-            f"{MAX_POINT:g}; raise array.radius_mm, or aim nearer"
+            f"registers {names('point')}: they make points on the first face up to {furthest:.3g} radii from the axis, "
+            f"outside the range [0, {MAX_POINT:g}); raise array.radius_mm, or aim nearer"
         )
 
 

@@ -139,15 +139,20 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     Parameters
     ----------
     offset_px
-        (N, 2), pixels from the pixel's centre, to the right and upward, in [-1/2, 1/2).
+        (N, 2), pixels from the pixel's centre, to the right and upward, in [-1/2, 7/16]; rounded to 1/16.
     aim
-        (N, 2), in pitches and rows from the lenslet's centre, in [-2, 2).
+        (N, 2), in pitches and rows from the lenslet's centre, in [-2, 2 - 1/1024]; rounded to 1/1024.
 
     Raises
     ------
     InputError
-        For more than 64 entries, and for those out of range.
+        For more than 64 entries, for arrays of other shapes, and for entries out of range.
     """
+    if offset_px.ndim != 2 or offset_px.shape[1] != 2 or offset_px.shape != aim.shape:
+        raise InputError(
+            f"jitter table: offsets of shape {offset_px.shape} and aims of shape {aim.shape} do not go together; give "
+            "(N, 2) each"
+        )
     if len(offset_px) > TABLE_ENTRIES:
         raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
     words = []
@@ -158,8 +163,8 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
         word = np.floor(np.ldexp(values, fraction) + 0.5)
         limit = 1 << (bits - 1)
         if not ((word >= -limit) & (word < limit)).all():
-            reach = limit / (1 << fraction)
-            raise InputError(f"jitter table: an {name} is outside its range [-{reach:g}, {reach:g})")
+            low, high = (np.ldexp(word, -fraction) for word in (-limit, limit - 1))
+            raise InputError(f"jitter table: an {name}, rounded, is outside its range [{low:.10g}, {high:.10g}]")
         words += [(word[:, k].astype(np.int64) & ((1 << bits) - 1)) for k in (0, 1)]
     du, dv, ja, jb = words
     return du | dv << 4 | ja << 8 | jb << 20

@@ -11,7 +11,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
-from lippmann.fixed.registers import REGISTERS
+from lippmann.fixed.registers import REGISTERS, Register
 from lippmann.fixed.words import Ints
 
 #: Bits of a register.
@@ -31,9 +31,9 @@ def write(name: str, **values: int) -> Write:
     Raises
     ------
     InputError
-        For a value that its field cannot hold.
+        For a register or field that there is not, and for a value that its field cannot hold.
     """
-    register = REGISTERS[name]
+    register = _register(name)
     unknown = values.keys() - register.fields.keys()
     if unknown:
         raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
@@ -49,10 +49,22 @@ def write(name: str, **values: int) -> Write:
     return Write(register.address, word)
 
 
+def _register(name: str) -> Register:
+    if name not in REGISTERS:
+        raise InputError(f"there is no register '{name}'; docs/reference/registers.md lists them")
+    return REGISTERS[name]
+
+
 def read(name: str, word: int) -> dict[str, int]:
-    """Return a register's fields of the word that was read."""
+    """Return a register's fields of the word that was read.
+
+    Raises
+    ------
+    InputError
+        For a register that there is not.
+    """
     values = {}
-    for key, field in REGISTERS[name].fields.items():
+    for key, field in _register(name).fields.items():
         value = word >> field.low & ((1 << field.width) - 1)
         values[key] = value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
     return values
@@ -113,6 +125,9 @@ def build_of(words: Mapping[str, int]) -> Build:
     InputError
         When they are not those of an optics block that this host knows.
     """
+    missing = [name for name in ("identity", "version", "build") if name not in words]
+    if missing:
+        raise InputError(f"register {', '.join(missing)} was not read; give identity, version and build")
     identity = REGISTERS["identity"].fields["letters"].reset
     if words["identity"] != identity:
         raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
@@ -122,6 +137,11 @@ def build_of(words: Mapping[str, int]) -> Build:
         raise InputError(f"the optics block has registers of version {version}, this host knows {known}; update one")
     fields = read("build", words["build"])
     models = get_args(HardwareModel)
+    if fields["model"] >= len(models):
+        raise InputError(
+            f"register build, field model: {fields['model']} is no model that this host knows, 0 to {len(models) - 1}; "
+            "update the host"
+        )
     return Build(
         fields["fraction_bits"],
         get_args(Grid)[fields["grid"]],

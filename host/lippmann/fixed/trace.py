@@ -16,7 +16,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.words import PIXEL_FRACTION, Ints
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits
 from lippmann.optics.system import System
 from lippmann.optics.trace import Model, Rays
 
@@ -30,11 +30,23 @@ WIDEST, COMPACT = 23, 16
 
 
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
-    """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel."""
+    """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
+
+    Raises
+    ------
+    InputError
+        For pixels further from the panel's centre than the words hold.
+    """
     scale = 1 << PIXEL_FRACTION
-    u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5).astype(np.int64)
-    v = np.floor((0.5 * display.panel.height_px - pixels[:, 1]) * scale + 0.5).astype(np.int64)
-    return u, v
+    u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
+    v = np.floor((0.5 * display.panel.height_px - pixels[:, 1]) * scale + 0.5)
+    if not (fits(u, PIXEL_BITS) & fits(v, PIXEL_BITS)).all():
+        reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
+        raise InputError(
+            f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
+            "pixel coordinates; give those nearer"
+        )
+    return u.astype(np.int64), v.astype(np.int64)
 
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
@@ -86,7 +98,7 @@ def trace_fixed(
     Raises
     ------
     InputError
-        For a display that the formats cannot hold.
+        For a display, pixels or aperture points that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, walk)
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())

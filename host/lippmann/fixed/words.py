@@ -45,6 +45,6 @@ def wrapped(x: Ints, bits: int) -> Ints:
     return ((x + half) & ((1 << bits) - 1)) - half
 
 
-def fits(x: Ints, bits: int) -> npt.NDArray[np.bool_]:
+def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> npt.NDArray[np.bool_]:
     """Tell which numbers a signed word of some bits holds."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))

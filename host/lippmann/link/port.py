@@ -109,6 +109,15 @@ def ports() -> list[str]:
     return [port.device for port in found]
 
 
+def port_trouble(url: str) -> str | None:
+    """Return why a port cannot be opened, and what helps; None when it can."""
+    try:
+        open_port(url).close()
+    except (DeviceError, InputError) as error:
+        return str(error)
+    return None
+
+
 class Line:
     """Packets over an open port. One thread at a time; while it writes it reads, so neither side waits in vain.
 

