@@ -123,7 +123,9 @@ module tile_writer #(
   logic [63:0] known_q;
   logic [23:0] rgb_q, indexed;
   logic [5:0] hash;
-  assign hash = 6'd3 * rgb_q[21:16] + 6'd5 * rgb_q[13:8] + 6'd7 * rgb_q[5:0] + 6'(11 * 255);
+  // 3 r + 5 g + 7 b + 11 * 255, in sums: six bits are too few for multiplier cells.
+  assign hash = (rgb_q[21:16] + {rgb_q[20:16], 1'b0}) + (rgb_q[13:8] + {rgb_q[11:8], 2'b0})
+      + ({rgb_q[2:0], 3'b0} - rgb_q[5:0]) + 6'(11 * 255);
   assign indexed = data_i[5:0] == hash ? rgb_q : known_q[data_i[5:0]] ? index[data_i[5:0]] : '0;
   always_ff @(posedge clk_i) begin
     if (start) known_q <= '0;

@@ -13,6 +13,7 @@ PLACES = int(cocotb.plusargs["Width"]) * int(cocotb.plusargs["Height"])
 async def reads_what_was_written(dut):
     edge = FallingEdge(dut.clk_i)
     Clock(dut.clk_i, 2, unit="ns").start()
+    await edge
     store, expected, compared, beside = {}, {"a": [], "b": []}, 0, 0
     for clock in range(4000):
         write = (random.getrandbits(1), random.randrange(PLACES)) if clock >= 2 * PLACES else divmod(clock, PLACES)

@@ -19,6 +19,7 @@ OFF, CHECKER, RAMP = 0, 4, 5
 class Bench:
     def __init__(self, dut):
         self.dut, self.edge = dut, FallingEdge(dut.clk_i)
+        self.release = 0  # clocks until the request for a swap is taken back
 
     async def reset(self):
         dut = self.dut
@@ -90,8 +91,11 @@ class Bench:
                 front = out >> 29 if front is None else front
                 if out >> 28 & 1:
                     assert (LINES - y) * LINE - x == 3
-                    dut.swap_i.value = 0
+                    self.release = random.randint(1, 4)
                     swapped, front = True, 1 - front
+                self.release -= 1
+                if self.release == 0:
+                    dut.swap_i.value = 0
                 assert out >> 29 == front
                 done = (row - HEIGHT + 1) * LINE + column - WIDTH + 1 >= 2  # clocks behind the last pixel
                 assert int(dut.frames_o.value) == frames + done, f"line {y}, clock {x}"

@@ -303,6 +303,7 @@ async def operations_that_no_encoder_chooses(dut):
 async def bad_data_are_refused(dut):
     bench = Bench(dut)
     await bench.begin()
+    # All of them at a tile that is cut, and at any other.
     for tile in {TILES - 1, random.randrange(TILES)}:
         height, width = shape(tile)
         size = height * width
@@ -337,7 +338,7 @@ async def bad_data_are_refused(dut):
         }
         for name, (coding, data) in cases.items():
             buffer = random.getrandbits(1)
-            many = await bench.bad(tile, coding, bytes(data), buffer, random.choice(PATTERNS[:3]))
+            many = await bench.bad(tile, coding, bytes(data), buffer, random.choice(PATTERNS[:2]))
             SEEN.point(name, 1)
             SEEN.point("refused with the whole tile written", many == size)
             # The next one is as good as ever.
