@@ -95,7 +95,7 @@ module packet_fifo #(
 
       // A packet's first byte is written no sooner than five clocks behind the judgement.
       if (judge_q && good) stored_q <= write_at_q;
-      if (is_long || (judge_q && !good)) write_at_q <= stored_q;
+      if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
       // Used a clock later: the byte of this clock, that one's, and never all of the memory.
