@@ -67,8 +67,8 @@ Options parse(int count, char** words) {
     }
   }
   if (options.line != "pty" && options.line != "tcp") throw std::invalid_argument("--line: pty or tcp");
-  if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x4000))
-    throw std::invalid_argument("--step: 1 to 16384 (a bit takes 4 clocks or more)");
+  if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x2000))
+    throw std::invalid_argument("--step: 1 to 8192 (a bit takes 8 clocks or more)");
 #ifndef LIPPMANN_TRACE
   if (!options.trace.empty()) throw std::invalid_argument("--trace: this board was built without it");
 #endif

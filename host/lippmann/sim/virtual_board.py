@@ -35,7 +35,7 @@ Port = Literal["pty", "tcp"]
 #: Clock of the board, Hz: that of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
 #: Fewest clocks that a bit of the line takes (rtl/link/uart_rx.sv samples it three times).
-CLOCKS_OF_A_BIT = 4
+CLOCKS_OF_A_BIT = 8
 #: Seconds that a board has to start.
 START_SECONDS = 20.0
 
@@ -101,7 +101,7 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
     """
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
-        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 230400 to 37000000 baud")
+        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to 18000000 baud")
     return step
 
 
