@@ -5,7 +5,7 @@ from runner import compiled, seed, simulate
 
 
 @pytest.mark.parametrize(
-    ("width", "bits"), [(36, 4), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 2), (150, 3), (70, 9)))]
+    ("width", "bits"), [(36, 4), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 3), (150, 5), (70, 9)))]
 )
 def test_fifo(width, bits):
     folder = compiled("fifo", {"Width": width, "AddressBits": bits})
