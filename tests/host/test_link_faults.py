@@ -141,8 +141,9 @@ def test_a_stalled_board_goes_on(pty):
     np.testing.assert_array_equal(model.shown, [first])
 
 
-def test_a_board_that_stalls_for_good_ends_in_time():
-    with ModelBoard(640, 480) as model, Board.open(model.url, FAST_BAUD, 1.0) as board:
+@pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])
+def test_a_board_that_stalls_for_good_ends_in_time(pty):
+    with ModelBoard(640, 480, pty=pty) as model, Board.open(model.url, FAST_BAUD, 1.0) as board:
         image = generator(SEED).integers(0, 256, (480, 640, 3), np.uint8)
         model.on_packet = lambda model, _: model.tile_writes.total() == 10 and model.stalled.set()
         begun = time.monotonic()

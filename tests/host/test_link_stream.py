@@ -11,6 +11,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.link.board import BACK, FRONT, Board
 from lippmann.link.faults import Proxy
 from lippmann.link.packets import Kind, packed
+from lippmann.link.round_trip import RoundTrip
 from lippmann.link.stream import send_frame
 from model_board import ModelBoard
 from scene_cases import generator
@@ -135,6 +136,63 @@ def test_a_copy_that_the_board_refuses_is_sent_raw():
         sent = send_frame(board, changed)
         assert (sent.raw, sent.copied) == (sent.tiles, 0)
     np.testing.assert_array_equal(model.shown[-1], changed)
+
+
+def test_codings_that_the_board_refuses_are_sent_raw():
+    with joined() as (model, board):
+        image = np.zeros((model.height, model.width, 3), np.uint8)
+        image[:] = np.arange(model.width, dtype=np.uint8)[:, None]
+        original = model._tile
+        model._tile = lambda body: original(body if body[4] == 0 else body[:4] + b"\4")
+        sent = send_frame(board, image)
+        assert (sent.raw, sent.qoi, sent.resends) == (sent.tiles, 0, sent.tiles)
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+def test_raw_tiles_that_the_board_refuses_end_it():
+    with joined() as (model, board):
+        original = model._tile
+        model._tile = lambda body: original(body[:4] + b"\4")
+        with pytest.raises(DeviceError, match=r"refuses TILE.*cannot decode"):
+            send_frame(board, noise(model))
+
+
+# --- the window -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lost", [{4}, {10, 11, 20}, {5, 30}, set(range(5, 15))])
+def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypatch):
+    with joined(width=256, height=160) as (model, board):
+        # HELLO and two TILES came before the 40 tiles.
+        model.deaf = lost
+        monkeypatch.setattr(RoundTrip, "back_off", lambda _: pytest.fail("waited in vain"))
+        image = noise(model)
+        sent = send_frame(board, image)
+        assert (sent.sends, sent.resends) == (40 + len(lost), len(lost))
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+def test_the_last_packets_are_found_lost_by_time_out(monkeypatch):
+    waits = []
+    back_off = RoundTrip.back_off
+    monkeypatch.setattr(RoundTrip, "back_off", lambda self: waits.append(back_off(self)))
+    with joined(width=256, height=160) as (model, board):
+        model.deaf = {41, 42, 43}
+        sent = send_frame(board, noise(model))
+        # One asks, its reply tells of the others.
+        assert (len(waits), sent.resends) == (1, 3)
+    assert len(model.shown) == 1
+
+
+def test_no_more_is_on_its_way_than_the_window_holds():
+    with joined(0.5, width=640, height=480) as (model, board):
+        image = noise(model)
+        model.on_packet = lambda model, number: number == 3 and model.stalled.set()
+        before = board.line.written
+        with pytest.raises(DeviceError, match="not answered"):
+            send_frame(board, image, window_bytes=20_000)
+        # 7 packets fill it; the line is asked again after each time-out, three times at most in half a second.
+        assert 20_000 <= board.line.written - before <= (7 + 3) * 3100
 
 
 def test_a_board_that_never_has_the_frame_ends_it():

@@ -162,6 +162,11 @@ class Line:
         if connection is not None:
             connection.close()
 
+    @property
+    def waiting(self) -> int:
+        """Packets that came and were not yet received."""
+        return len(self._waiting)
+
     def seconds(self, count: int) -> float:
         """Return how long some bytes take on the line, s."""
         return count * BITS_A_BYTE / self.baud

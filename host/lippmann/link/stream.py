@@ -227,10 +227,12 @@ class _Sender:
         line = self._board.line
         last_gain = last_reply = time.monotonic()
         while self._queue or self._flights:
-            while self._queue and (not self._flights or self._bytes < self._window_bytes):
+            # What has come says first what is to be sent.
+            while self._queue and (not self._flights or (not line.waiting and self._bytes < self._window_bytes)):
                 if not self._send(self._queue.popleft()):
                     break
             if not self._flights:
+                # Only tiles that arrived meanwhile were left.
                 continue
             oldest = next(iter(self._flights.values()))
             due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
