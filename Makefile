@@ -40,10 +40,11 @@ test-full: lint ## lint, then every test
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
-lint: $(READY) ## style, format and types
+lint: $(READY) ## style, format and types; every RTL module alone
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/python -m lippmann.sim.lint
 
 bench: $(READY) ## how fast rays are traced and scenes rendered
 	$(BIN)/lippmann bench trace

@@ -15,20 +15,20 @@ module aim #(
   parameter int Grid = optics_pkg::GridSquare
 ) (
   input  logic                                    clk_i,
-  input  logic signed [optics_pkg::IndexBits-1:0] i_i,
+  input  logic signed [optics_pkg::IndexBits-1:0] i_i,      // the pixel's lenslet
   input  logic signed [optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                     x_i,
-  input  logic signed [F+1:0]                     y_i,
-  input  logic signed [F+1:0]                     a_i,
+  input  logic signed [F+1:0]                     x_i,      // wide, pitches: point from its centre
+  input  logic signed [F+1:0]                     y_i,      // wide, rows
+  input  logic signed [F+1:0]                     a_i,      // wide: aperture point from its centre
   input  logic signed [F+1:0]                     b_i,
-  output logic signed [optics_pkg::IndexBits-1:0] i_o,
+  output logic signed [optics_pkg::IndexBits-1:0] i_o,      // the lenslet aimed at
   output logic signed [optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                     x_o,
+  output logic signed [F+1:0]                     x_o,      // wide: the point from that centre
   output logic signed [F+1:0]                     y_o,
-  output logic signed [F+1:0]                     a_o,
+  output logic signed [F+1:0]                     a_o,      // wide: aperture point from that centre
   output logic signed [F+1:0]                     b_o,
-  output logic                                    stray_o,
-  output logic                                    beyond_o
+  output logic                                    stray_o,  // it is not the pixel's
+  output logic                                    beyond_o  // x_o or y_o did not fit
 );
   import optics_pkg::*;
 

@@ -3,7 +3,9 @@
 /// Sum of two products, one coordinate of a point or slope in the aperture plane:
 /// y = k x + l a.
 ///
-///   y = round((floor(k x 2^3 / 2^F) + floor(l a 2^3 / 2^F)) / 2^3), products as `multiplier`'s
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places:
+///
+///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
 /// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 leaves the
 /// second product out. Latency blend_latency(F).

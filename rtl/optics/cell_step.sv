@@ -6,9 +6,13 @@
 /// the cell that holds the point is tried. Distances along the cell's axes are compared with half a
 /// pitch, H = p / (2 R), half-open, -H <= q < H:
 ///   square   q0 = nx, q1 = ny; (di, dj) is the sign of each that is outside
-///   hex      q0 = nx, q1 = round(nx / 2 + (sqrt(3)/2) ny), q2 = q1 - nx; the step goes across the
-///            flat with the largest |q|: (1, 0), (0, 1), (-1, 1) or their opposites
-/// Words: near. Latency cell_step_latency(Grid, F).
+///   hex      q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx; the step goes across the
+///            flat with the largest |q|, ~q below 0: (1, 0), (0, 1), (-1, 1) or their opposites
+///
+///   q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
+///
+/// as integers, ny h >> k the product that `multiplier` cuts by k places. Words: near.
+/// Latency cell_step_latency(Grid, F).
 module cell_step #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells

@@ -5,11 +5,14 @@
 /// d' = e/n - (cos' - cos/n) N; the part along the axis follows from the unit length at the flat
 /// face.
 ///
-///   C'   = 1 - s / n^2                        s = 1 - cos^2; product cut at F + 3 fraction bits
-///   cos' = sqrt(min(max(C', 0), 1 - 2^-(F+3)))
-///   k    = round(cos' - cos / n)              a wide word
-///   d'_x = saturate(round(e_x / n - k N_x)), d'_y likewise
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
+///   C'   = 2^(F+3) - (s i2 >> F)
+///   cos' = sqrt(min(max(C', 0), M))
+///   k    = (4 cos' - (cos i >> F-1) + 4) >> 3
+///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+///
+/// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2.
 /// Latency dome_latency(F).
 module enter_dome #(
   parameter int F = 23,

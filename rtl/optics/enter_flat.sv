@@ -4,12 +4,14 @@
 ///
 /// The tangential part of n d is kept: t = e / n, and dz = sqrt(1 - t_x^2 - t_y^2).
 ///
-///   t  = round(e (1/n)), 3 guard bits
-///   g  = floor(max(0, floor(t_x^2 2^(F+5)) + floor(t_y^2 2^(F+5))) / 2^2) / 2^(F+3)
-///   x  = 1 - 2^-(F+3) - g             (a small square may be cut to less than 0)
-///   dz = sqrt(x)
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
-/// Words: near. n >= 1.16 and |e| < sqrt(3)/2, so x > 1/4.
+///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
+///   g    = max((t_x t_x >> F-3) + (t_y t_y >> F-3), 0) >> 2
+///   dz   = sqrt(M - g)
+///
+/// i is 1/n; g has F + 3 fraction bits, and a small square may be cut to less than 0. Words: near.
+/// n >= 1.16 and |e| < sqrt(3)/2, so M - g stands for more than 1/4.
 /// Latency enter_flat_latency(F).
 module enter_flat #(
   parameter int F = 23,

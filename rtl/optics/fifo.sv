@@ -15,10 +15,10 @@ module fifo #(
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
-  input  logic             write_i,
+  input  logic             write_i,  // data_i goes in; only while there is room
   input  logic [Width-1:0] data_i,
-  output logic             valid_o,
-  input  logic             ready_i,
+  output logic             valid_o,  // data_o is the oldest word
+  input  logic             ready_i,  // it is taken
   output logic [Width-1:0] data_o
 );
 

@@ -4,11 +4,15 @@
 ///
 /// d' = n d + (cos' - n cos) N, and n times the tangential part of d is the air's e:
 ///
-///   C'   = 1 - s n^2                          s = 1 - cos^2; product cut at F + 3 fraction bits
-///   cos' = sqrt(min(max(C', 0), 1 - 2^-(F+3)))
-///   k    = round(cos' - n cos)                a wide word
-///   d'_x = saturate(round(e_x + k N_x)), d'_y likewise, d'_z = saturate(round(n dz + k N_z))
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
+///   C'   = 2^(F+3) - (s n2 >> F)
+///   cos' = sqrt(min(max(C', 0), M))
+///   k    = (4 cos' - (cos n >> F-2) + 4) >> 3
+///   d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+///   d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
+///
+/// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2, F fraction bits.
 /// Totally reflected (reflected_o) where C' <= 0. The exit direction is a near word.
 /// Latency dome_latency(F).
 module leave_dome #(

@@ -4,17 +4,21 @@
 ///
 /// From the point N on the dome (z = N_z - 1, the mirrored vertices at z = 0) along d to z = -T:
 ///
-///   g    = floor(max(0, floor(dx^2 2^(F+5)) + floor(dy^2 2^(F+5))) / 2^2) / 2^(F+3)
-///   y    = 1 - 2^-(F+3) - g
-///   r    = min(rsqrt(4 y), 1 - 2^-(F+1)) = 1 / (2 dz)
-///   u    = floor((N_z 2^(F+1) + 1) / 2) / 2^F - zc,   zc = 1 - T/R      (the depth to go)
-///   l    = floor((floor(2 u r 2^(F+1)) + 1) / 2) / 2^F                  (a far word)
-///   X    = round(N + l d), Y likewise                                   F + 1 fraction bits
-///   d'_x = saturate(round(n dx)), d'_y likewise
-///   C'   = 1 - g n^2;  d'_z = sqrt(C'), clamped as in `leave_dome`
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
-/// Totally reflected (reflected_o) where C' <= 0; such a ray keeps the direction in the glass,
-/// dz = floor((floor(2 y r 2^(F+2)) + 1) / 2) / 2^(F+1).
+///   g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
+///   y    = M - g
+///   r    = min(rsqrt(y), 2^(F+1) - 1)
+///   u    = (N_z + 1 - 2 zc) >> 1
+///   l    = ((u r >> F-1) + 1) >> 1
+///   X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
+///   C'   = 2^(F+3) - (g n2 >> F)
+///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
+///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
+///
+/// g, y and C' have F + 3 fraction bits, and rsqrt takes y for 4 y: r = 1 / (2 dz). u is the depth
+/// to go, zc = 1 - T/R, l the length, both far words; n2 is n^2, F fraction bits.
+/// Totally reflected (reflected_o) where C' <= 0; such a ray keeps the direction in the glass.
 /// Latency leave_flat_latency(F).
 module leave_flat #(
   parameter int F = 23,

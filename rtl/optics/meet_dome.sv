@@ -7,13 +7,18 @@
 /// cosine between ray and normal is cos = sqrt(1 - |V|^2 + b^2), at the length cos - b (upward, out
 /// of the glass) or -b - cos (downward, into it); the point there *is* the unit normal N.
 ///
-///   b    = round(hx dx + hy dy + zc dz)                 products with 3 guard bits, 2 of them kept
-///   C    = (1 - zc^2) - hx^2 - hy^2 + b^2               squares cut at F + 3 fraction bits
-///   cos  = sqrt(min(max(C, 0), 1 - 2^-(F+3))),  s = min(max(1 - C, 0), 1 - 2^-(F+3))
-///   l    = floor((2 cos - b + 2) / 4) / 2^F             words cos and b; downward -2 cos - b
-///   N    = saturate(round(V + l d))                     products with 3 guard bits, F + 1 kept
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
-/// missed_o: C < 0. Downward the plane of the vertices holds V: zc = 1, and dz is its size.
+///   b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
+///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
+///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
+///   l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2
+///   N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
+///   N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
+///
+/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. Downward the plane of
+/// the vertices holds V: zc = 1, and dz_i is the size of dz = -dz_i: its products are cut, then
+/// taken off.
 /// Latency meet_dome_latency(F).
 module meet_dome #(
   parameter int F = 23,

@@ -24,23 +24,23 @@ module raster #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  optics_pkg::raster_config_t              config_i,
-  input  logic                                    start_i,
-  output logic                                    running_o,
-  output logic                                    refused_o,
+  input  optics_pkg::raster_config_t              config_i,   // the next frame
+  input  logic                                    start_i,    // begin it
+  output logic                                    running_o,  // until its last ray was taken
+  output logic                                    refused_o,  // window illegal; until next start
 
-  input  logic                                    table_write_i,
-  input  logic [optics_pkg::TableBits-1:0]        table_at_i,
+  input  logic                                    table_write_i,  // entry of the jitter table
+  input  logic [optics_pkg::TableBits-1:0]        table_at_i,     // its place
   input  optics_pkg::jitter_t                     table_entry_i,
 
   output logic                                    ray_valid_o,
   input  logic                                    ray_ready_i,
-  output logic signed [optics_pkg::PixelBits-1:0] ray_u_o,
-  output logic signed [optics_pkg::PixelBits-1:0] ray_v_o,
-  output logic signed [F+1:0]                     ray_a_o,
-  output logic signed [F+1:0]                     ray_b_o,
+  output logic signed [optics_pkg::PixelBits-1:0] ray_u_o,      // pixels to the right of the centre
+  output logic signed [optics_pkg::PixelBits-1:0] ray_v_o,      // upwards; 4 fraction bits
+  output logic signed [F+1:0]                     ray_a_o,      // wide, pitches: aperture point
+  output logic signed [F+1:0]                     ray_b_o,      // wide, rows
   output logic                                    ray_first_o,  // of its frame
-  output logic                                    ray_last_o
+  output logic                                    ray_last_o    // of its frame
 );
   import optics_pkg::*;
 

@@ -21,28 +21,28 @@ module ray_lenslet #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  optics_pkg::optics_config_t              config_i,
-  input  logic                                    apply_i,
-  output logic                                    busy_o,
+  input  optics_pkg::optics_config_t              config_i,  // optics of the next copy
+  input  logic                                    apply_i,   // make a copy
+  output logic                                    busy_o,    // until it is made
 
   input  logic                                    ray_valid_i,
   output logic                                    ray_ready_o,
-  input  logic signed [optics_pkg::PixelBits-1:0] ray_u_i,
-  input  logic signed [optics_pkg::PixelBits-1:0] ray_v_i,
-  input  logic signed [F+1:0]                     ray_a_i,
-  input  logic signed [F+1:0]                     ray_b_i,
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
+  input  logic signed [optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
+  input  logic signed [F+1:0]                     ray_a_i,  // wide, pitches: aperture point
+  input  logic signed [F+1:0]                     ray_b_i,  // wide, rows
 
   output logic                                    exit_valid_o,
   input  logic                                    exit_ready_i,
-  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,
+  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,      // lenslet that it leaves through
   output logic signed [optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                     exit_x_o,
-  output logic signed [F+3:0]                     exit_y_o,
+  output logic signed [F+3:0]                     exit_x_o,      // origin from its centre, radii
+  output logic signed [F+3:0]                     exit_y_o,      // F + 1 fraction bits
   output logic signed [F+3:0]                     exit_z_o,
-  output logic signed [F+1:0]                     exit_dx_o,
+  output logic signed [F+1:0]                     exit_dx_o,     // near: unit direction
   output logic signed [F+1:0]                     exit_dy_o,
-  output logic signed [F+1:0]                     exit_dz_o,
-  output optics_pkg::status_e                     exit_status_o
+  output logic signed [F+1:0]                     exit_dz_o,     // to the viewer
+  output optics_pkg::status_e                     exit_status_o  // its fate
 );
   import optics_pkg::*;
 

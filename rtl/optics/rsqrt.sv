@@ -3,8 +3,12 @@
 /// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
 ///
 /// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output means nothing).
-/// Output y_o: unsigned, F + 1 fraction bits, y = floor((q + 4) / 8) / 2^(F + 1) in [1/2, 1], with
-/// q from `quadratic`. |y - 1/sqrt(x)| < 2^-(F + 1). Latency rsqrt_latency().
+/// Output y_o: unsigned, F + 1 fraction bits, in [1/2, 1]. With q from `quadratic`, words as
+/// integers:
+///
+///   y    = (q + 4) >> 3
+///
+/// |y - 1/sqrt(x)| < 2^-(F + 1). Latency rsqrt_latency().
 module rsqrt #(
   parameter int F = 23
 ) (

@@ -4,9 +4,10 @@
 ///
 /// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word.
 /// Normalise = 0 takes x in [1/4, 1) only. Normalise = 1 takes all: with k the largest number, at
-/// most 15, for which 4^k x < 1, the root of 4^k x is shifted back,
+/// most 15, for which 4^k x < 1, the root q of 4^k x (`quadratic`) is shifted back, words as
+/// integers,
 ///
-///   y = min(floor((floor(q / 2^k) + 4) / 8), 2^(F + 1) - 1) / 2^(F + 1), q from `quadratic`.
+///   y    = min(((q >> k) + 4) >> 3, 2^(F+1) - 1)
 ///
 /// and 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
 module sqrt #(

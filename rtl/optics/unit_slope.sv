@@ -2,10 +2,14 @@
 
 /// Step 3: the unit direction of a slope, (m_x, m_y, 1) / sqrt(1 + m_x^2 + m_y^2).
 ///
-///   x  = 1 + floor((floor(m_x^2 2^(F+4)) + floor(m_y^2 2^(F+4)) + 4) / 2^3) / 2^(F+1)
-///   ez = min(rsqrt(x), 1 - 2^-(F+1)),   ex = round(m_x ez), ey = round(m_y ez), with 3 guard bits
+/// Words as integers, a b >> k the product that `multiplier` cuts by k places:
 ///
-/// Input: wide words, m_x^2 + m_y^2 < 3. Output: near words. Latency unit_latency(F).
+///   x    = ((m_x m_x >> F-4) + (m_y m_y >> F-4) + 2^(F+4) + 4) >> 3
+///   e_z  = min(rsqrt(x), 2^(F+1) - 1)
+///   e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
+///
+/// x, in [1, 4), has F + 1 fraction bits. Input: wide words, m_x^2 + m_y^2 < 3. Output: near words.
+/// Latency unit_latency(F).
 module unit_slope #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells

@@ -6,6 +6,7 @@ comment with a file name (`# mine.toml`) is that file.
 
 import csv
 import importlib.util
+import itertools
 import json
 import os
 import re
@@ -234,3 +235,28 @@ def test_promises_that_are_not_kept_are_told():
         worst = max(float(r["max_weighted_urad"]) for r in rows if (r["configuration"], r["display"]) == key)
         assert all(f"`{name}`" in told for name in key)
         assert f"{worst:.2f} microradian, weighted" in told
+
+
+def test_twin_and_rtl_state_the_same_formulas():
+    """Every rounding as an integer formula, word for word in both."""
+    found = 0
+    for source in (TOP / "rtl/optics").glob("*.sv"):
+        twin = TOP / "host/lippmann/fixed" / f"{source.stem}.py"
+        formulas = re.findall(r"^/// {3}(\S+ += .* >> .*)$", source.read_text(), re.M)
+        if formulas and twin.exists():
+            assert "round(" not in "".join(formulas)
+            text = twin.read_text()
+            assert [f for f in formulas if f"        {f}\n" not in text] == [], source.stem
+            found += 1
+    assert found >= 10
+
+
+@pytest.mark.parametrize("module", ["aim", "fifo", "optics_block", "raster", "ray_lenslet"])
+def test_ports_carry_their_meaning(module):
+    """A comment behind each; or behind the one before, of a pair or a triple; clock, handshake and bus say enough."""
+    text = (TOP / f"rtl/optics/{module}.sv").read_text()
+    ports = re.findall(r"^  (?:in|out)put .*?(\w+_n?[io]),?( +// .+)?$", text, re.M)
+    assert len(ports) >= 7
+    for (_, before), (name, said) in itertools.pairwise(ports):
+        evident = re.match(r"rst_ni|(\w+_)?(valid|ready|data)_|apb_", name)
+        assert said or before or evident or re.match(r"exit_d?z_o", name), name

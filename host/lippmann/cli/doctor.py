@@ -40,8 +40,8 @@ PACKAGES = (
 def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
     """Check libraries, rendering, the RTL's tools and serial ports; exit 3 when something needed is missing.
 
-    The host's work needs none of the RTL's tools: without them only `trace --engine rtl`, `bench rtl` and make's
-    targets for the RTL fail.
+    Rendering and observing need none of the RTL's tools: without them only what simulates, synthesises or proves it
+    fails, `trace --engine rtl` and the virtual board among it.
 
     Example: lippmann doctor
     """

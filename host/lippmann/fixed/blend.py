@@ -7,7 +7,12 @@ from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
 
 
 def blend(k: int, x: Ints, l: int, a: Ints | None, f: int) -> Ints:  # noqa: E741
-    """Return round(k x + l a), the products with 3 guard bits; without `a` the first alone. F fraction bits."""
+    """Return k x + l a, without `a` the first product alone; F fraction bits.
+
+    Words as integers, a b >> k the product that `multiplier` cuts by k places:
+
+        y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
+    """
     word = f + 2
     total = multiplier(x, k, word, word, f - GUARD)
     if a is not None:

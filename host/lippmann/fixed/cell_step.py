@@ -16,7 +16,10 @@ def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, 
     """Return the step (di, dj) and whether the point is inside; near words, `half` is p / (2 R).
 
     Square: the sign of each coordinate that is outside [-half, half). Hexagonal: across the flat with the largest of
-    |q0|, |q1|, |q2|, where q0 = nx, q1 = round(nx / 2 + (sqrt(3)/2) ny), q2 = q1 - nx, and |q| is q or -q - 1.
+    |q0|, |q1|, |q2|, where q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx, and |q| is ~q below 0. As integers,
+    ny h >> k the product that `multiplier` cuts by k places:
+
+        q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
     """
 
     def side(q: Ints) -> Ints:

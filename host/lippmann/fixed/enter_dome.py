@@ -14,7 +14,14 @@ def enter_dome(
 ) -> tuple[Ints, Ints]:
     """Return the lateral direction in the glass, near words.
 
-    k = round(sqrt(1 - s / n^2) - cos / n), d = saturate(round(e / n - k N)).
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
+
+        C'   = 2^(F+3) - (s i2 >> F)
+        cos' = sqrt(min(max(C', 0), M))
+        k    = (4 cos' - (cos i >> F-1) + 4) >> 3
+        d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+
+    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2.
     """
     near = f + 2
     _, cos_glass = cosine_behind(met.s, index_inverse_square, f)

@@ -12,7 +12,13 @@ from lippmann.fixed.words import GUARD, Ints, guarded
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints]:
     """Return the direction in the glass of one in the air, near words.
 
-    t = round(e / n); dz = sqrt(left_of_unit(t)).
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
+
+        t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
+        g    = max((t_x t_x >> F-3) + (t_y t_y >> F-3), 0) >> 2
+        dz   = sqrt(M - g)
+
+    i is 1/n, g has F + 3 fraction bits.
     """
     word = f + 2
     tx = guarded(multiplier(ex, index_inverse, word, word, f + 1 - GUARD))
@@ -21,7 +27,7 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
 
 
 def left_of_unit(dx: Ints, dy: Ints, f: int) -> Ints:
-    """Return 1 - 2^-(F+3) - floor(max(0, floor(dx^2) + floor(dy^2)) / 4), F + 3 fraction bits, squares with F + 5."""
+    """Return M - g, M and g as in `enter_flat` and `leave_flat`, F + 3 fraction bits."""
     word = f + 2
     total = multiplier(dx, dx, word, word, f - 3) + multiplier(dy, dy, word, word, f - 3)
     most = (1 << (f + 3)) - 1

@@ -17,7 +17,15 @@ def leave_dome(
 ) -> tuple[Ints, Ints, Ints, npt.NDArray[np.bool_]]:
     """Return the direction in the air (near words) and where there is none, total internal reflection.
 
-    C' = 1 - s n^2 with F + 3 fraction bits, k = round(sqrt(C') - n cos), d = saturate(round((e, n dz) + k N)).
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
+
+        C'   = 2^(F+3) - (s n2 >> F)
+        cos' = sqrt(min(max(C', 0), M))
+        k    = (4 cos' - (cos n >> F-2) + 4) >> 3
+        d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+        d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
+
+    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. There is none where C' <= 0.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
@@ -32,7 +40,7 @@ def leave_dome(
 
 
 def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:
-    """Return C' = 1 - s r^2 (F + 3 fraction bits) of a squared sine s, and the cosine behind a face, a near word."""
+    """Return C' = 2^(F+3) - (s r2 >> F) of a squared sine s, and sqrt(min(max(C', 0), M)), the cosine behind a face."""
     far = f + 4
     c = (1 << (f + 3)) - multiplier(s, ratio_square, far, far, f)
     return c, sqrt(np.clip(c, 0, (1 << (f + 3)) - 1), f)

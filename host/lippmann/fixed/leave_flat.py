@@ -28,7 +28,24 @@ class FlatExit(NamedTuple):
 
 
 def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_square: int, f: int) -> FlatExit:
-    """Carry rays in the glass from the dome to the flat face and refract them; the formulas are the RTL module's."""
+    """Carry rays in the glass from the dome to the flat face and refract them.
+
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
+
+        g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
+        y    = M - g
+        r    = min(rsqrt(y), 2^(F+1) - 1)
+        u    = (N_z + 1 - 2 zc) >> 1
+        l    = ((u r >> F-1) + 1) >> 1
+        X    = ((N_x << 3) + (l dx >> F-3) + 4) >> 3,  Y likewise
+        C'   = 2^(F+3) - (g n2 >> F)
+        d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
+        d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
+
+    g, y and C' have F + 3 fraction bits, and rsqrt takes y for 4 y: r = 1 / (2 dz). u is the depth to go, zc = 1 - T/R
+    (`depth`), l the length, both far words; n2 is n^2 (`index_square`). Reflected where C' <= 0; such a ray keeps the
+    direction in the glass.
+    """
     near, far = f + 2, f + 4
     rest = left_of_unit(dx, dy, f)
     half_inverse = np.minimum(rsqrt(rest, f), (1 << (f + 1)) - 1)  # 1 is no near word

@@ -27,9 +27,19 @@ class Meeting(NamedTuple):
 def meet_dome(
     hx: Ints, hy: Ints, dx: Ints, dy: Ints, dz: Ints, depth: int, depth_rest: int, f: int, upward: bool
 ) -> Meeting:
-    """Meet the unit sphere around the origin with rays from V = (hx, hy, zc); the formulas are the RTL module's.
+    """Meet the unit sphere around the origin with rays from V = (hx, hy, zc).
 
-    Upward zc is `depth` and `depth_rest` 1 - zc^2; downward zc = 1 and dz is the size of the direction's part.
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
+
+        b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
+        C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
+        cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
+        l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2
+        N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
+        N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
+
+    b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Upward zc is `depth` and `depth_rest`
+    1 - zc^2; downward zc = 1, and `dz` is the size of dz, below 0: its products are cut, then taken off.
     """
     near, point, far, foot = f + 2, f + 3, f + 4, f + 6
     drop = f + 1 - GUARD

@@ -11,7 +11,10 @@ from lippmann.fixed.words import Ints, guarded
 def sqrt(x: Ints, f: int, normalise: bool = True) -> Ints:
     """Return sqrt(x), a near word, of x in [0, 1) with F + 3 fraction bits; [1/4, 1) unless `normalise`.
 
-    4^k x is brought up to [1/4, 1), k at most 15, and its root shifted back by k; 0 gives 0.
+    4^k x is brought up to [1/4, 1), k at most 15, and its root q (`quadratic`) shifted back by k; 0 gives 0. Words as
+    integers:
+
+        y    = min(((q >> k) + 4) >> 3, 2^(F+1) - 1)
     """
     k = np.zeros_like(x)
     if normalise:

