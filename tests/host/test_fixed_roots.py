@@ -3,6 +3,8 @@
 A unit in the last place is that of a near word, 2^-(F + 1).
 """
 
+import re
+
 import mpmath
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from lippmann.fixed.quadratic import root_table
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.sqrt import sqrt
 from lippmann.fixed.words import FRACTIONS
+from lippmann.sim.tools import repository
 
 mpmath.mp.dps = 50
 
@@ -107,6 +110,15 @@ def test_rsqrt_all_words_of_the_compact_configuration():
     worst, where = worst_rsqrt(f, batches(1 << (f + 1), 1 << (f + 3)))
     print(f"rsqrt, F {f}: worst {worst:.4f} units at word {where}, all {3 << (f + 1)} inputs")
     assert 0.5 < worst < 1.0
+
+
+def test_the_worst_word_that_the_reference_names():
+    """Found among all words by the test marked full, below."""
+    page = (repository() / "docs/reference/rtl.md").read_text()
+    row = r"([\d.]+) units of the last place at most, at word (\d+), of all ([\d,]+)"
+    said, word, inputs = re.search(row, page).groups()
+    assert f"{worst_rsqrt(23, [np.array([int(word)])])[0]:.4f}" == said
+    assert inputs == f"{3 << 24:,}"
 
 
 def test_sqrt_all_words_of_the_compact_configuration():

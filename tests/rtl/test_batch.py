@@ -14,6 +14,7 @@ from lippmann.fixed.trace import WIDEST, words_of_pixels
 from lippmann.optics.status import Status
 from lippmann.sim.harness import harness
 from lippmann.sim.random_cases import configured_display, random_rays
+from lippmann.sim.tools import repository
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 
@@ -78,10 +79,19 @@ def test_rtl_equals_twin(build):
         assert seen[Status.CROSSTALK] > 0
 
 
+#: Displays for each kind of build, and rays for each display: ten million in all.
+DISPLAYS, RAYS = 40, 10_000_000 // len(ALL_BUILDS) // 40 + 1
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("build", ALL_BUILDS, ids=name)
 def test_rtl_equals_twin_over_ten_million_rays(build):
-    compare(build, displays=40, rays=10_000_000 // len(ALL_BUILDS) // 40 + 1)
+    compare(build, DISPLAYS, RAYS)
+
+
+def test_the_reference_says_how_much_is_compared():
+    page = (repository() / "docs/reference/rtl.md").read_text()
+    assert f"{len(ALL_BUILDS)} kinds of build x {DISPLAYS * RAYS:,} rays" in page
 
 
 @pytest.mark.full
