@@ -26,7 +26,7 @@ module block_ring #(
   logic [PlaceBits-1:0] write_at_q, read_at_q;
   initial write_at_q = '0;  // for simulators that start with unknown words
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
-  always_ff @(posedge clk_i) read_at_q <= write_at_q + PlaceBits'(4 - Cycles + (2 << PlaceBits));
+  always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 
   logic [Width-1:0] word;
   always_ff @(posedge clk_i) q_o <= word;

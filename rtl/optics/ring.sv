@@ -28,7 +28,7 @@ module ring #(
   initial write_at_q = '0;  // for simulators that start with unknown words
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
-  always_ff @(posedge clk_i) read_at_q <= write_at_q + PlaceBits'(2 - Cycles + 2 * Places);
+  always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);
   always_ff @(posedge clk_i) places[write_at_q] <= d_i;
   always_ff @(posedge clk_i) q_o <= places[read_at_q];
 
