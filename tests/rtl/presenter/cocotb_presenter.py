@@ -26,9 +26,14 @@ class Bench:
         dut.rst_ni.value = 0
         for _ in range(3):
             await self.edge
-        assert not (dut.done_o.value or dut.swap_o.value or dut.check_start_o.value or dut.failed_o.value)
+        self.is_quiet()
         assert int(dut.epoch_o.value) == 0
         dut.rst_ni.value = 1
+
+    def is_quiet(self):
+        dut = self.dut
+        for handle in (dut.done_o, dut.failed_o, dut.check_start_o, dut.swap_o):
+            assert not handle.value, handle._name
 
     async def present(self, epoch, crc, wait):
         """Ask once; the status. The neighbours take up to `wait` clocks."""
@@ -78,8 +83,7 @@ class Bench:
         for _ in range(clocks):
             self.dut.swapped_i.value = random.random() < 0.5
             await self.edge
-            assert not (self.dut.done_o.value or self.dut.failed_o.value)
-            assert not (self.dut.check_start_o.value or self.dut.swap_o.value)
+            self.is_quiet()
 
 
 def other(word, bits):
