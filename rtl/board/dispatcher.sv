@@ -297,7 +297,6 @@ module dispatcher #(
             end
           end else if (type_q == RequestTile) begin
             tile_empty_o <= in_last_i;
-            state_q <= in_last_i ? Execute : AtTile;
             if (first != epoch_i) begin
               status_q <= StatusStale;
               stale_o <= 1'b1;
@@ -421,22 +420,20 @@ module dispatcher #(
             state_q <= SignWait;
           end
         end
-        SignWait: begin
-          // The status is asked again and again: a frame that was refused gives no rays.
-          if (sign_done_i && !sign_start_o) begin
+        SignWait: if (bus_done_i) begin
+          // The status is asked again and again: a frame that was refused gives no rays. The reply
+          // waits for the last answer, which the next request would take for its own.
+          if (!bus_write_o && (sign_done_i || bus_word_i[2])) begin
+            if (!sign_done_i) status_q <= StatusOptics;
             state_q <= Answer;
-          end else if (bus_done_i) begin
-            if (bus_word_i[2] && !bus_write_o) begin
-              status_q <= StatusOptics;
-              state_q <= Answer;
-            end
+          end else begin
             {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b0, AtStatus};
           end
         end
 
         // ---- the reply ----
         Answer: if (!reply_busy) begin
-          if (once) begin
+          if (once && status_q != StatusLength) begin
             {executed_q, executed_type_q, executed_number_q} <= {1'b1, type_q, number_q};
             executed_status_q <= status_q;
           end
