@@ -9,7 +9,8 @@
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
 /// ByteLink = 1 takes bytes in place of wires: a USB FIFO, or a simulation that is in a hurry.
-/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be set.
+/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be
+/// set.
 module board #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,

@@ -2,8 +2,9 @@
 
 /// One access to a register, the board's own or the optics block's, at a time.
 ///
-/// start_i with write_i, at_i (byte address, a multiple of 4) and word_i asks; done_o answers some
-/// clocks later, with word_o of a read and error_o where no register takes the access. Addresses:
+/// start_i with write_i, at_i (byte address, a multiple of 4) and word_i asks; done_o, a pulse,
+/// answers two or more clocks later, with word_o of a read and error_o where no register takes the
+/// access. The next access begins with that pulse at the earliest. Addresses:
 ///
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
