@@ -9,7 +9,8 @@
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
 /// ByteLink = 1 takes bytes in place of wires: a USB FIFO, or a simulation that is in a hurry.
-/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be set.
+/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be
+/// set.
 module board #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -139,7 +140,7 @@ module board #(
   board_registers_pkg::board_registers__out_t set;
   logic board_request, board_write, board_read_ack, board_write_ack;
   logic board_read_error, board_write_error;
-  logic [7:0] board_at;
+  logic [6:0] board_at;
   logic [31:0] board_word, board_answer;
   logic apb_sel, apb_enable, apb_write, apb_ready, apb_error;
   logic [8:0] apb_addr;
@@ -156,11 +157,10 @@ module board #(
     .apb_addr_o(apb_addr), .apb_wdata_o(apb_wdata), .apb_ready_i(apb_ready),
     .apb_rdata_i(apb_rdata), .apb_error_i(apb_error)
   );
-  logic unused_stall_read, unused_stall_write, unused_address;
-  assign unused_address = board_at[7];
+  logic unused_stall_read, unused_stall_write;
   board_registers i_registers (
     .clk(clk_i), .arst_n(rst_ni),
-    .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at[6:0]),
+    .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at),
     .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
     .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
     .s_cpuif_rd_ack(board_read_ack), .s_cpuif_rd_err(board_read_error),

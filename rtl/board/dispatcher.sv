@@ -4,9 +4,9 @@
 ///
 /// Packets come and go as streams of bytes without their CRC (docs/reference/protocol.md). Nothing
 /// is executed before its packet has passed its CRC: packet_fifo gives out whole good ones only.
-/// Words of a WRITE and rays of a TRACE are collected before the first is used, so that a request of
-/// a wrong length does nothing. WRITE and SIGN are executed once: a request with the type and the
-/// number of the one executed last is only answered again.
+/// Words of a WRITE and rays of a TRACE are collected before the first is used, so that a request
+/// of a wrong length does nothing. WRITE and SIGN are executed once: a request with the type and
+/// the number of the one executed last is only answered again.
 ///
 /// A request is read a byte a clock. Replies begin when it is executed.
 module dispatcher #(
@@ -64,7 +64,7 @@ module dispatcher #(
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
   output logic [3:0][31:0]  ray_o,           // u, v, a, b
-  output logic              trace_o,         // exit rays are for the dispatcher, else for the signature
+  output logic              trace_o,         // exit rays come here, else to the signature
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
@@ -87,9 +87,12 @@ module dispatcher #(
   typedef enum logic [4:0] {
     AtType, AtNumberLow, AtNumberHigh, AtArguments, AtWords, AtTile, Swallow, Execute,
     HelloBuild, ReadAsk, ReadWait, WriteAsk, WriteWait, TileWait, PresentWait, TableWait,
-    SourceWait, ApplyWait, StatusAsk, StatusWait, RayFetch, RayOffer, RayWait, SignWait, Answer, Words
+    SourceWait, ApplyWait, StatusAsk, StatusWait, RayFetch, RayOffer, RayWait, SignWait, Answer,
+    Words
   } state_e;
-  state_e state_q;
+  state_e state_q, refused;
+  // A request that is refused is read to its end.
+  assign refused = in_last_i ? Answer : Swallow;
 
   // ---- the request: type, number, arguments ----
   request_e type_q;
@@ -124,9 +127,9 @@ module dispatcher #(
   logic [31:0] words[256];
   logic [23:0] collected_q;  // the word's bytes so far
   logic [31:0] word_q;
-  logic [8:0] words_q;   // collected
-  logic [1:0] byte_q;
-  logic [8:0] at_q;      // of the word in use; of a table's entry
+  logic [8:0] words_q;       // how many words are collected
+  logic [1:0] byte_q;        // of the word that comes
+  logic [8:0] at_q;          // number of the word in use; of a table's entry
   logic collect_word;
   assign collect_word = state_q == AtWords && take && byte_q == 2'd3 && !words_q[8];
   always_ff @(posedge clk_i) begin
@@ -140,7 +143,7 @@ module dispatcher #(
   request_e executed_type_q;
   logic [15:0] executed_number_q;
   status_e executed_status_q;
-  logic once, repeated;
+  logic once, repeated;  // at most once; said again
   assign once = type_q == RequestWrite || type_q == RequestSign;
   assign repeated = executed_q && executed_type_q == type_q && executed_number_q == number_q;
 
@@ -158,7 +161,8 @@ module dispatcher #(
   logic [15:0] table_first, table_count;
   assign table_first = arguments_q[2:1];
   assign table_count = arguments_q[4:3];
-  assign tiles_ok = {1'b0, table_first} + {1'b0, table_count} <= 17'(Tiles) && arguments_q[0] <= 8'd1;
+  assign tiles_ok = {1'b0, table_first} + {1'b0, table_count} <= 17'(Tiles)
+      && arguments_q[0] <= 8'd1;
   always_comb begin
     case (type_q)
       RequestRead: length_ok = count != '0 && count <= 9'd64;
@@ -276,15 +280,16 @@ module dispatcher #(
           if (!(type_q inside {RequestHello, RequestRead, RequestWrite, RequestTile, RequestPresent,
               RequestTiles, RequestTrace, RequestSign})) begin
             status_q <= StatusUnknown;
-            state_q <= in_last_i ? Answer : Swallow;
-          end else if (in_last_i) begin
-            if (type_q != RequestSign) status_q <= StatusLength;
-            state_q <= type_q == RequestSign ? Execute : Answer;
-          end else if (type_q == RequestSign) begin
+            state_q <= refused;
+          end else if (in_last_i != (type_q == RequestSign)) begin
             status_q <= StatusLength;
-            state_q <= Swallow;
+            state_q <= refused;
           end else begin
-            state_q <= type_q == RequestTrace ? AtWords : AtArguments;
+            case (type_q)
+              RequestSign: state_q <= Execute;
+              RequestTrace: state_q <= AtWords;
+              default: state_q <= AtArguments;
+            endcase
           end
         end
         AtArguments: if (take) begin
@@ -293,40 +298,36 @@ module dispatcher #(
           if (argument_q + 1'b1 != arguments_of(type_q)) begin
             if (in_last_i) begin
               status_q <= StatusLength;
-              state_q <= Answer;
+              state_q <= refused;
             end
           end else if (type_q == RequestTile) begin
             tile_empty_o <= in_last_i;
-            state_q <= in_last_i ? Execute : AtTile;
             if (first != epoch_i) begin
               status_q <= StatusStale;
               stale_o <= 1'b1;
-              state_q <= in_last_i ? Answer : Swallow;
+              state_q <= refused;
             end else if (second >= 16'(Tiles)) begin
               status_q <= StatusNoTile;
-              state_q <= in_last_i ? Answer : Swallow;
+              state_q <= refused;
             end else begin
               tile_start_o <= 1'b1;
               state_q <= in_last_i ? TileWait : AtTile;
             end
-          end else if (type_q == RequestWrite && !in_last_i) begin
-            state_q <= AtWords;
-          end else if (type_q == RequestWrite || !in_last_i) begin
+          end else if (in_last_i == (type_q == RequestWrite)) begin
             status_q <= StatusLength;
-            state_q <= in_last_i ? Answer : Swallow;
+            state_q <= refused;
           end else begin
-            state_q <= Execute;
+            state_q <= type_q == RequestWrite ? AtWords : Execute;
           end
         end
         AtWords: if (take) begin
           byte_q <= byte_q + 1'b1;
           if (collect_word) words_q <= words_q + 1'b1;
-          if (words_q[8]) begin  // more than there is room for
+          if (words_q[8] || (in_last_i && byte_q != 2'd3)) begin  // no room, or no whole word
             status_q <= StatusLength;
-            state_q <= in_last_i ? Answer : Swallow;
+            state_q <= refused;
           end else if (in_last_i) begin
-            if (byte_q != 2'd3) status_q <= StatusLength;
-            state_q <= byte_q == 2'd3 ? Execute : Answer;
+            state_q <= Execute;
           end
         end
         AtTile: if (take && in_last_i) state_q <= TileWait;
@@ -421,22 +422,20 @@ module dispatcher #(
             state_q <= SignWait;
           end
         end
-        SignWait: begin
-          // The status is asked again and again: a frame that was refused gives no rays.
-          if (sign_done_i && !sign_start_o) begin
+        SignWait: if (bus_done_i) begin
+          // The status is asked again and again: a frame that was refused gives no rays. The reply
+          // waits for the last answer, which the next request would take for its own.
+          if (!bus_write_o && (sign_done_i || bus_word_i[2])) begin
+            if (!sign_done_i) status_q <= StatusOptics;
             state_q <= Answer;
-          end else if (bus_done_i) begin
-            if (bus_word_i[2] && !bus_write_o) begin
-              status_q <= StatusOptics;
-              state_q <= Answer;
-            end
+          end else begin
             {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b0, AtStatus};
           end
         end
 
         // ---- the reply ----
         Answer: if (!reply_busy) begin
-          if (once) begin
+          if (once && status_q != StatusLength) begin
             {executed_q, executed_type_q, executed_number_q} <= {1'b1, type_q, number_q};
             executed_status_q <= status_q;
           end

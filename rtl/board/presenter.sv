@@ -27,19 +27,18 @@ module presenter (
 );
   import link_pkg::*;
 
-  logic [15:0] epoch_q, epoch_before_q;
+  logic [15:0] epoch_q;
   logic [31:0] crc_q, shown_q;
   logic any_shown_q;
   logic here, repeated, equal;
   assign epoch_o = epoch_q;
   assign here = epoch_i == epoch_q;
-  assign repeated = any_shown_q && epoch_i == epoch_before_q && crc_i == shown_q;
+  assign repeated = any_shown_q && epoch_i == epoch_q - 1'b1 && crc_i == shown_q;
   assign equal = check_crc_i == crc_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       epoch_q <= '0;
-      epoch_before_q <= '1;
       crc_q <= '0;
       shown_q <= '0;
       any_shown_q <= 1'b0;
@@ -58,7 +57,6 @@ module presenter (
       swap_o <= (check_done_i && equal) || (swap_o && !swapped_i);
       if (swap_o && swapped_i) begin
         epoch_q <= epoch_q + 1'b1;
-        epoch_before_q <= epoch_q;
         shown_q <= crc_q;
         any_shown_q <= 1'b1;
       end

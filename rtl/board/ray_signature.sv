@@ -3,7 +3,8 @@
 /// CRC-32 of a frame's exit rays: a whole frame is compared over a slow line by one word.
 ///
 /// Each ray is nine words of 32 bits, word 0 in the lowest bits, taken low byte first; a ray takes
-/// nine clocks. start_i begins anew; done_o from the frame's last ray until the next start.
+/// nine clocks. start_i begins anew, without a ray that is taken in its clock; done_o from the end
+/// of the frame's last ray until the next start.
 module ray_signature (
   input  logic              clk_i,
   input  logic              rst_ni,

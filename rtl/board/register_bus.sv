@@ -2,11 +2,14 @@
 
 /// One access to a register, the board's own or the optics block's, at a time.
 ///
-/// start_i with write_i, at_i (byte address, a multiple of 4) and word_i asks; done_o answers some
-/// clocks later, with word_o of a read and error_o where no register takes the access. Addresses:
+/// start_i with write_i, at_i (byte address, a multiple of 4) and word_i asks; done_o, a pulse,
+/// answers two or more clocks later, with word_o of a read and error_o where no register takes the
+/// access. The next access begins with that pulse at the earliest. Addresses:
 ///
-///   0x000 to 0x0ff   board_registers
+///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
+///
+/// and nothing between them.
 ///
 /// The board's registers are asked over PeakRDL's plain port (request and acknowledge), the optics
 /// over APB4.
@@ -24,7 +27,7 @@ module register_bus (
 
   output logic        board_request_o,
   output logic        board_write_o,
-  output logic [7:0]  board_at_o,
+  output logic [6:0]  board_at_o,
   output logic [31:0] board_word_o,
   input  logic        board_read_ack_i,
   input  logic        board_write_ack_i,
@@ -46,7 +49,7 @@ module register_bus (
   logic [31:0] word_q;
   logic board_request_q, sel_q, enable_q;
 
-  assign {board_request_o, board_write_o, board_at_o} = {board_request_q, write_q, at_q[7:0]};
+  assign {board_request_o, board_write_o, board_at_o} = {board_request_q, write_q, at_q[6:0]};
   assign {apb_sel_o, apb_enable_o, apb_write_o, apb_addr_o} = {sel_q, enable_q, write_q, at_q};
   assign board_word_o = word_q;
   assign apb_wdata_o = word_q;
@@ -64,8 +67,8 @@ module register_bus (
     if (!rst_ni) begin
       {board_request_q, sel_q, enable_q, nowhere_q, done_o} <= '0;
     end else begin
-      board_request_q <= start_i && at_i[9:8] == 2'd0;
-      nowhere_q <= start_i && at_i[9:8] == 2'd1;
+      board_request_q <= start_i && at_i[9:7] == '0;
+      nowhere_q <= start_i && !at_i[9] && at_i[8:7] != '0;
       sel_q <= (start_i && at_i[9]) || (sel_q && !apb_ack);
       enable_q <= sel_q && !apb_ack;
       done_o <= board_ack || apb_ack || nowhere_q;

@@ -63,6 +63,9 @@ class Monitor:
     def count(self, name: str, seen: bool) -> None:
         self.seen[name] = self.seen.get(name, 0) + bool(seen)
 
+    def settled(self) -> None:
+        """Look at handles that depend on inputs of the same clock, where `through` holds."""
+
     async def clock(self, word: int | None, take: bool) -> bool:
         """Offer a word, or none, and take what is there, or not, for one clock; return whether the word went in."""
         valid = bool(self.valid_o.value)
@@ -78,6 +81,7 @@ class Monitor:
         self.ready_i.value = take
         if self.through:
             await ReadOnly()
+            self.settled()
         ready = inside < self.room if self.ready_o is None else bool(self.ready_o.value)
         into = offered and ready
         if into:

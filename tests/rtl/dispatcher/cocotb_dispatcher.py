@@ -1,0 +1,249 @@
+"""dispatcher in the simulator."""
+
+import random
+import struct
+
+import cocotb
+import rules
+from cocotb.clock import Clock
+from neighbours import Neighbours
+from packets import marked
+from protocol import HELLO, PRESENT, READ, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from requests_fuzz import traffic
+from rtl_coverage import Coverage
+from streams import PATTERNS, pattern
+
+WIDTH, HEIGHT, CLOCK_HZ = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "ClockHz"))
+IDENTITY = 0x0123_4567_89AB_CDEF
+OK, LENGTH, STALE, OPTICS = 0, 2, 4, 9
+#: Type and status of the replies that were seen to be right.
+SEEN: list[tuple[int, int]] = []
+
+
+async def start(dut, epoch=0, slow=10):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.identity_i.value = IDENTITY
+    monitor = Neighbours(dut, epoch, slow)
+    dut.rst_ni.value = 0
+    for _ in range(3):
+        await monitor.edge
+    assert not dut.out_valid_o.value
+    dut.rst_ni.value = 1
+    return monitor, Reference(WIDTH, HEIGHT, CLOCK_HZ, IDENTITY, epoch)
+
+
+def packets(words):
+    """Packets of a stream whose last bytes are marked."""
+    found, packet = [], bytearray()
+    for word in words:
+        packet.append(word & 0xFF)
+        if word & 0x100:
+            found.append(bytes(packet))
+            packet.clear()
+    assert not packet, "a reply without an end"
+    return found
+
+
+async def converse(monitor, reference, requests, wanted, idle="always", pressure="always"):
+    """Send requests; their replies must be those wanted, and all else as the reference has it."""
+    already = len(monitor.got)
+    words = [word for packet in requests for word in marked(packet)]
+    count = sum(map(len, wanted))
+    await monitor.run(words, pattern(idle, random, 200), pattern(pressure, random, 200), 2000, count)
+    for packet, got, reply in zip(requests, packets(monitor.got[already:]), wanted, strict=True):
+        assert got == reply, f"{packet[:12].hex()} ({len(packet)} bytes): {got[:50].hex()}, not {reply[:50].hex()}"
+        SEEN.append((packet[0], reply[3]))
+    assert monitor.log == reference.log
+    assert monitor.registers | {rules.STATUS: 0} == reference.registers | {rules.STATUS: 0}
+    told = ("frames", "stale", "tile_bad", "epoch")
+    assert [getattr(monitor, name) for name in told] == [getattr(reference, name) for name in told]
+
+
+async def ask(monitor, reference, *requests):
+    """Send requests, and expect the reference's replies; their statuses."""
+    wanted = [reference.reply(packet) for packet in requests]
+    await converse(monitor, reference, requests, wanted)
+    return [reply[3] for reply in wanted]
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def replies_as_the_protocol_says(dut, idle, pressure):
+    slow = random.choice([0, 3, 40])
+    monitor, reference = await start(dut, random.choice([0, 0xFFFE, random.getrandbits(16)]), slow)
+    count = 15 if "heavy" in (idle, pressure) else 50
+    requests, wanted = zip(*traffic(reference, count), strict=True)
+    await converse(monitor, reference, requests, wanted, idle, pressure)
+
+
+@cocotb.test()
+async def replies_by_hand(dut):
+    monitor, reference = await start(dut, epoch=0x1234, slow=3)
+    # What is said is written out here, and the reference must say it too.
+    build = rules.at_reset()[rules.BUILD]
+    size = struct.pack("<HH", WIDTH, HEIGHT).hex()
+    zero = next(at for at in range(0, 0x100, 4) if not rules.can_read(at))
+    fixed = next(at for at in range(0, 0x100, 4) if not rules.can_write(at))
+    good = next(bytes([k]) for k in range(256) if rules.tile_is_good(1, 0, bytes([k])))
+    bad = next(bytes([k]) for k in range(256) if not rules.tile_is_good(1, 0, bytes([k])))
+    last = reference.tiles.to_bytes(2, "little").hex()
+    ray = tuple(range(1, 5))
+    by_hand = [
+        ("01 0201 01 0d0c0b0a", f"81 0201 00 01 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
+         + build.to_bytes(4, "little").hex()),
+        ("01 0201 02 0d0c0b0a", "81 0201 08"),
+        ("01 0201 01 0d0c0b", "81 0201 02"),
+        ("09 ffff", "89 ffff 01"),
+        ("00 0000 01", "80 0000 01"),
+        ("03 0500 2003 78563412 44332211", "83 0500 00"),
+        ("03 0500 2003 00000000", "83 0500 00"),
+        ("02 0600 2003 02", "82 0600 00 78563412 44332211"),
+        (f"02 0600 {zero:02x}00 01", "82 0600 00 00000000"),
+        (f"03 0600 {fixed:02x}00 00000000", "83 0600 03"),
+        ("02 0600 fc00 02", "82 0600 03"),
+        ("02 0600 0100 01", "82 0600 03"),
+        ("02 0600 0200 01", "82 0600 03"),
+        ("03 0600 0200 00000000", "83 0600 03"),
+        ("02 0600 0001 01", "82 0600 03"),
+        ("02 0600 fc01 02", "82 0600 03"),
+        ("02 0600 fc03 02", "82 0600 03"),
+        ("02 0600 0004 01", "82 0600 03"),
+        ("02 0600 fc03 41", "82 0600 02"),
+        (f"04 0700 3412 0100 00 {good.hex()}", "84 0700 00 0100"),
+        (f"04 0700 3412 0100 00 {bad.hex()}", "84 0700 05"),
+        (f"04 0700 3512 0100 00 {good.hex()}", "84 0700 04"),
+        (f"04 0700 3412 {last} 00 {good.hex()}", "84 0700 07"),
+        ("05 0800 3412 02000000", "85 0800 00 3512"),
+        ("05 0800 3512 00000000", "85 0800 06"),
+        ("05 0800 3412 01000000", "85 0800 04"),
+        ("06 0900 01 0100 0200", "86 0900 00 3512 0100"
+         + struct.pack("<II", rules.table_crc(True, 1), rules.table_crc(True, 2)).hex()),
+        (f"06 0900 00 {last} 0100", "86 0900 07"),
+        ("06 0900 00 0000 0000", "86 0900 02"),
+        ("07 0a00 01000000 02000000 03000000 04000000", "87 0a00 00" + struct.pack("<9I", *rules.exit_ray(ray)).hex()),
+        ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
+        ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
+        ("03 0c00 0003 01000000", "83 0c00 00"),
+        ("08 0b00", "88 0b00 09"),
+    ]  # fmt: skip
+    requests = [bytes.fromhex(asked) for asked, _ in by_hand]
+    wanted = [bytes.fromhex(said) for _, said in by_hand]
+    for packet, said in zip(requests, wanted, strict=True):
+        assert reference.reply(packet) == said, packet.hex()
+    await converse(monitor, reference, requests, wanted)
+
+
+@cocotb.test()
+async def the_longest_of_each(dut):
+    monitor, reference = await start(dut, slow=2)
+    count = min(reference.tiles, 512)
+    statuses = await ask(
+        monitor, reference,
+        request(WRITE, 1, struct.pack("<H64I", 0, *(random.getrandbits(32) for _ in range(64)))),
+        request(READ, 2, struct.pack("<HB", 0, 64)),
+        request(READ, 2, struct.pack("<HB", 0x300, 64)),
+        request(TILE, 3, struct.pack("<HHB", 0, 0, 0) + random.randbytes(3200 - 4 - 8)),
+        request(TILES, 4, struct.pack("<BHH", 1, reference.tiles - count, count)),
+        request(TRACE, 5, random.randbytes(1024)),
+        request(TRACE, 6, random.randbytes(3192)),
+        request(WRITE, 7, random.randbytes(3193)),
+        request(SIGN, 8, random.randbytes(3193)),
+        request(0x55, 9, random.randbytes(3193)),
+    )  # fmt: skip
+    assert statuses[6:] == [LENGTH, LENGTH, LENGTH, 1]
+
+
+@cocotb.test()
+async def executes_once(dut):
+    monitor, reference = await start(dut, slow=5)
+    write = request(WRITE, 7, struct.pack("<HI", 0x304, 1))
+    other = request(WRITE, 8, struct.pack("<HI", 0x304, 2))
+    none = request(WRITE, 7, struct.pack("<H", 0x304))
+    hello = request(HELLO, 7, struct.pack("<BI", 1, 0))
+    sign = request(SIGN, 7)
+    refuse = request(WRITE, 9, struct.pack("<HI", rules.WINDOW, 1))
+    read = request(READ, 7, struct.pack("<HB", 0x304, 1))
+
+    async def done(*requests):
+        before = len(monitor.log)
+        await ask(monitor, reference, *requests)
+        return [what[0] for what in monitor.log[before:]]
+
+    assert await done(write, write, write) == ["write"]
+    assert await done(other, other, read, other) == ["write"]
+    assert await done(write) == ["write"]
+    # What was refused for its length was not executed, and is not remembered.
+    assert await done(none, write) == []
+    assert await done(hello, write) == ["write"]
+    assert await done(request(HELLO, 0, struct.pack("<BI", 2, 0)), write) == ["write"]
+    assert await done(sign, sign, read, sign) == ["frame"]
+    # Both the type and the number count.
+    assert await done(write, sign, sign) == ["write", "frame"]
+    # One that the optics refused was executed too.
+    assert await done(refuse, sign, sign) == ["write", "frame"]
+    assert await ask(monitor, reference, sign, sign) == [OPTICS, OPTICS]
+
+
+@cocotb.test()
+async def a_frame_is_refused_and_then_not(dut):
+    monitor, reference = await start(dut, slow=20)
+    for k in range(30):
+        refused = random.getrandbits(1)
+        wish = request(WRITE, k, struct.pack("<HI", rules.WINDOW, refused))
+        behind = random.choice([request(SIGN, 1000 + k), request(TRACE, k, bytes(16)), request(READ, k, b"\0\2\1")])
+        assert (await ask(monitor, reference, wish, request(SIGN, k), behind))[1] == (OPTICS if refused else OK)
+
+
+@cocotb.test()
+async def a_byte_each_clock(dut):
+    monitor, reference = await start(dut, slow=0)
+    for packet in (request(0x33, 1, bytes(50)), request(TRACE, 1, bytes(160)), request(WRITE, 1, bytes(202))):
+        already = len(monitor.accepted)
+        await ask(monitor, reference, packet)
+        first = monitor.accepted[already]
+        assert monitor.accepted[already:] == list(range(first, first + len(packet)))
+
+
+@cocotb.test()
+async def waits_for_the_table(dut):
+    monitor, reference = await start(dut)
+    dut.table_busy_i.value = 1
+    packet = request(TILES, 1, struct.pack("<BHH", 0, 0, 3))
+    for _ in range(50):
+        assert not await monitor.clock(packet[0], True)
+    dut.table_busy_i.value = 0
+    await ask(monitor, reference, packet)
+
+
+@cocotb.test()
+async def forgets_all_at_reset(dut):
+    for cut in range(12):
+        # Within a request, or behind it.
+        monitor, reference = await start(dut, slow=30)
+        (packet, _), *_ = traffic(reference, 1)
+        words = marked(packet)[: 3 * cut + 1]
+        clocks = 0
+        while words and clocks < 300:
+            clocks += 1
+            if await monitor.clock(words[0], random.random() < 0.5):
+                words.pop(0)
+        for _ in range(random.randrange(20)):
+            await monitor.clock(None, random.random() < 0.5)
+        monitor, reference = await start(dut)
+        write = request(WRITE, 1, struct.pack("<HI", 0x304, cut))
+        await ask(monitor, reference, request(HELLO, 1, bytes([1, 0, 0, 0, 0])), write)
+        monitor, reference = await start(dut)
+        await ask(monitor, reference, write, request(READ, 1, struct.pack("<HB", 0x304, 1)))
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("dispatcher", f"{WIDTH}x{HEIGHT}")
+    statuses = {
+        HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
+        TILES: (0, 2, 7), TRACE: (0, 2), SIGN: (0, 2, 9), 0x33: (1,),
+    }  # fmt: skip
+    for kind, which in statuses.items():
+        for status in which:
+            seen.point(f"type {kind}, status {status}", SEEN.count((kind, status)))
+    seen.close()

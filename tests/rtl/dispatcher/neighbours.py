@@ -1,0 +1,190 @@
+"""All that is around the dispatcher: a monitor of its two streams that also plays its other neighbours."""
+
+import random
+
+import rules
+from packets import Joined
+from streams import Monitor
+
+
+class Neighbours(Monitor):
+    """Each neighbour takes a random time, up to `slow` clocks and its own least; what nobody says is noise."""
+
+    def __init__(self, dut, epoch: int, slow: int):
+        put = Joined(dut.in_last_i, dut.in_data_i).put
+        out = Joined(dut.out_last_o, dut.out_data_o)
+        streams = (dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i)
+        super().__init__(dut.clk_i, *streams, out, put, through=True)
+        self.dut, self.epoch, self.slow = dut, epoch, slow
+        self.registers = rules.at_reset()
+        self.frames = self.stale = self.tile_bad = 0
+        #: What was done, in order; the source is looked at when rays come.
+        self.log: list[tuple] = []
+        self._bus = self._tile = self._present = self._ray = None
+        self._frame_left: int | None = None
+        self._signing = self._signed = False
+        self._busy = self._stream = 0
+        self._asked = [0, 0, 0]
+        self.idle()
+
+    def idle(self) -> None:
+        """Say nothing."""
+        dut = self.dut
+        for handle in (
+            dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_last_i, dut.bus_done_i, dut.tile_ready_i,
+            dut.tile_done_i, dut.table_busy_i, dut.present_done_i, dut.ray_ready_i, dut.exit_valid_i, dut.sign_done_i,
+        ):  # fmt: skip
+            handle.value = 0
+        dut.epoch_i.value = self.epoch
+
+    def wait(self, least: int) -> int:
+        return least + random.choice([0, 0, random.randint(0, self.slow)])
+
+    async def clock(self, word, take):
+        self._registers()
+        self._tiles()
+        self._frames()
+        self._rays()
+        self.stale += int(self.dut.stale_o.value)
+        self.tile_bad += int(self.dut.tile_bad_o.value)
+        return await super().clock(word, take)
+
+    def settled(self) -> None:
+        dut = self.dut
+        if self._tile and dut.tile_valid_o.value and dut.tile_ready_i.value:
+            self._tile["data"].append(int(dut.in_data_i.value))
+            if dut.in_last_i.value:
+                self._tile["left"] = self.wait(2)
+
+    def _registers(self) -> None:
+        dut = self.dut
+        dut.bus_done_i.value = 0
+        dut.bus_word_i.value, dut.bus_error_i.value = random.getrandbits(32), random.getrandbits(1)
+        if dut.bus_start_o.value:
+            assert self._bus is None, "an access began before the one before it was answered"
+            asked = (dut.bus_write_o, dut.bus_at_o, dut.bus_word_o)
+            self._bus = [self.wait(2), *(int(handle.value) for handle in asked)]
+        elif self._bus is not None:
+            self._bus[0] -= 1
+            if self._bus[0] == 0:
+                _, write, at, word = self._bus
+                self._bus = None
+                dut.bus_done_i.value = 1
+                if write:
+                    dut.bus_error_i.value = not self._write(at, word)
+                else:
+                    dut.bus_error_i.value = not rules.can_read(at)
+                    if rules.can_read(at):
+                        dut.bus_word_i.value = self._read(at)
+
+    def _read(self, at: int) -> int:
+        if at == rules.STATUS and self._busy:
+            # An apply is taken over only while the status is asked for.
+            self._busy -= 1
+            if self._busy == 0:
+                self._stream = self.registers[rules.SOURCE]
+                return self.registers[at]
+            return self.registers[at] | rules.BUSY
+        return self.registers[at]
+
+    def _write(self, at: int, word: int) -> bool:
+        if at == rules.CONTROL:
+            if word & rules.APPLY:
+                self._busy = random.choice([1, 2, 5])
+            if word & rules.START:
+                assert not self._busy, "a frame began while the optics were taken over"
+                assert not self._stream, "a frame began while rays come from the stream"
+                assert self._signing, "a frame began before its signature"
+                self.log.append(("frame",))
+                if self.registers[rules.WINDOW] & 1:
+                    self.registers[rules.STATUS] |= rules.REFUSED
+                    self._signing = False
+                else:
+                    self.registers[rules.STATUS] &= ~rules.REFUSED
+                    self._frame_left = self.wait(1)
+            return True
+        if at != rules.SOURCE:
+            self.log.append(("write", at, word))
+        if rules.can_write(at):
+            self.registers[at] = word
+        return rules.can_write(at)
+
+    def _tiles(self) -> None:
+        dut = self.dut
+        dut.tile_done_i.value = 0
+        dut.tile_ok_i.value = random.getrandbits(1)
+        if dut.tile_start_o.value:
+            assert self._tile is None
+            place = (int(dut.tile_o.value), int(dut.tile_coding_o.value))
+            self._tile = {"place": place, "data": bytearray(), "left": None}
+            if dut.tile_empty_o.value:
+                self._tile["left"] = self.wait(2)
+        elif self._tile and self._tile["left"] is not None:
+            self._tile["left"] -= 1
+            if self._tile["left"] == 0:
+                told = (*self._tile["place"], bytes(self._tile["data"]))
+                self._tile = None
+                self.log.append(("tile", *told))
+                dut.tile_done_i.value, dut.tile_ok_i.value = 1, rules.tile_is_good(*told)
+        else:
+            open_ = self._tile is not None and self._tile["left"] is None
+            dut.tile_ready_i.value = open_ and (self.slow == 0 or random.random() < 0.7)
+            return
+        dut.tile_ready_i.value = 0
+
+    def _frames(self) -> None:
+        """Of the table an answer three clocks old; of the presenter a status, and an epoch with it."""
+        dut = self.dut
+        dut.table_crc_i.value = self._asked.pop(0)
+        self._asked.append(rules.table_crc(bool(dut.table_front_o.value), int(dut.table_at_o.value)))
+        dut.present_done_i.value, dut.present_status_i.value = 0, random.randrange(10)
+        if dut.present_start_o.value:
+            assert self._present is None
+            self._present = [self.wait(1), int(dut.present_epoch_o.value), int(dut.present_crc_o.value)]
+        elif self._present:
+            self._present[0] -= 1
+            if self._present[0] == 0:
+                self.log.append(("present", *self._present[1:]))
+                status = rules.presented(self._present[2])
+                dut.present_done_i.value, dut.present_status_i.value = 1, status
+                self.epoch = (self.epoch + (status == rules.OK)) % (1 << 16)
+                dut.epoch_i.value = self.epoch
+                self._present = None
+
+    def _rays(self) -> None:
+        dut = self.dut
+        # Of the signature: its end goes a clock behind its start.
+        dut.sign_done_i.value = self._signed
+        if dut.sign_start_o.value:
+            self._signing, self._signed = True, False
+            dut.sign_rays_i.value, dut.sign_crc_i.value = random.getrandbits(32), random.getrandbits(32)
+        if self._frame_left is not None:
+            assert not dut.trace_o.value, "rays of a frame go to its signature"
+            self._frame_left -= 1
+            if self._frame_left <= 0:
+                self._frame_left, self._signing, self._signed = None, False, True
+                self.frames += 1
+                dut.sign_rays_i.value, dut.sign_crc_i.value = rules.signature(self.frames)
+                dut.sign_done_i.value = 1
+        # Of the pipeline: one ray at a time.
+        dut.exit_i.value = random.getrandbits(288)
+        if self._frame_left is not None:
+            dut.exit_valid_i.value = random.getrandbits(1)
+        elif self._ray is None:
+            dut.exit_valid_i.value = 0
+        ready = self._ray is None and (self.slow == 0 or random.random() < 0.5)
+        dut.ray_ready_i.value = ready
+        if dut.ray_valid_o.value and ready:
+            assert self._stream, "a ray came while the raster was the source"
+            words = int(dut.ray_o.value)
+            ray = tuple(words >> 32 * k & 0xFFFF_FFFF for k in range(4))
+            self.log.append(("ray", *ray))
+            self._ray = [self.wait(1), rules.exit_ray(ray)]
+        elif self._ray:
+            self._ray[0] -= 1
+            if self._ray[0] <= 0:
+                assert dut.trace_o.value, "traced rays go to the reply"
+                dut.exit_valid_i.value = 1
+                dut.exit_i.value = sum(word << 32 * k for k, word in enumerate(self._ray[1]))
+                if dut.exit_ready_o.value:
+                    self._ray = None

@@ -1,0 +1,110 @@
+"""Requests of all kinds for the dispatcher's test, right ones and wrong ones, some said twice."""
+
+import random
+import struct
+from collections.abc import Iterator
+
+import rules
+from protocol import HELLO, KINDS, PRESENT, READ, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+
+
+def addresses(never: int) -> tuple[int, int]:
+    """A range of registers: mostly there, often at an end, sometimes off it. One address is not in it."""
+    count = random.choice([1, 1, 2, 3, 5, 64, random.randint(1, 64)])
+    low, behind = random.choice([(0, 0x100), (0x200, 0x400)])
+    first = random.choice([low, behind - 4 * count, random.randrange(low, behind, 4)])
+    if random.random() < 0.15:
+        first = random.choice([first + 4, first + 1, first + 2, 0x100, 0x1FC, 0x400, 0xFFFC, random.getrandbits(16)])
+    first %= 1 << 16
+    if first <= never < first + 4 * count:
+        return rules.WINDOW, random.choice([1, 1, 3])
+    return first, count
+
+
+def epoch(reference: Reference) -> int:
+    return (reference.epoch + random.choice([0, 0, 0, 0, 0, 1, -1, 256, random.getrandbits(16)])) % (1 << 16)
+
+
+def hello(_: Reference) -> bytes:
+    return struct.pack("<BI", random.choice([1, 1, 1, 0, 2, 0x81]), random.getrandbits(32))
+
+
+def read(_: Reference) -> bytes:
+    # What the optics are doing is not for this test.
+    return struct.pack("<HB", *addresses(never=rules.STATUS))
+
+
+def write(_: Reference) -> bytes:
+    # Nor what they are told to do.
+    first, count = addresses(never=rules.CONTROL)
+    return struct.pack(f"<H{count}I", first, *(random.getrandbits(32) for _ in range(count)))
+
+
+def tile(reference: Reference) -> bytes:
+    number = random.choice([0, reference.tiles - 1, random.randrange(reference.tiles)])
+    number += random.choice([0] * 6 + [reference.tiles, 0x8000])
+    size = random.choice([0, 0, 1, 3, 20, 300])
+    coding = random.choice([0, 1, 2, 3, 4, 255])
+    return struct.pack("<HHB", epoch(reference), number, coding) + random.randbytes(size)
+
+
+def present(reference: Reference) -> bytes:
+    return struct.pack("<HI", epoch(reference), random.getrandbits(32))
+
+
+def tiles(reference: Reference) -> bytes:
+    most = min(reference.tiles, 512)
+    count = random.choice([1, 2, random.randint(1, 12), most if random.random() < 0.1 else 3])
+    first = random.choice([0, reference.tiles - count, random.randrange(reference.tiles - count + 1)])
+    first = random.choice([first] * 8 + [first + 1, reference.tiles, 0xFFFF])
+    return struct.pack("<BHH", random.choice([0, 1, 0, 1, 0, 1, 2, 255]), first, count)
+
+
+def trace(_: Reference) -> bytes:
+    return random.randbytes(16 * random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
+
+
+def sign(_: Reference) -> bytes:
+    return b""
+
+
+#: Bodies of the right length; what they say may be wrong.
+BODIES = {
+    HELLO: hello, READ: read, WRITE: write, TILE: tile, PRESENT: present, TILES: tiles, TRACE: trace, SIGN: sign,
+}  # fmt: skip
+
+
+def bad_length(kind: int, body: bytes) -> bytes:
+    """Another length: a little, a lot, or a count that is none."""
+    if random.random() < 0.4:
+        if kind == READ:
+            return body[:2] + bytes([random.choice([0, 65, 128, 255])])
+        if kind == TILES:
+            return body[:3] + struct.pack("<H", random.choice([0, 513, 0x8001, 0xFFFF]))
+        if kind == WRITE:
+            return body[:2] + random.randbytes(4 * random.choice([0, 65, 66, 256, 257, 320, 600]))
+        if kind == TRACE:
+            return random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513]))
+    cut = body[: random.randrange(len(body) + 1)]
+    more = body + random.randbytes(random.choice([2, 3, 4, 12, 50]))
+    return random.choice([cut, cut, body[:-1], body + b"\1", more])
+
+
+def traffic(reference: Reference, count: int) -> Iterator[tuple[bytes, bytes]]:
+    """Requests, each with its reply."""
+    sent: list[bytes] = []
+    for _ in range(count):
+        kind = random.choice(KINDS)
+        # Few numbers, so that some meet again in other requests.
+        number = random.choice([0, 1, 0x100, 0xFFFF])
+        chance = random.random()
+        if chance < 0.15 and sent:
+            packet = random.choice(sent[-3:])
+        elif chance < 0.2:
+            unknown = random.choice([0, 9, 0x10, 0x80, 0x81, 0x88, 0xFF])
+            packet = request(unknown, number, random.randbytes(random.choice([0, 0, 1, 5, 40])))
+        else:
+            body = BODIES[kind](reference)
+            packet = request(kind, number, bad_length(kind, body) if chance < 0.35 else body)
+        sent.append(packet)
+        yield packet, reference.reply(packet)

@@ -1,0 +1,13 @@
+"""dispatcher: every request and refusal, under pauses at all of its handshakes, against the protocol in Python."""
+
+import pytest
+from lippmann.sim.tools import RTL_FOLDERS
+from runner import compiled, seed, simulate
+
+
+# A panel of more tiles than a request can name, and one of few.
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), pytest.param(112, 80, marks=pytest.mark.full)])
+def test_dispatcher(width, height):
+    parameters = {"Width": width, "Height": height, "ClockHz": 148_500_000}
+    folder = compiled("dispatcher", parameters, folders=RTL_FOLDERS)
+    simulate(folder, "dispatcher", "cocotb_dispatcher", seed(), plusargs=parameters)

@@ -1,0 +1,155 @@
+"""register_bus in the simulator, between the two kinds of registers."""
+
+import random
+
+import cocotb
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge
+from rtl_coverage import Coverage
+
+SEEN: list[str] = []
+
+
+def block(at):
+    """Where an address is, and its address there."""
+    return ("board", at) if at < 0x80 else ("optics", at - 0x200) if at >= 0x200 else ("nowhere", at)
+
+
+class Bench:
+    """Answers the accesses that arrive, checks both buses' contracts, and keeps what was asked."""
+
+    def __init__(self, dut):
+        self.dut, self.edge = dut, FallingEdge(dut.clk_i)
+        self.access = None  # block, write, address, word
+        self.left = 0  # clocks until it is answered
+        self.answer = (0, 0)  # word, error
+        self.asked = 0
+
+    async def reset(self):
+        dut = self.dut
+        Clock(dut.clk_i, 2, unit="ns").start()
+        dut.start_i.value = dut.board_read_ack_i.value = dut.board_write_ack_i.value = dut.apb_ready_i.value = 0
+        dut.rst_ni.value = 0
+        for _ in range(3):
+            await self.edge
+        for handle in (dut.done_o, dut.board_request_o, dut.apb_sel_o, dut.apb_enable_o):
+            assert not handle.value, handle._name
+        dut.rst_ni.value = 1
+        self.access = None
+
+    async def clock(self):
+        """Go on by a clock: see what is asked, answer what is due; noise on all that is not said."""
+        await self.edge
+        dut = self.dut
+        dut.start_i.value = 0
+        dut.write_i.value, dut.at_i.value = random.getrandbits(1), random.getrandbits(8) << 2
+        dut.word_i.value = random.getrandbits(32)
+        dut.board_word_i.value, dut.board_error_i.value = random.getrandbits(32), random.getrandbits(1)
+        dut.apb_rdata_i.value, dut.apb_error_i.value = random.getrandbits(32), random.getrandbits(1)
+        dut.board_read_ack_i.value = dut.board_write_ack_i.value = 0
+        select, enable = bool(dut.apb_sel_o.value), bool(dut.apb_enable_o.value)
+        # Without an enable, ready means nothing.
+        dut.apb_ready_i.value = not enable and random.getrandbits(1)
+        assert select or not enable
+        if dut.board_request_o.value:
+            assert self.access is None, "the board was asked twice"
+            asked = (dut.board_write_o, dut.board_at_o, dut.board_word_o)
+            self.access = ("board", *(int(handle.value) for handle in asked))
+            self.asked += 1
+        apb = ("optics", int(dut.apb_write_o.value), int(dut.apb_addr_o.value), int(dut.apb_wdata_o.value))
+        if select and self.access is None:
+            assert not enable, "APB: no setup clock"
+            self.access, self.left, self.asked = apb, self.left + 1, self.asked + 1
+        elif select:
+            assert enable, "APB: two setup clocks"
+            assert apb == self.access, "APB: the access changed"
+        else:
+            assert self.access is None or self.access[0] == "board", "APB: deselected before ready"
+        if self.access is None:
+            return
+        if self.left > 0:
+            self.left -= 1
+            return
+        kind, write, _, _ = self.access
+        word, error = self.answer
+        if kind == "board":
+            (dut.board_write_ack_i if write else dut.board_read_ack_i).value = 1
+            dut.board_word_i.value, dut.board_error_i.value = word, error
+        else:
+            dut.apb_ready_i.value, dut.apb_rdata_i.value, dut.apb_error_i.value = 1, word, error
+        self.answered, self.access = self.access, None
+
+    async def ask(self, write, at, word):
+        """One access; what the block saw, and what came back. It begins in this clock."""
+        dut, before = self.dut, self.asked
+        self.left, self.answer = random.choice([0, 0, 1, 2, 20]), (random.getrandbits(32), random.getrandbits(1))
+        self.answered = None
+        dut.start_i.value, dut.write_i.value, dut.at_i.value, dut.word_i.value = 1, write, at, word
+        for _ in range(40):
+            await self.clock()
+            if dut.done_o.value:
+                break
+        else:
+            raise AssertionError("no answer")
+        assert self.access is None
+        assert self.asked - before == (self.answered is not None)
+        return self.answered, int(dut.word_o.value), bool(dut.error_o.value)
+
+
+async def access(bench, write, at):
+    word = random.getrandbits(32)
+    seen, got, error = await bench.ask(write, at, word)
+    where, there = block(at)
+    SEEN.append(f"{where} {'write' if write else 'read'}")
+    if where == "nowhere":
+        assert seen is None, f"{at:#x}"
+        assert error
+        return
+    assert seen == (where, write, there, word), f"{at:#x}"
+    assert error == bench.answer[1]
+    if not write:
+        assert got == bench.answer[0]
+    SEEN.append(f"error {error}")
+
+
+@cocotb.test()
+async def every_address_both_ways(dut):
+    bench = Bench(dut)
+    await bench.reset()
+    accesses = [(write, at) for write in (0, 1) for at in range(0, 0x400, 4)] * 4
+    random.shuffle(accesses)
+    for write, at in accesses:
+        await access(bench, write, at)
+        # The next one begins in the clock of this one's answer, or later.
+        for _ in range(random.choice([0, 0, 1, 7])):
+            await bench.clock()
+            assert not dut.done_o.value
+            assert bench.access is None
+
+
+@cocotb.test()
+async def reset_ends_an_access(dut):
+    bench = Bench(dut)
+    await bench.reset()
+    for at in (0x000, 0x100, 0x200):
+        for clocks in (1, 2, 3):
+            bench.left = 50
+            dut.start_i.value, dut.write_i.value, dut.at_i.value = 1, 1, at
+            for _ in range(clocks):
+                await bench.clock()
+            await bench.reset()
+            bench.left = 0
+            for _ in range(5):
+                await bench.clock()
+                assert not dut.done_o.value
+                assert bench.access is None
+            await access(bench, 0, 0x204)
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("register_bus", "all")
+    for where in ("board", "optics", "nowhere"):
+        seen.values("access", SEEN, [f"{where} read", f"{where} write"])
+    seen.values("answer", SEEN, ["error True", "error False"])
+    seen.close()
