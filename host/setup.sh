@@ -57,6 +57,8 @@ missing_one_a_line() {
   has_library libz.so.1 || echo zlib1g           # Mitsuba
   command -v perl >/dev/null || echo perl        # Verilator
   command -v g++ >/dev/null || echo g++          # what Verilator writes
+  [ -e /usr/include/zlib.h ] || echo zlib1g-dev  # its waveforms
+  [ -e /usr/include/lz4.h ] || echo liblz4-dev   # its waveforms
 }
 
 # The package of the first wanted libLLVM that apt knows; nothing where it knows none.

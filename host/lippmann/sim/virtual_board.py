@@ -193,7 +193,7 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
     try:
         yield board
     finally:
-        if board.process.poll() is None:
+        if board.process.stdout and not board.process.stdout.closed:  # not yet asked what it did
             with contextlib.suppress(LippmannError):
                 board.stop()
 
