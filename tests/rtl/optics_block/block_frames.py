@@ -304,6 +304,22 @@ async def an_apply_as_a_frame_begins_does_not_tear_it(dut):
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
+async def the_source_waits_for_an_apply(dut):
+    block = Block(dut)
+    await block.begin()
+    await block.write(optics_writes(OPTICS))
+    await block.command(**APPLY)
+    await block.settle(busy=0)
+    # Written, not applied: rays still come from the raster.
+    frame = frame_of("lfsr", 40)
+    await block.write([*raster_writes(frame), write("source", stream=1)])
+    await block.command(**START)
+    await block.settle(running=0)
+    await block.drain(frame.rays)
+    block.check((raster(frame, block.table, F), OPTICS))
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_stream_at_the_port_is_traced(dut):
     block = Block(dut)
     await block.begin()
