@@ -72,8 +72,9 @@ void Line::ring() {
 
 void Line::serve() {
   while (!stop_) {
-    pollfd wait[2] = {{bell_[0], POLLIN, 0}, {-1, 0, 0}};
+    pollfd wait[3] = {{bell_[0], POLLIN, 0}, {-1, 0, 0}, {-1, 0, 0}};
     if (host_ >= 0) {
+      wait[2] = {listener_, POLLIN, 0};
       wait[1].fd = host_;
       if (from_host_.room() != 0) wait[1].events |= POLLIN;
       if (to_host_.size() != 0) wait[1].events |= POLLOUT;
@@ -81,12 +82,16 @@ void Line::serve() {
       wait[1] = {listener_, POLLIN, 0};
     }
     // A pty that nobody has open is never ready to be written: look again after a while.
-    if (poll(wait, 2, 1000) < 0 && errno != EINTR) return;
+    if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
       // Emptied first: who rings from here on is heard, and what came before is seen above.
       char bytes[64];
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
+    }
+    if (wait[2].revents) {  // one host at a time: the next one is sent away at once
+      const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+      if (other >= 0) close(other);
     }
     if (host_ < 0 && wait[1].revents) {
       host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);

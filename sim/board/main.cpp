@@ -8,6 +8,7 @@
 // where to connect; it is there only while the board runs. SIGTERM and SIGINT end the board,
 // SIGUSR1 resets it. The last line on stdout tells in JSON what it did. Exit codes as lippmann's.
 #include <getopt.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -209,6 +210,7 @@ int main(int count, char** words) {
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGPIPE, SIG_IGN);
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // never outlives who started it
   std::string ready;
   try {
     const Options options = parse(count, words);
@@ -217,11 +219,11 @@ int main(int count, char** words) {
     board->run();
     return 0;
   } catch (const std::system_error& error) {
-    std::fprintf(stderr, "board: %s; is the disk full, or the port taken?\n", error.what());
+    std::fprintf(stderr, "%s\n", error.what());
     if (!ready.empty()) std::remove(ready.c_str());
     return 3;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "board: %s\n", error.what());
+    std::fprintf(stderr, "%s\n", error.what());
     return 2;
   }
 }

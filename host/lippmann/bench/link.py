@@ -25,7 +25,7 @@ from lippmann.sim import virtual_board
 #: Baud rate, panel, and whether the line's time is the board's own.
 LINES = (
     (115_200, (128, 96), False),
-    (921_600, (256, 192), False),
+    (921_600, (512, 384), False),
     (3_000_000, (192, 128), True),
     (12_000_000, (256, 192), True),
 )

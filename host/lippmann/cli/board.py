@@ -18,7 +18,7 @@ from lippmann.cli import interrupts
 from lippmann.cli.common import display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
-from lippmann.errors import DeviceError, InputError, input_error
+from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
@@ -77,16 +77,14 @@ def start_command(
 
     display = load_display(display_path)
     folder = None if capture is None else Path(capture)
-    for path, what in ((folder, "--capture"), (ready and Path(ready).parent, "--ready"),
-                       (trace and Path(trace).parent, "--trace")):  # fmt: skip
-        if path and not Path(path).is_dir():
-            raise input_error(what, f"no folder {path}", "make it first")
+    _check_places(folder, ready, trace)
+    log("starting the board; it is compiled where it is not yet (half a minute) ...")
     if background:
         if ready is None:
             raise InputError("--background needs --ready FILE, by which `lippmann board stop` finds the board")
         _in_background(Path(ready), as_json)
         return
-    log("compiling the board where it is not yet compiled (half a minute) ...")
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends it as Ctrl-C does
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
         trace=None if trace is None else Path(trace), trace_clocks=trace_clocks,
@@ -108,15 +106,27 @@ def start_command(
     except KeyboardInterrupt:
         interrupts.clear()  # the usual end of this command
     finally:
-        done = board.stop()
-        if folder is not None:
-            virtual_board.keep_as_png(folder, display)
-        if ready is not None:
-            Path(ready).unlink(missing_ok=True)
+        try:
+            done = board.stop()
+        finally:
+            if folder is not None:
+                virtual_board.keep_as_png(folder, display)
+            if ready is not None and (own := _told(Path(ready))) is not None and own[0] == os.getpid():
+                Path(ready).unlink(missing_ok=True)
     log(
         f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
         f"{done['bytes_in']} bytes in, {done['bytes_out']} out"
     )
+
+
+def _check_places(capture: Path | None, ready: str | None, trace: str | None) -> None:
+    """Refuse folders that are not there, and a ready file whose board runs."""
+    places = {"--capture": capture, "--ready": ready and Path(ready).parent, "--trace": trace and Path(trace).parent}
+    for option, place in places.items():
+        if place and not Path(place).is_dir():
+            raise input_error(option, f"no folder {place}", "make it first")
+    if ready is not None and (other := _running(Path(ready))) is not None:
+        raise input_error("--ready", f"{ready} tells of a board that runs ({other[1]})", "end it, or name another file")
 
 
 def _in_background(ready: Path, as_json: bool) -> None:
@@ -128,14 +138,41 @@ def _in_background(ready: Path, as_json: bool) -> None:
             [sys.executable, "-m", "lippmann", *words], stdin=subprocess.DEVNULL, stdout=told, stderr=told,
             start_new_session=True,
         )  # fmt: skip
-        while not ready.exists():
-            if process.poll() is not None:
-                told.seek(0)
-                lines = told.read().decode(errors="replace").strip().splitlines() or ["no message"]
-                raise DeviceError(lines[-1].removeprefix("lippmann: "))
-            time.sleep(LOOK_S)
+        try:
+            while not ready.exists():
+                if process.poll() is not None:
+                    told.seek(0)
+                    lines = told.read().decode(errors="replace").strip().splitlines() or ["no message"]
+                    kinds: dict[int, type[LippmannError]] = {2: InputError, 3: MissingLibraryError}
+                    raise kinds.get(process.returncode, DeviceError)(lines[-1].removeprefix("lippmann: "))
+                time.sleep(LOOK_S)
+        except KeyboardInterrupt:
+            os.killpg(process.pid, signal.SIGTERM)  # a session of its own: compilers and all
+            process.wait()
+            raise
     result = json.loads(ready.read_text())
     emit(result, as_json, lambda: click.echo(f"{result['url']} (lippmann board stop --ready {ready} ends it)"))
+
+
+def _told(ready: Path) -> tuple[int, str] | None:
+    """Return process and URL that a ready file tells; None when it tells of no board."""
+    try:
+        told = json.loads(ready.read_text())
+        return int(told["pid"]), str(told["url"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _running(ready: Path) -> tuple[int, str] | None:
+    """Return the same of a board that runs: its process is one of this command."""
+    told = _told(ready)
+    if told is None:
+        return None
+    try:
+        words = Path(f"/proc/{told[0]}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return None
+    return told if b"board" in words and b"start" in words else None
 
 
 @command.command("stop")
@@ -147,20 +184,16 @@ def stop_command(ready: str, as_json: bool) -> None:
     Example: lippmann board stop --ready out/board.json
     """
     path = Path(ready)
-    try:
-        told = json.loads(path.read_text())
-        pid, url = int(told["pid"]), str(told["url"])
-    except (OSError, ValueError, KeyError, TypeError):
-        raise input_error(
-            ready, "tells of no board that runs", "give the --ready file of `lippmann board start`"
-        ) from None
-    try:
-        os.kill(pid, signal.SIGINT)
-    except ProcessLookupError:
+    if _told(path) is None:
+        raise input_error(ready, "tells of no board", "give the --ready file of `lippmann board start`")
+    running = _running(path)
+    if running is None:
         path.unlink(missing_ok=True)
-        raise DeviceError(f"{url}: the board had ended already; {ready} is removed") from None
+        raise DeviceError(f"{ready}: its board had ended already; the file is removed")
+    pid, url = running
+    os.kill(pid, signal.SIGINT)
     until = time.monotonic() + STOP_SECONDS
-    while path.exists():
+    while _running(path) is not None:
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {STOP_SECONDS:g} s; kill process {pid}")
         time.sleep(LOOK_S)
@@ -182,7 +215,7 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
         result = {
             "port": board.line.url,
             "identity": f"{hello.identity:016x}",
-            "panel": [hello.width, hello.height],
+            "panel": {"width": hello.width, "height": hello.height},
             "clock_hz": hello.clock_hz,
             "epoch": hello.epoch,
             "optics": vars(board.optics_build()),
@@ -309,6 +342,9 @@ def _number(text: str, width: int, signed: bool) -> int:
 
 def _changed(register: str, known: Register, values: tuple[str, ...], word: int) -> int:
     """Return a register's word with some of its fields changed."""
+    names = [value.partition("=")[0] for value in values]
+    if len(set(names)) < len(names):
+        raise InputError(f"{' '.join(values)}: a field is there twice; name each once")
     for value in values:
         name, _, number = value.partition("=")
         if name not in known.fields:

@@ -57,7 +57,7 @@ def command(
     Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
     """
     url = chosen_port(port, baud)
-    board = Board.open(url, baud)
+    board = _opened(url, baud, resume_s)
     try:
         hello = board.info
         # All are read before the first is sent: a bad one shows nothing.
@@ -88,6 +88,28 @@ def command(
     emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, as_json, text)
 
 
+def _opened(url: str, baud: int, seconds: float) -> Board:
+    """Open a board, waiting so long for it.
+
+    Raises
+    ------
+    DeviceError
+        When it does not answer in time.
+    """
+    until = time.monotonic() + seconds
+    while True:
+        try:
+            return Board.open(url, baud)
+        except DeviceError as error:
+            if time.monotonic() >= until:
+                if not seconds:
+                    raise
+                raise DeviceError(
+                    f"{error} (waited {seconds:g} s; the same command goes on from what it holds)"
+                ) from None
+        time.sleep(RETRY_S)
+
+
 def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
     """Open the board again once it answers; it must drive the same display.
 
@@ -96,15 +118,7 @@ def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
     DeviceError
         When it does not answer in time, or another one does.
     """
-    until = time.monotonic() + seconds
-    while True:
-        try:
-            board = Board.open(url, baud)
-            break
-        except DeviceError:
-            if time.monotonic() >= until:
-                raise
-            time.sleep(RETRY_S)
+    board = _opened(url, baud, seconds)
     if (board.info.identity, board.info.width, board.info.height) != (hello.identity, hello.width, hello.height):
         board.close()
         raise device_error(url, "another board answers now", "stream to it anew, with an image for its display")

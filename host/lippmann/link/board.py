@@ -53,7 +53,10 @@ BACK, FRONT = 0, 1
 REFUSALS = {
     Status.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
     Status.WRONG_LENGTH: ("it takes this request for malformed", "update the board or this host"),
-    Status.NO_SUCH_ADDRESS: ("it has no register there", "see docs/reference/link.md for those it has"),
+    Status.NO_SUCH_ADDRESS: (
+        "it has no register there, or not for this",
+        "see docs/reference/board-registers.md for those it has",
+    ),
     Status.STALE_EPOCH: ("its buffers were swapped meanwhile", "stream the frame again"),
     Status.BAD_TILE_DATA: ("it cannot decode a tile", "update the board or this host"),
     Status.FRAME_CRC_DIFFERS: ("it holds another frame than was sent", "stream the frame again"),

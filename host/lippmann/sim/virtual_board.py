@@ -63,6 +63,12 @@ def timing(width: int, height: int) -> Timing:
     return KNOWN_TIMINGS.get((width, height), REDUCED)
 
 
+class CaptureError(LippmannError):
+    """A frame that was scanned out could not be written."""
+
+    exit_code = 3
+
+
 @dataclass
 class RunningBoard:
     """A virtual board that runs: where to connect, and its process."""
@@ -81,12 +87,17 @@ class RunningBoard:
         ------
         DeviceError
             When it had failed.
+        CaptureError
+            When it could not keep a frame.
         """
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
         out, err = self.process.communicate(timeout=START_SECONDS)
+        if self.process.returncode == CaptureError.exit_code:
+            raise CaptureError(f"a frame cannot be kept ({err.strip()}); free space, or make the folder again")
         if self.process.returncode:
-            raise DeviceError(f"the virtual board failed: {err.strip() or self.process.returncode}")
+            why = err.strip() or f"signal {-self.process.returncode}"
+            raise DeviceError(f"the virtual board failed ({why}); start it again")
         result: dict[str, Any] = json.loads(out.strip().splitlines()[-1])
         return result
 
@@ -181,7 +192,7 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
             return url
         if process.poll() is not None:
             _, err = process.communicate()
-            raise DeviceError(f"the virtual board did not start: {err.strip()}")
+            raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
         time.sleep(0.01)
     raise DeviceError(f"the virtual board did not start within {START_SECONDS:.0f} s; is the machine overloaded?")
 
