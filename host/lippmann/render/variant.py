@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import signal
 from typing import Any
 
 from lippmann.errors import InputError, MissingLibraryError
@@ -25,11 +26,15 @@ def start_mitsuba(device: str = "auto") -> Any:
     """
     if device not in ("auto", *VARIANTS):
         raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
+    # Python's exceptions end the process where they come up while these load: Ctrl-C waits.
+    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         import drjit as dr
         import mitsuba as mi
     except ImportError as error:
         raise MissingLibraryError(f"mitsuba cannot be imported ({error}); run make setup") from None
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held)
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
