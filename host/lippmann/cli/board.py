@@ -20,9 +20,9 @@ from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.register_file import optics_writes, write
+from lippmann.fixed.register_file import optics_writes, value_of, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
-from lippmann.fixed.registers import Field, Register
+from lippmann.fixed.registers import Register
 from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import replacing
@@ -274,7 +274,7 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
     address, known = _register(register)
     with Board.open(chosen_port(port, baud), baud) as board:
         words = board.read(address, count)
-    fields = {} if known is None or count > 1 else {name: _value(f, words[0]) for name, f in known.fields.items()}
+    fields = {} if known is None or count > 1 else {name: value_of(f, words[0]) for name, f in known.fields.items()}
     result = {"address": address, "words": words, "fields": fields}
 
     def text() -> None:
@@ -321,11 +321,6 @@ def _register(name: str) -> tuple[int, Register | None]:
     except ValueError:
         raise input_error(name, "no such register", "see docs/reference/board-registers.md") from None
     return address, None
-
-
-def _value(field: Field, word: int) -> int:
-    value = word >> field.low & ((1 << field.width) - 1)
-    return value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
 
 
 def _number(text: str, width: int, signed: bool) -> int:

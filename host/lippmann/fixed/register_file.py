@@ -11,7 +11,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
-from lippmann.fixed.registers import REGISTERS, Register
+from lippmann.fixed.registers import REGISTERS, Field, Register
 from lippmann.fixed.words import Ints
 
 #: Bits of a register.
@@ -63,11 +63,13 @@ def read(name: str, word: int) -> dict[str, int]:
     InputError
         For a register that there is not.
     """
-    values = {}
-    for key, field in _register(name).fields.items():
-        value = word >> field.low & ((1 << field.width) - 1)
-        values[key] = value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
-    return values
+    return {key: value_of(field, word) for key, field in _register(name).fields.items()}
+
+
+def value_of(field: Field, word: int) -> int:
+    """Return a field's value, of its register's word."""
+    value = word >> field.low & ((1 << field.width) - 1)
+    return value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
 
 
 def optics_writes(config: Configuration) -> list[Write]:
