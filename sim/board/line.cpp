@@ -74,7 +74,7 @@ void Line::serve() {
   while (!stop_) {
     pollfd wait[3] = {{bell_[0], POLLIN, 0}, {-1, 0, 0}, {-1, 0, 0}};
     if (host_ >= 0) {
-      wait[2] = {listener_, POLLIN, 0};
+      if (!expects_) wait[2] = {listener_, POLLIN, 0};
       wait[1].fd = host_;
       if (from_host_.room() != 0) wait[1].events |= POLLIN;
       if (to_host_.size() != 0) wait[1].events |= POLLOUT;
@@ -89,7 +89,9 @@ void Line::serve() {
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
     }
-    if (wait[2].revents) {  // one host at a time: the next one is sent away at once
+    if (wait[2].revents && leaving()) {
+      expects_ = true;
+    } else if (wait[2].revents) {  // one host at a time: the next one is sent away at once
       const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
       if (other >= 0) close(other);
     }
@@ -132,4 +134,10 @@ void Line::hang_up() {
   if (pty_) return;
   close(host_);
   host_ = -1;
+  expects_ = false;
+}
+
+bool Line::leaving() const {
+  pollfd host{host_, POLLRDHUP, 0};
+  return poll(&host, 1, 0) > 0;
 }

@@ -32,6 +32,7 @@ class Line {
   bool read_some();
   bool write_some();
   void hang_up();
+  bool leaving() const;
 
   std::string url_;
   bool pty_;
@@ -39,6 +40,7 @@ class Line {
   int far_end_ = -1;   // pty: kept open, so that a host may come and go
   int host_ = -1;      // where bytes are read and written
   int bell_[2] = {-1, -1};
+  bool expects_ = false;  // the host has closed its end, and another one waits for what it sent to be read
   std::atomic<bool> rung_{false};
   std::atomic<bool> stop_{false};
   Ring<kPlaces> from_host_, to_host_;

@@ -481,6 +481,27 @@ def test_an_interrupted_frame_goes_on_from_what_the_board_holds(quick):
     wait_for(quick.folder, image)
 
 
+def test_a_host_that_goes_makes_way_for_the_next(quick):
+    """The board sees one host go and the next one come in the same moment, as on a machine under load."""
+    for _ in range(5):
+        before = Board.open(quick.url)
+        address = REGISTERS["lens"].address
+        value = before.read(address)[0] ^ 1
+        quick.process.send_signal(signal.SIGSTOP)
+        before.line.send(packed(Kind.WRITE, before.next_seq(), struct.pack("<HI", address, value)), 1.0)
+        before.close()
+        threading.Timer(0.1, quick.process.send_signal, [signal.SIGCONT]).start()
+        with Board.open(quick.url) as board:
+            assert board.read(address) == [value]
+
+
+def test_only_one_host_at_a_time(quick):
+    with Board.open(quick.url) as board:
+        with pytest.raises(DeviceError, match="hung up.*another program"):
+            Board.open(quick.url)
+        assert board.read(0) == [0x4C495042]
+
+
 @pytest.mark.parametrize("port", ["tcp", "pty"])
 def test_a_board_ends_cleanly_and_says_what_it_did(tmp_path, port):
     ready = tmp_path / "ready.json"

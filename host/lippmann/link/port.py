@@ -235,4 +235,8 @@ class Line:
         self._waiting.extend(self.reader.feed(data))
 
     def _lost(self, error: Exception) -> DeviceError:
+        if self.url.startswith("socket://") and not self.reader.counts.bytes:
+            return device_error(
+                self.url, "it hung up before it said anything", "close another program that talks to the board"
+            )
         return device_error(self.url, f"the line is lost ({error})", "plug the board in again; what it holds is kept")

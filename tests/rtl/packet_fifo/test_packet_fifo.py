@@ -48,7 +48,7 @@ module fuzz_bench(
       {in_valid, out_ready, over, done_o} <= '0;
       hold <= 0;
       quiet <= 0;
-    end else begin
+    end else if ($time != 0) begin  // not an edge that the random values before reset make
       if (!in_valid || in_ready) begin
         in_valid <= 1'b0;
         if (!over && $urandom % 8 != 0) begin

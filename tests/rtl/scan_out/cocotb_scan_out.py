@@ -91,7 +91,7 @@ class Bench:
                 front = out >> 29 if front is None else front
                 if out >> 28 & 1:
                     assert (LINES - y) * LINE - x == 3
-                    self.release = random.randint(1, 4)
+                    self.release = random.randint(1, 3)  # before the next frame may ask again
                     swapped, front = True, 1 - front
                 self.release -= 1
                 if self.release == 0:
