@@ -497,7 +497,7 @@ def test_a_host_that_goes_makes_way_for_the_next(quick):
 
 def test_only_one_host_at_a_time(quick):
     with Board.open(quick.url) as board:
-        with pytest.raises(DeviceError, match="hung up.*another program"):
+        with pytest.raises(DeviceError, match=r"hung up.*another program"):
             Board.open(quick.url)
         assert board.read(0) == [0x4C495042]
 

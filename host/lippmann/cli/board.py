@@ -22,7 +22,7 @@ from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibra
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, value_of, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
-from lippmann.fixed.registers import Register
+from lippmann.fixed.registers import Field, Register
 from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import replacing
@@ -75,6 +75,8 @@ def start_command(
     """
     from lippmann.sim import virtual_board
 
+    if line == "pty" and tcp_port:
+        raise input_error("--tcp-port", "a pty has no port", "leave it out, or take --line tcp")
     display = load_display(display_path)
     folder = None if capture is None else Path(capture)
     _check_places(folder, ready, trace)
@@ -301,7 +303,11 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
     by_field = ["=" in value for value in values]
     if any(by_field) and (not all(by_field) or known is None):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register that is named")
-    numbers = [] if any(by_field) else [_number(value, 32, False) for value in values]
+    if known is not None and "write" not in known.access:
+        raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
+    numbers = [] if any(by_field) else [_number(value, value, 32, False) for value in values]
+    if known is not None and len(numbers) == 1 and numbers[0] & ~sum(_mask(field) for field in known.fields.values()):
+        raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(known.fields)}")
     with Board.open(chosen_port(port, baud), baud) as board:
         if known is not None and any(by_field):
             numbers = [_changed(register, known, values, board.read(address)[0])]
@@ -323,15 +329,20 @@ def _register(name: str) -> tuple[int, Register | None]:
     return address, None
 
 
-def _number(text: str, width: int, signed: bool) -> int:
-    """Return a number as the bits of a field."""
+def _mask(field: Field) -> int:
+    """Return a field's bits in its register's word."""
+    return ((1 << field.width) - 1) << field.low
+
+
+def _number(said: str, text: str, width: int, signed: bool) -> int:
+    """Return a number as the bits of a field; `said` is what the user wrote."""
     try:
         number = int(text, 0)
     except ValueError:
-        raise input_error(text, "is no whole number", "give one such as 12 or 0x1F") from None
+        raise input_error(said, "is no whole number", "give one such as 12 or 0x1F") from None
     low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
     if not low <= number <= high:
-        raise input_error(text, "is out of range", f"give {low} to {high}")
+        raise input_error(said, "is out of range", f"give {low} to {high}")
     return number & ((1 << width) - 1)
 
 
@@ -345,6 +356,5 @@ def _changed(register: str, known: Register, values: tuple[str, ...], word: int)
         if name not in known.fields:
             raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
         field = known.fields[name]
-        mask = ((1 << field.width) - 1) << field.low
-        word = word & ~mask | _number(number, field.width, field.signed) << field.low
+        word = word & ~_mask(field) | _number(value, number, field.width, field.signed) << field.low
     return word

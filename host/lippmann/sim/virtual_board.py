@@ -127,6 +127,7 @@ def start(
     port: Port = "tcp",
     tcp_port: int = 0,
     baud: int | None = None,
+    clock_hz: int = CLOCK_HZ,
     fraction_bits: int = COMPACT,
     capture: Path | None = None,
     ready: Path | None = None,
@@ -143,6 +144,8 @@ def start(
         A pty, or TCP on loopback at a port (0: any that is free).
     baud
         A bit line of this rate; None: a byte line.
+    clock_hz
+        Clock that the board says it has, and that the rate is made from.
     fraction_bits
         Word length of its optics.
     capture
@@ -159,8 +162,8 @@ def start(
     InputError
         For a rate that it cannot have.
     """
-    step = 0 if baud is None else step_of(baud)
-    program = compiled(display, board_build(display, fraction_bits), baud is None, trace is not None)
+    step = 0 if baud is None else step_of(baud, clock_hz)
+    program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
@@ -229,7 +232,7 @@ def sources(top: Path) -> list[Path]:
     return sorted(files, key=lambda path: (not path.stem.endswith("_pkg"), path))
 
 
-def compiled(display: Display, build: Build, byte_link: bool, trace: bool = False) -> Path:
+def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled unless it is there.
 
     Raises
@@ -246,7 +249,7 @@ def compiled(display: Display, build: Build, byte_link: bool, trace: bool = Fals
     numbers = {
         **{name: value for name, value in parameters(build).items() if name != "Aims"},
         "ByteLink": int(byte_link),
-        "ClockHz": CLOCK_HZ,
+        "ClockHz": clock_hz,
         "Width": panel.width_px,
         "Height": panel.height_px,
     }
