@@ -197,10 +197,10 @@ class Display:
         )
         if pitch_scale > 1.0:
             # A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
-            _check_radius(moved, f"display '{self.name}', misaligned")
+            _check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
-        _check(display, f"display '{self.name}', misaligned")
+        _check(display, f"display '{self.name}', misaligned: ")
         return display
 
 
@@ -228,17 +228,21 @@ def parse_display(text: str, source: str = "display") -> Display:
         raw = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
         raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
-    top = Table(raw, source, "")
+    return read_display(Table(raw, source, ""), Path(source).stem)
+
+
+def read_display(top: Table, name: str) -> Display:
+    """Read a display from its TOML table; `name` is its name when the table gives none (see `load_display`)."""
     panel = _read_panel(top.table("panel"))
     array = _read_array(top.table("array"))
     display = Display(
-        name=top.text("name", Path(source).stem),
+        name=top.text("name", name),
         panel=panel,
         array=array,
         gap_mm=top.number("gap_mm", at_least=0.0, at_most=LENGTHS["at_most"]),
     )
     top.refuse_leftovers()
-    _check(display, source)
+    _check(display, top.where(""))
     return display
 
 
@@ -287,38 +291,38 @@ def _read_array(table: Table) -> Array:
         rotation_deg=table.number("rotation_deg", default=0.0),
         offset_mm=table.pair("offset_mm", (0.0, 0.0)),
     )
-    _check_radius(array, table.source)
+    _check_radius(array, table.where("radius_mm"))
     thickness_mm = table.number("thickness_mm", default=array.sag_mm, above=0.0, **LENGTHS)
     table.refuse_leftovers()
     return replace(array, thickness_mm=thickness_mm)
 
 
-def _check_radius(array: Array, source: str) -> None:
+def _check_radius(array: Array, where: str) -> None:
     if not array.radius_mm >= array.half_diagonal_mm:
         raise input_error(
-            f"{source}: array.radius_mm",
+            where,
             f"radius {array.radius_mm:g} mm is too small to span its cell "
             f"(half diagonal {array.half_diagonal_mm:g} mm)",
             "give a larger radius_mm or focal_length_mm, or a smaller pitch_mm",
         )
 
 
-def _check(display: Display, source: str) -> None:
-    """Refuse what cannot be built; single keys were checked when they were read."""
+def _check(display: Display, where: str) -> None:
+    """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
     array = display.array
-    _check_radius(array, source)
+    _check_radius(array, f"{where}array.radius_mm")
     # A thickness typed as the sag with 15 digits may round to a hair less.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         raise input_error(
-            f"{source}: array.thickness_mm",
+            f"{where}array.thickness_mm",
             f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",
             "make it at least the sag, or leave it out for the thinnest lenslet",
         )
     if not display.gap_mm >= 0.0:
-        raise input_error(f"{source}: gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
+        raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
     if array.pitch_mm < display.panel.pixel_pitch_mm:
         raise input_error(
-            f"{source}: array.pitch_mm",
+            f"{where}array.pitch_mm",
             f"{array.pitch_mm:g} mm is finer than the panel's pixels ({display.panel.pixel_pitch_mm:.6g} mm)",
             "give lenslets of at least a pixel",
         )

@@ -38,7 +38,12 @@ class Table:
         value = self._take(key)
         if not isinstance(value, dict):
             raise input_error(self.where(key), "is not a table", f"write it as [{key}]")
-        return Table(value, self.source, key)
+        return Table(value, self.source, f"{self._name}.{key}" if self._name else key)
+
+    def optional_table(self, key: str) -> Table | None:
+        """Return a table inside this one, or None where it is left out."""
+        self._read.add(key)
+        return self.table(key) if key in self._raw else None
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text."""
@@ -66,10 +71,10 @@ class Table:
         """Return a finite number within bounds."""
         return self._number(key, self._take(key, default), above, at_least, at_most)
 
-    def optional_number(self, key: str) -> float | None:
+    def optional_number(self, key: str, above: float = -math.inf) -> float | None:
         """Return a finite number, or None where the key is left out."""
         self._read.add(key)
-        return self.number(key) if key in self._raw else None
+        return self.number(key, above=above) if key in self._raw else None
 
     def _number(
         self,
@@ -122,12 +127,13 @@ class Table:
         x, y, z = self._vector(key, default, "[x, y, z]")
         return x, y, z
 
-    def one_of(self, first: str, second: str) -> str:
-        """Return which of two keys is there; exactly one must be."""
-        present = [key for key in (first, second) if key in self._raw]
+    def one_of(self, *keys: str) -> str:
+        """Return which of several keys is there; exactly one must be."""
+        self._read.update(keys)
+        present = [key for key in keys if key in self._raw]
         if len(present) != 1:
-            state = "both are given" if present else "neither is given"
-            raise input_error(self.where(f"{first} or {second}"), state, "give exactly one of the two")
+            state = "several are given" if present else "none is given"
+            raise input_error(self.where(" or ".join(keys)), state, "give exactly one of them")
         return present[0]
 
     def refuse_leftovers(self) -> None:

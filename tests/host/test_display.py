@@ -305,7 +305,7 @@ def test_both_or_neither_of_alternatives(table, first, second):
     both = {**values, **TABLES[table]}
     both = {key: both[key] for key in (*TABLES[table], first, second)}
     neither = but(TABLES[table], **{first: None, second: None})
-    for given_keys, word in ((both, "both"), (neither, "neither")):
+    for given_keys, word in ((both, "several"), (neither, "none")):
         message = refused(toml(**{table: given_keys}), f"{table}.{first} or {second}", "exactly one")
         assert word in message
 

@@ -1,0 +1,232 @@
+"""The imaging lens: two thick plano-convex lenses whose four faces are really traced, or an ideal thin lens.
+
+**Frame.** Rays come from the array and go to the scene: z runs along the axis towards the object, with 0 in the
+image-side principal plane H'. Distances of images are counted from H', distances of objects from the object-side
+principal plane H; in a thin lens both are its centre.
+
+The numbers of a face follow the sign rule of optical design: its centre of curvature stands at z + 1/c.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.optics.aim import Ray, unit
+from lippmann.optics.backend import Arr, Backend
+
+#: What the domes of a pair look at: each other, away from each other, both the image, or both the object.
+Convex = Literal["in", "out", "image", "object"]
+
+
+class Face(NamedTuple):
+    """One face: vertex z (mm), curvature (1/mm, 0 when flat), and the indices before and behind it."""
+
+    z_mm: float
+    curvature: float
+    index_before: float
+    index_behind: float
+
+
+class ImagingLens(Protocol):
+    """What the capture asks of a lens."""
+
+    @property
+    def focal_length_mm(self) -> float:
+        """Focal length in air, mm."""
+
+    @property
+    def aperture_mm(self) -> float:
+        """Diameter that light passes through, mm."""
+
+    @property
+    def hiatus_mm(self) -> float:
+        """Object-side principal plane H, its z in mm."""
+
+    @property
+    def extent_mm(self) -> tuple[float, float]:
+        """Outermost faces' vertices, their z in mm: towards the image, towards the object."""
+
+    def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
+        """Trace rays from the image side to the object side.
+
+        `ray` is given in the lens's frame, in b's double format, heading for the object. Returns the rays that leave,
+        their points on the last face, and which of them got through: inside the aperture at every face, without total
+        internal reflection. Those that did not are finite.
+        """
+
+
+@dataclass(frozen=True)
+class ThinLens:
+    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray."""
+
+    focal_length_mm: float
+    aperture_mm: float
+
+    @property
+    def hiatus_mm(self) -> float:
+        """Both principal planes are the lens."""
+        return 0.0
+
+    @property
+    def extent_mm(self) -> tuple[float, float]:
+        """A plane."""
+        return 0.0, 0.0
+
+    def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
+        """Trace rays through the lens (see `ImagingLens`)."""
+        x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
+        power = 1.0 / self.focal_length_mm
+        dx, dy, dz = unit(b, ray.dx / ray.dz - x * power, ray.dy / ray.dz - y * power, 1.0)
+        return Ray(x, y, 0.0 * x, dx, dy, dz), _inside(x, y, self.aperture_mm)
+
+
+@dataclass(frozen=True)
+class LensPair:
+    """Two equal plano-convex lenses on one axis.
+
+    Attributes
+    ----------
+    radius_mm
+        Radius of both domes.
+    index
+        Refractive index at the design wavelength.
+    thickness_mm
+        Centre thickness of each lens.
+    separation_mm
+        Air between the two lenses' inner vertices.
+    aperture_mm
+        Diameter.
+    convex
+        What the domes look at.
+    """
+
+    radius_mm: float
+    index: float
+    thickness_mm: float
+    separation_mm: float
+    aperture_mm: float
+    convex: Convex = "in"
+
+    @classmethod
+    def of_focal_length(
+        cls,
+        focal_length_mm: float,
+        index: float,
+        thickness_mm: float,
+        separation_mm: float,
+        aperture_mm: float,
+        convex: Convex = "in",
+    ) -> LensPair:
+        """Return the pair that has a focal length f.
+
+        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes stand d apart
+        (Hecht, Optics, section 6.1). A dome's principal plane is its vertex, a flat face's lies T/n inside: d does not
+        hang on R. ValueError where no such pair exists (d > f).
+        """
+        flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[convex]
+        d = separation_mm + flats_inside * thickness_mm / index
+        single = focal_length_mm * (1.0 + math.sqrt(1.0 - d / focal_length_mm))
+        return cls((index - 1.0) * single, index, thickness_mm, separation_mm, aperture_mm, convex)
+
+    @property
+    def sag_mm(self) -> float:
+        """Depth of a dome over the aperture, mm."""
+        half = 0.5 * self.aperture_mm
+        return half**2 / (self.radius_mm + math.sqrt((self.radius_mm - half) * (self.radius_mm + half)))
+
+    @property
+    def _first_vertex(self) -> tuple[Face, ...]:
+        """The faces in the order of the rays, z counted from the first vertex."""
+        c, n = 1.0 / self.radius_mm, self.index
+        first = (0.0, -c) if self.convex in ("in", "object") else (c, 0.0)
+        second = (c, 0.0) if self.convex in ("in", "image") else (0.0, -c)
+        start = self.thickness_mm + self.separation_mm
+        return (
+            Face(0.0, first[0], 1.0, n),
+            Face(self.thickness_mm, first[1], n, 1.0),
+            Face(start, second[0], 1.0, n),
+            Face(start + self.thickness_mm, second[1], n, 1.0),
+        )
+
+    @cached_property
+    def _matrix(self) -> npt.NDArray[np.float64]:
+        """ABCD matrix from first to last vertex for (height mm, index times slope)."""
+        matrix = np.eye(2)
+        z = 0.0
+        for face in self._first_vertex:
+            matrix = np.array([[1.0, (face.z_mm - z) / face.index_before], [0.0, 1.0]]) @ matrix
+            power = (face.index_behind - face.index_before) * face.curvature
+            matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
+            z = face.z_mm
+        return matrix
+
+    @property
+    def focal_length_mm(self) -> float:
+        """Focal length -1/C by the ABCD matrix, mm."""
+        return float(-1.0 / self._matrix[1, 0])
+
+    @cached_property
+    def _image_principal(self) -> float:
+        """H' on the image side, from the first vertex: (D - 1)/C, rays going from the image to the object."""
+        return float((self._matrix[1, 1] - 1.0) / self._matrix[1, 0])
+
+    @property
+    def hiatus_mm(self) -> float:
+        """From H' to H; H lies (1 - A)/C behind the last vertex."""
+        last = self._first_vertex[-1].z_mm
+        return float(last + (1.0 - self._matrix[0, 0]) / self._matrix[1, 0] - self._image_principal)
+
+    @property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces in the order of the rays, from the image to the object, in the lens's frame."""
+        return tuple(face._replace(z_mm=face.z_mm - self._image_principal) for face in self._first_vertex)
+
+    @property
+    def extent_mm(self) -> tuple[float, float]:
+        """Outer vertices; in which a dome's vertex is the outermost point."""
+        return self.faces[0].z_mm, self.faces[-1].z_mm
+
+    def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
+        """Trace rays through the four faces (see `ImagingLens`)."""
+        through = ray.dz > 0.0
+        for face in self.faces:
+            ray, passed = refract_face(b, face, ray, self.aperture_mm)
+            through = through & passed
+        return ray, through
+
+
+def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
+    """Refract rays, with dz > 0, at the vertex side of a face.
+
+    Sphere c |p|^2 - 2 p_z = 0 about the vertex, in the perpendicular-foot form of `optics.dome`: no term grows with
+    the distance that a ray comes from. Then Snell's law in vector form. Returns the rays and which passed.
+    """
+    c, ratio = face.curvature, face.index_before / face.index_behind
+    z = ray.z - face.z_mm
+    s = ray.x * ray.dx + ray.y * ray.dy + z * ray.dz
+    qx, qy, qz = ray.x - s * ray.dx, ray.y - s * ray.dy, z - s * ray.dz
+    f = c * (qx * qx + qy * qy + qz * qz) - 2.0 * qz
+    square = ray.dz * ray.dz - c * f
+    cosine = b.sqrt(b.maximum(square, 0.0))
+    t = f / b.maximum(ray.dz + cosine, 1e-30)
+    x, y, z = qx + t * ray.dx, qy + t * ray.dy, qz + t * ray.dz
+    behind = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
+    bend = b.sqrt(b.maximum(behind, 0.0)) - ratio * cosine
+    dx, dy, dz = unit(
+        b, ratio * ray.dx - bend * c * x, ratio * ray.dy - bend * c * y, ratio * ray.dz + bend * (1.0 - c * z)
+    )
+    passed = (square > 0.0) & (behind > 0.0) & _inside(x, y, aperture_mm)
+    old = (ray.x, ray.y, ray.z, ray.dx, ray.dy, ray.dz)
+    new = (x, y, z + face.z_mm, dx, dy, dz)
+    return Ray(*(b.where(passed, fresh, stale) for fresh, stale in zip(new, old, strict=True))), passed
+
+
+def _inside(x: Arr, y: Arr, aperture_mm: float) -> Arr:
+    """Tell which points lie within the aperture round the axis."""
+    return x * x + y * y <= 0.25 * aperture_mm * aperture_mm
