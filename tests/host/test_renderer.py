@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.trace import MODELS
+from lippmann.optics.trace import MODELS, trace
 from lippmann.render import renderer
 from lippmann.render.placement import Placement, load_placement
 from lippmann.render.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
@@ -538,3 +538,29 @@ def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
     near = render_view(mi, scene, (0.0, 0.0, 50.0), window, Settings()).radiance
     np.testing.assert_allclose(far, np.broadcast_to([0.0, 0.0, 0.5], far.shape), atol=1e-6)
     np.testing.assert_allclose(near, np.ones_like(near), atol=1e-6)
+
+
+# --- rays of other engines ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("grid", "engine", "fraction_bits"),
+    [
+        ("square", "golden", None),
+        ("hex", "golden", None),
+        ("hex", "twin", 23),
+        ("square", "rtl", 23),
+        ("hex", "rtl", 16),
+    ],
+)
+def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, grid, engine, fraction_bits):
+    scene = load_scene(mi, write_scene(tmp_path / "ball.xml", glowing_sphere((0.3, -0.2, -6.0), 2.5)))
+    display = display_for(grid)
+    picture = render_integral(
+        mi, scene, display, "exact", Settings(), engine=engine, fraction_bits=fraction_bits
+    ).radiance[..., 0]
+    for who, bits in ((engine, fraction_bits), ("golden", None)):
+        rays = trace(display, pixel_centres(display), engine=who, fraction_bits=bits)
+        sphere, clear = first_sphere(rays.origin_mm, rays.direction, np.array([[0.3, -0.2, -6.0]]), np.array([2.5]))
+        assert clear.mean() > 0.99
+        np.testing.assert_array_equal(picture.ravel()[clear], sphere[clear] == 0)

@@ -23,8 +23,10 @@ from lippmann.cli.common import (
 )
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
+from lippmann.fixed.trace import WIDEST
+from lippmann.fixed.words import FRACTIONS
 from lippmann.images import check_output, write_picture
-from lippmann.optics.trace import MODELS, Model
+from lippmann.optics.trace import ENGINES, MODELS, Engine, Model
 from lippmann.render.placement import Placement
 from lippmann.render.renderer import (
     Settings,
@@ -57,6 +59,18 @@ SIZE_SHARE = (0.02, 1000.0)
     show_default=True,
     help="Error that auto allows, pixels of the reconstructed view; above 0.",
 )
+@click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    default="fast",
+    show_default=True,
+    help="Who traces the rays through the lenslets; rtl shows what the FPGA would show.",
+)
+@click.option(
+    "--fraction-bits",
+    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
+    help=f"Word length of the engines twin and rtl.  [default: {WIDEST}]",
+)
 @click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536.")
 @click.option(
     "--aperture",
@@ -88,6 +102,8 @@ def command(
     output: str,
     model: str,
     tolerance: float,
+    engine: Engine,
+    fraction_bits: int | None,
     samples: int,
     aperture: str,
     integrator: str,
@@ -108,6 +124,8 @@ def command(
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
     path = check_output(output)
+    if fraction_bits is not None and engine in ("golden", "fast"):
+        raise InputError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
     display = load_display(display_path)
     settings = Settings(
         samples=samples,
@@ -133,11 +151,11 @@ def command(
     else:
         chosen = cast(Model, model)
     with progress_bar("render", quiet=as_json) as progress:
-        rendered = render_integral(mi, scene, display, chosen, settings, progress)
+        rendered = render_integral(mi, scene, display, chosen, settings, progress, engine, fraction_bits)
     write_picture(
         path,
         rendered.radiance,
-        image_metadata(display, chosen, settings, scene_path),
+        image_metadata(display, chosen, settings, scene_path, engine, fraction_bits),
         display.panel.transfer,
         display.panel.bits,
     )
@@ -148,6 +166,7 @@ def command(
         "width_px": display.panel.width_px,
         "height_px": display.panel.height_px,
         "model": chosen,
+        "engine": engine,
         "integrator": integrator,
         "samples": samples,
         "seed": seed,
@@ -179,12 +198,22 @@ def _note_odd_size(scene: Scene, display: Display) -> None:
         )
 
 
-def image_metadata(display: Display, model: str, settings: Settings, scene_path: str) -> dict[str, str]:
-    """Return what an image carries: display, identity, model, seed, settings, versions."""
+def image_metadata(
+    display: Display,
+    model: str,
+    settings: Settings,
+    scene_path: str,
+    engine: Engine = "fast",
+    fraction_bits: int | None = None,
+) -> dict[str, str]:
+    """Return what an image carries: display, identity, model, engine, seed, settings, versions."""
+    bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}
     return {
         "display": display.name,
         "identity": display.identity,
         "model": model,
+        "engine": engine,
+        **bits,
         "aperture": settings.aperture,
         "integrator": settings.integrator,
         "samples": str(settings.samples),

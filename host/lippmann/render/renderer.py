@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.optics.trace import Model
+from lippmann.optics.trace import Engine, Model
 from lippmann.render.lights import register_lights
 from lippmann.render.scene import Scene
 from lippmann.render.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
@@ -320,9 +320,21 @@ def render_integral(
     model: Model,
     settings: Settings,
     progress: Progress | None = None,
+    engine: Engine = "fast",
+    fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render the integral image of a scene for a display (see `render`)."""
-    source = IntegralSource(display, model, settings.samples, settings.aperture, settings.seed, device_of(mi))
+    """Render the integral image of a scene for a display (see `render`), with the rays of an engine.
+
+    Raises
+    ------
+    InputError
+        As `render` and `lippmann.optics.trace.trace`.
+    MissingLibraryError
+        When an engine lacks a tool.
+    """
+    source = IntegralSource(
+        display, model, settings.samples, settings.aperture, settings.seed, device_of(mi), engine, fraction_bits
+    )
     return render(mi, scene, source, settings, progress)
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
+import numpy as np
+
 from lippmann.display import Display
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.status import gets_through
 from lippmann.optics.system import System
-from lippmann.optics.trace import Model, rays_from_pixels
+from lippmann.optics.trace import Engine, Model, rays_from_pixels, trace
 from lippmann.render.sampling import points_in_square, square_to_cell
 
 Aperture = Literal["chief", "full"]
@@ -66,7 +68,11 @@ class RaySource(Protocol):
 
 @dataclass(frozen=True)
 class IntegralSource:
-    """The rays of a display's pixels."""
+    """The rays of a display's pixels.
+
+    `engine` traces them: "fast" within the renderer's own program, the others outside of it, chunk by chunk, so that
+    the picture is what their rays show; `fraction_bits` belongs to "twin" and "rtl".
+    """
 
     display: Display
     model: Model
@@ -74,6 +80,8 @@ class IntegralSource:
     aperture: Aperture
     seed: int
     device: str
+    engine: Engine = "fast"
+    fraction_bits: int | None = None
 
     @property
     def width_px(self) -> int:
@@ -107,6 +115,8 @@ class IntegralSource:
             s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
             array = self.display.array
             aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+        if self.engine != "fast":
+            return self._traced_outside(mi, u, v, aperture)
         out = rays_from_pixels(b, system, u, v, aperture, self.model)
         point = (
             mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -115,6 +125,18 @@ class IntegralSource:
         )
         alive = gets_through(out.status)
         return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), alive)
+
+    def _traced_outside(self, mi: Any, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
+        """Trace by an engine that takes and gives numpy arrays."""
+        pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
+        aims = None if aperture is None else np.stack([np.asarray(a) for a in aperture], axis=1)
+        rays = trace(self.display, pixels, aims, self.model, self.engine, fraction_bits=self.fraction_bits)
+        origin, way = rays.origin_mm.astype(np.float32), rays.direction.astype(np.float32)
+        return Lines(
+            (mi.Float(origin[:, 0]), mi.Float(origin[:, 1]), mi.Float(origin[:, 2])),
+            (mi.Float(way[:, 0]), mi.Float(way[:, 1]), mi.Float(way[:, 2])),
+            mi.Bool(gets_through(rays.status)),
+        )
 
 
 @dataclass(frozen=True)
