@@ -10,7 +10,7 @@ import pytest
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.trace import MODELS, trace
-from lippmann.render import renderer
+from lippmann.render import renderer, sources
 from lippmann.render.placement import Placement, load_placement
 from lippmann.render.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
 from lippmann.render.sampling import points_in_square, square_to_cell
@@ -553,12 +553,15 @@ def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
         ("hex", "rtl", 16),
     ],
 )
-def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, grid, engine, fraction_bits):
+def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, monkeypatch, grid, engine, fraction_bits):
+    asked = []
+    monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append((a[4], *k.values())) or trace(*a, **k))
     scene = load_scene(mi, write_scene(tmp_path / "ball.xml", glowing_sphere((0.3, -0.2, -6.0), 2.5)))
     display = display_for(grid)
     picture = render_integral(
         mi, scene, display, "exact", Settings(), engine=engine, fraction_bits=fraction_bits
     ).radiance[..., 0]
+    assert set(asked) == {(engine, fraction_bits)}
     for who, bits in ((engine, fraction_bits), ("golden", None)):
         rays = trace(display, pixel_centres(display), engine=who, fraction_bits=bits)
         sphere, clear = first_sphere(rays.origin_mm, rays.direction, np.array([[0.3, -0.2, -6.0]]), np.array([2.5]))
