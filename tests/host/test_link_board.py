@@ -4,17 +4,22 @@ import errno
 import os
 import pty
 import socket
+import struct
 import threading
 import time
+import zlib
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import serial
 from lippmann.errors import DeviceError, InputError
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.link import port as port_module
 from lippmann.link.board import BACK, FRONT, Board
+from lippmann.link.check import check_rays
 from lippmann.link.faults import Faults, Proxy
 from lippmann.link.packets import Kind, Status, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
@@ -22,6 +27,7 @@ from lippmann.link.round_trip import RoundTrip
 from lippmann.link.search import find_board, find_boards
 from lippmann.link.stream import send_frame
 from model_board import OPTICS_BUILD, ModelBoard
+from optics_cases import display_of
 from scene_cases import generator
 
 SEED = 4505
@@ -40,6 +46,23 @@ def one_line(error):
     assert "\n" not in text
     assert ";" in text
     return text
+
+
+def test_rays_that_are_not_the_twins_are_told():
+    with joined() as (model, board):
+        model.registers |= {0x200: 0x4C495050, 0x204: 1 << 16, 0x208: 2 << 6 | 1 << 5 | 16}  # exact, hex, F 16
+        build = board.optics_build()
+        display = display_of("hex", "panel", width_px=96, height_px=72)
+        check = check_rays(board, display, (3, 7), (2, 4))
+    # The model board's signature is made up; the twin's is that of its 15 rays, words of 32 bits.
+    config = configuration(display, build, build.model)
+    u = np.array([8 * (2 * column + 1 - 96) for _ in range(2, 5) for column in range(3, 8)])
+    v = np.array([8 * (72 - 2 * row - 1) for row in range(2, 5) for _ in range(3, 8)])
+    rays = ray_pipeline(u, v, 0 * u, 0 * u, config, build)
+    wanted = zlib.crc32(
+        b"".join(struct.pack(f"<{len(rays)}i", *(int(word) for word in ray)) for ray in zip(*rays, strict=True))
+    )
+    assert (check.board_crc, check.twin_crc, check.equal) == (0x12345678, wanted, False)
 
 
 # --- requests ---------------------------------------------------------------------------------------

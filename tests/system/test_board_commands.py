@@ -108,6 +108,20 @@ def test_registers_are_read_and_written(place, port):
     assert asked("board", "setup", "--display", place / "small.toml", "--port", port)["writes"] > 10
 
 
+def test_rays_are_those_of_the_twin(place, port):
+    check = ("board", "check", "--display", place / "small.toml", "--port", port)
+    whole = asked(*check)
+    assert (whole["rays"], whole["equal"]) == (WIDTH * HEIGHT, True)
+    part = asked(*check, "--region", "100,70,12,10")
+    assert (part["rays"], part["equal"]) == (120, True)
+    assert part["crc"] != whole["crc"]
+    assert "no window" in refused(*check, "--region", "100,70,13,10")
+    assert "not whole" in refused(*check, "--region", "0,0,1.5,1")
+    assert "LEFT,TOP,WIDTH,HEIGHT" in refused(*check, "--region", "0,0,1")
+    other = ROOT / "scenes/displays/vga-square.toml"
+    assert "the board drives display" in refused("board", "check", "--display", other, "--port", port)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -15,10 +15,10 @@ from typing import Any
 import click
 
 from lippmann.cli import interrupts
-from lippmann.cli.common import display_option, emit, json_option, log
+from lippmann.cli.common import Vector, display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
-from lippmann.display import load_display
-from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
+from lippmann.display import Display, load_display
+from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, device_error, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, value_of, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
@@ -27,6 +27,7 @@ from lippmann.fixed.trace import COMPACT
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import replacing
 from lippmann.link.board import OPTICS_BASE, Board
+from lippmann.link.check import check_rays
 from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
 
 #: Seconds between two looks at a board that runs, and that it has to end.
@@ -251,15 +252,63 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
     """
     display = load_display(display_path)
     with Board.open(chosen_port(port, baud), baud) as board:
-        own = f"{board.info.identity:016x}"
-        if own != display.identity and not force:
-            raise input_error(board.line.url, f"the board drives display {own}, {display_path} is {display.identity}",
-                              "name its display file, or set it up with --force")  # fmt: skip
+        if not force:
+            _same_display(board, display, display_path, ", or set it up with --force")
         build = board.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         board.write_all([*writes, write("control", apply=1)])
-        result = {"port": board.line.url, "identity": own, "display": display.name, "writes": len(writes)}
+        result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": len(writes)}
     emit(result, as_json, lambda: click.echo(f"{result['port']}: optics of {display.name}"))
+
+
+@command.command("check")
+@display_option
+@port_option
+@baud_option
+@click.option("--region", type=Vector(4, "LEFT,TOP,WIDTH,HEIGHT"), help="Pixels whose rays are compared; else all.")
+@json_option
+def check_command(
+    display_path: str, port: str | None, baud: int, region: tuple[float, ...] | None, as_json: bool
+) -> None:
+    """Compare the rays that the board traces, word by word, with those of the integer twin.
+
+    The board answers with one CRC-32 for all rays of the region, so a whole panel is checked over a slow line.
+
+    Example: lippmann board check --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
+    """
+    display = load_display(display_path)
+    panel = display.panel
+    left, top, width, height = _whole(region) if region else (0, 0, panel.width_px, panel.height_px)
+    with Board.open(chosen_port(port, baud), baud) as board:
+        _same_display(board, display, display_path, "")
+        check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
+        url = board.line.url
+    if not check.equal:
+        raise device_error(
+            url,
+            f"the board's rays are not the twin's (CRC-32 {check.board_crc:08x}, not {check.twin_crc:08x})",
+            "do not trust its pictures; compare single rays with lippmann trace --engine twin",
+        )
+    result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
+    emit(result, as_json, lambda: click.echo(f"{url}: {check.rays} rays are the twin's (CRC-32 {result['crc']})"))
+
+
+def _whole(numbers: tuple[float, ...]) -> tuple[int, ...]:
+    """Return a region's numbers, which must be whole."""
+    if any(number != int(number) for number in numbers):
+        raise input_error("--region", "a number is not whole", "give pixels: LEFT,TOP,WIDTH,HEIGHT")
+    return tuple(map(int, numbers))
+
+
+def _same_display(board: Board, display: Display, path: str, otherwise: str) -> None:
+    """Refuse a board that drives another display."""
+    own = f"{board.info.identity:016x}"
+    if own != display.identity:
+        raise input_error(
+            board.line.url,
+            f"the board drives display {own}, {path} is {display.identity}",
+            f"name its display file{otherwise}",
+        )
 
 
 @command.command("read")

@@ -19,26 +19,26 @@ class Vector(click.ParamType[tuple[float, ...]]):
 
     name = "vector"
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, form: str | None = None) -> None:
         self.size = size
+        self.form = form or ",".join("XYZ"[:size])
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Parse X,Y[,Z]."""
+        """Parse the numbers."""
         if isinstance(value, tuple):
             return value
         parts = str(value).split(",")
-        form = ",".join("XYZ"[: self.size])
         try:
             numbers = tuple(float(part) for part in parts)
         except ValueError:
-            self.fail(f"'{value}' is not {form}; give {self.size} numbers with commas", param, ctx)
+            self.fail(f"'{value}' is not {self.form}; give {self.size} numbers with commas", param, ctx)
         if len(numbers) != self.size or not all(math.isfinite(x) for x in numbers):
-            self.fail(f"'{value}' is not {form}; give {self.size} finite numbers with commas", param, ctx)
+            self.fail(f"'{value}' is not {self.form}; give {self.size} finite numbers with commas", param, ctx)
         return numbers
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
         """Name the form in help texts."""
-        return ",".join("XYZ"[: self.size])
+        return self.form
 
 
 class Finite(click.ParamType[float]):
