@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # What the system must bring, before and after pip has done its part. `make setup` runs both.
 #
-#   host/setup.sh system   Python with venv, libLLVM for Dr.Jit, and the libraries the wheels link
-#                          to; adds what is missing with apt-get, as root or with passwordless sudo
+#   host/setup.sh system   Python with venv, libLLVM for Dr.Jit, the libraries the wheels link to,
+#                          and POV-Ray; adds what is missing with apt-get, as root or with passwordless sudo
 #   host/setup.sh check    renders a few pixels in .venv, the one proof that libLLVM suits Dr.Jit
 #
 # PYTHON names the interpreter (default python3); DRJIT_LIBLLVM_PATH, if set, the libLLVM to use.
@@ -57,6 +57,7 @@ missing_one_a_line() {
   has_library libz.so.1 || echo zlib1g           # Mitsuba
   command -v perl >/dev/null || echo perl        # Verilator
   command -v g++ >/dev/null || echo g++          # what Verilator writes
+  command -v povray >/dev/null || echo povray    # the founding paper's ray tracer, to compare with
   [ -e /usr/include/zlib.h ] || echo zlib1g-dev  # its waveforms
   [ -e /usr/include/lz4.h ] || echo liblz4-dev   # its waveforms
 }

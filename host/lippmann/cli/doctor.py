@@ -14,6 +14,7 @@ from lippmann.errors import LippmannError
 from lippmann.link.port import port_trouble, ports
 from lippmann.link.search import baud_of_board
 from lippmann.machine import machine
+from lippmann.povray.program import POVRAY
 from lippmann.render.renderer import free_memory_mb
 from lippmann.render.variant import start_mitsuba
 from lippmann.sim.tools import RTL_TOOLS
@@ -64,7 +65,7 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
         except LippmannError as error:
             check(f"mitsuba on {device}", False, str(error), needed)
     check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
-    for tool in RTL_TOOLS:
+    for tool in (*RTL_TOOLS, POVRAY):
         at = tool.find()
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'not there: {tool.remedy}'}", needed=False)
     for url in ports():

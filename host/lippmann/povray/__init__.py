@@ -1,0 +1,1 @@
+"""POV-Ray beside Lippmann: the founding paper's method, on the same scenes and optics."""

@@ -1,0 +1,74 @@
+"""POV-Ray's cameras: a pinhole, and a camera of one ray for each pixel.
+
+Both look along rays through the pixels' centres, as Lippmann does with one sample. `right` is given with its own sign,
+so that x stays to the right although POV-Ray's frame is left-handed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.povray.text import block, rows, vector
+
+Floats = npt.NDArray[np.float64]
+
+#: Size of the triangles that carry rays, mm: POV-Ray keeps their corners in float32, which at 100 mm from the origin
+#: turns the normal of one of 10 mm by a microradian.
+FACE_MM = 10.0
+#: POV-Ray 3.7 shows each row of such a camera one row below its place, and the first row twice.
+SPARE_ROWS = 1
+
+
+def pinhole(
+    position_mm: tuple[float, float, float],
+    to_window: tuple[float, float, float],
+    right_mm: tuple[float, float, float],
+    up_mm: tuple[float, float, float],
+) -> str:
+    """Return a pinhole camera that looks through a window.
+
+    Parameters
+    ----------
+    position_mm
+        The pinhole.
+    to_window
+        From the pinhole to the window's centre, mm.
+    right_mm, up_mm
+        The window's width and height, along its sides.
+    """
+    return block(
+        "camera",
+        f"perspective location {vector(position_mm)}",
+        f"right {vector(right_mm)} up {vector(up_mm)} direction {vector(to_window)}",
+    )
+
+
+def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
+    """Write a camera of one ray for each pixel: the ray of pixel k begins in face k's centre, along its normal.
+
+    Parameters
+    ----------
+    path
+        The file.
+    origin_mm
+        (N, 3), row by row from the picture's top left.
+    direction
+        (N, 3), unit.
+    """
+    # Two unit vectors across each ray; the axis that it is farthest from gives the first.
+    helper = np.eye(3)[np.abs(direction).argmin(axis=1)]
+    across = np.cross(direction, helper)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(direction, across)
+    # An equilateral triangle round the origin.
+    corners = [
+        origin_mm + FACE_MM * (np.cos(turn) * across + np.sin(turn) * other)
+        for turn in 2.0 * np.pi / 3.0 * np.arange(3)
+    ]
+    points = np.stack(corners, axis=1).reshape(-1, 3)
+    faces = np.arange(len(points)).reshape(-1, 3)[:, ::-1]
+    mesh = f"#declare L_rays = mesh2 {{\nvertex_vectors {{ {rows(points)} }}\nface_indices {{ {rows(faces)} }}\n}}"
+    path.write_text(f"{mesh}\ncamera {{ mesh_camera {{ 1 0 mesh {{ L_rays }} }} }}\n")

@@ -1,0 +1,170 @@
+"""Writes a folder that POV-Ray 3.7 renders: the scene, the optics, the camera, and an .ini file that names them.
+
+Pictures come out linear (`assumed_gamma 1.0`, OpenEXR), so that they compare with Lippmann's.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.errors import InputError, input_error
+from lippmann.images import read_picture
+from lippmann.optics.status import gets_through
+from lippmann.optics.trace import Model, trace
+from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
+from lippmann.povray.program import Run, run_povray
+from lippmann.povray.scene import write_scene
+from lippmann.render.scene import Scene
+from lippmann.render.sources import Window
+
+#: Most pixels that a camera of single rays may have: each is a triangle in a text file.
+MAX_RAYS = 1 << 20
+#: Surfaces that a ray may meet in the scene, as `lippmann render` counts them by default.
+MAX_DEPTH = 4
+
+HEADER = """#version 3.7;
+// Written by lippmann export povray. Render it with: povray {name}.ini
+global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
+"""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """An exported folder.
+
+    Attributes
+    ----------
+    ini
+        Its .ini file; `povray` renders it, in that folder.
+    spare_rows
+        Rows on top of POV-Ray's picture that are none of the picture's.
+    """
+
+    ini: Path
+    spare_rows: int = 0
+
+    @property
+    def files(self) -> list[str]:
+        """Names of the files in the folder."""
+        return sorted(file.name for file in self.ini.parent.iterdir())
+
+    def render(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
+        """Render it; returns linear radiance (height, width, 3), and what it took (see `run_povray`)."""
+        run = run_povray(self.ini, *options)
+        return read_picture(self.ini.with_suffix(".exr")).radiance[self.spare_rows :], run
+
+
+@dataclass(frozen=True)
+class View:
+    """What POV-Ray looks at a scene with.
+
+    Attributes
+    ----------
+    camera
+        Its text, or the name of its file.
+    width_px, height_px
+        Of the picture.
+    optics
+        The text of what stands between camera and scene.
+    faces
+        Refracting faces of the optics that a ray may meet.
+    """
+
+    camera: str
+    width_px: int
+    height_px: int
+    optics: str = ""
+    faces: int = 0
+    spare_rows: int = 0
+
+
+def write_folder(mi: Any, scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] | None = None) -> Exported:
+    """Write all files; they appear in `folder`, which is made when missing, when all are there.
+
+    Raises
+    ------
+    InputError
+        When the scene holds what POV-Ray cannot express, or the folder cannot be written.
+    """
+    check_folder(folder)
+    name = scene.path.stem
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.partial") as place:
+        partial = Path(place)
+        write_scene(mi, scene.path, scene.placement, partial)
+        (partial / "camera.inc").write_text(view.camera + "\n")
+        if rays is not None:
+            write_rays(partial / "rays.inc", *rays)
+        includes = ["camera.inc", "scene.inc"]
+        if view.optics:
+            (partial / "optics.inc").write_text(view.optics + "\n")
+            includes.insert(1, "optics.inc")
+        head = HEADER.format(name=name, levels=MAX_DEPTH + view.faces)
+        (partial / f"{name}.pov").write_text(head + "".join(f'#include "{file}"\n' for file in includes))
+        (partial / f"{name}.ini").write_text(
+            f"Input_File_Name={name}.pov\nOutput_File_Name={name}.exr\nOutput_File_Type=E\n"
+            f"Width={view.width_px}\nHeight={view.height_px + view.spare_rows}\n"
+            "Antialias=off\nDisplay=off\nPause_When_Done=off\n"
+        )
+        folder.mkdir(exist_ok=True)
+        for file in partial.iterdir():
+            os.replace(file, folder / file.name)
+    return Exported(folder / f"{name}.ini", view.spare_rows)
+
+
+def check_folder(folder: Path) -> Path:
+    """Refuse a folder that cannot be written to, before any work is done."""
+    if folder.exists() and not folder.is_dir():
+        raise input_error(str(folder), "is no folder", "give the name of a folder")
+    if not folder.parent.is_dir():
+        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
+    if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
+        raise input_error(str(folder), "cannot be written", "choose another place or change permissions")
+    return folder
+
+
+def export_view(mi: Any, scene: Scene, eye_mm: tuple[float, float, float], window: Window, folder: Path) -> Exported:
+    """Write the scene as an eye sees it through a window in z = 0, with no display in between."""
+    x, y, z = eye_mm
+    camera = pinhole(eye_mm, (-x, -y, -z), (window.width_mm, 0.0, 0.0), (0.0, window.height_mm, 0.0))
+    return write_folder(mi, scene, View(camera, window.width_px, window.height_px), folder)
+
+
+def export_display(mi: Any, scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
+    """Write the scene along a display's lines of sight, as `lippmann render` with one sample follows them.
+
+    The lenslets are not in POV-Ray's scene: a panel pixel's line is followed from in front of everything towards the
+    display, which no camera behind the lenslets can do. Their rays come from golden, one for each pixel.
+
+    Raises
+    ------
+    InputError
+        When the panel has colour stripes or too many pixels; when the scene has what POV-Ray cannot express.
+    """
+    panel = display.panel
+    if panel.subpixels != "none":
+        raise InputError(f"display '{display.name}' has colour stripes, POV-Ray one ray a pixel; take subpixels none")
+    if panel.width_px * panel.height_px > MAX_RAYS:
+        raise InputError(
+            f"display '{display.name}' has {panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's "
+            f"file; take a panel of at most {MAX_RAYS} pixels"
+        )
+    row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
+    rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, model)
+    near = scene.placement.near_mm
+    assert near is not None
+    t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
+    origin = rays.origin_mm + t[:, None] * rays.direction
+    alive = gets_through(rays.status)
+    # A ray that the lenslets swallow sees nothing: it looks away from the scene.
+    direction = np.where(alive[:, None], -rays.direction, [0.0, 0.0, 1.0])
+    origin[~alive] = (0.0, 0.0, near)
+    view = View('#include "rays.inc"', panel.width_px, panel.height_px, spare_rows=SPARE_ROWS)
+    return write_folder(mi, scene, view, folder, (origin, direction))

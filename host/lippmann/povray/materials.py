@@ -1,0 +1,225 @@
+"""Mitsuba's materials as POV-Ray's textures.
+
+The factors. A diffuse surface of Mitsuba sends out a / pi times the irradiance E = I cos / d^2 of a point light of
+intensity I. POV-Ray's `diffuse 1` sends out a times the light's colour c times cos, weakened by 2 / (1 + (d / f)^2)
+with `fade_power 2` and `fade_distance f`, which is 2 f^2 / d^2 where f is small. Both agree when c = I / (2 pi f^2), as
+`point_light` writes it, but for a share of f^2 / d^2: a millionth at 1 mm.
+
+A smooth plastic's diffuse part is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel reflectances
+of both directions. POV-Ray has no such factors: they are taken at normal incidence, which is good to 2 % up to 50
+degrees and too bright beyond. Its reflection follows Fresnel exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lippmann.povray.source import Item
+from lippmann.povray.text import block, identifier, number, vector
+
+Colour = tuple[float, float, float]
+#: Fade distance of point lights, mm.
+FADE_MM = 1e-3
+
+SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or not"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image texture: the file inside the exported folder, whether it is sRGB, whether it is interpolated."""
+
+    file: str
+    srgb: bool
+    bilinear: bool
+
+
+@dataclass(frozen=True)
+class Side:
+    """What one side of a surface looks like: colour or picture, and POV-Ray's finish."""
+
+    colour: Colour | Picture
+    finish: str
+    transmit: bool = False
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material: both sides, and the index of what it encloses (None: opaque and without Fresnel reflection)."""
+
+    name: str
+    front: Side
+    back: Side
+    index: float | None = None
+
+    @property
+    def clear(self) -> bool:
+        """Tell whether light passes."""
+        return self.front.transmit
+
+    @property
+    def pictures(self) -> bool:
+        """Tell whether there is a picture on it."""
+        return any(isinstance(side.colour, Picture) for side in (self.front, self.back))
+
+    def declarations(self, spherical: bool) -> dict[str, str]:
+        """Return the textures of front and back by their names, for a sphere, or for a mesh with uv."""
+        stem = f"{self.name}_sphere" if spherical and self.pictures else self.name
+        sides = {stem: self.front} if self.back == self.front else {stem: self.front, f"{stem}_back": self.back}
+        return {name: _texture(side, spherical) for name, side in sides.items()}
+
+
+BLACK = Side((0.0, 0.0, 0.0), "diffuse 0")
+
+
+def _texture(side: Side, spherical: bool) -> str:
+    if isinstance(side.colour, Picture):
+        picture = side.colour
+        parts = [
+            f'png "{picture.file}" gamma {"srgb" if picture.srgb else "1.0"}',
+            "map_type 1" if spherical else "map_type 0",
+            "interpolate 2" if picture.bilinear else "",
+        ]
+        pigment = block("image_map", " ".join(part for part in parts if part))
+        if spherical:
+            # Longitude runs about Mitsuba's z, and about POV-Ray's y.
+            pigment += " matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>"
+    else:
+        pigment = f"rgb{'t' if side.transmit else ''} {vector([*side.colour, 1.0] if side.transmit else side.colour)}"
+    mapping = "uv_mapping " if isinstance(side.colour, Picture) and not spherical else ""
+    return block("texture", f"{mapping}{block('pigment', pigment)}", block("finish", f"ambient 0 {side.finish}"))
+
+
+class Materials:
+    """Reads materials, once each, and copies their pictures into the exported folder."""
+
+    def __init__(self, mi: Any, folder: Path) -> None:
+        self._mi = mi
+        self._folder = folder
+        self._known: dict[int, Material] = {}
+        self._pictures: dict[tuple[Path, bool], str] = {}
+
+    def read(self, item: Item) -> Material:
+        """Return the material of a BSDF.
+
+        Raises
+        ------
+        InputError
+            Naming what POV-Ray cannot express.
+        """
+        if item.index not in self._known:
+            name = identifier(item.id or f"material_{len(self._known)}")
+            self._known[item.index] = self._read(item, name)
+        return self._known[item.index]
+
+    def _read(self, item: Item, name: str) -> Material:
+        if item.plugin == "twosided":
+            sides = [self._one(inner) for inner in item.children()]
+            item.refuse_leftovers()
+            return Material(name, sides[0][0], sides[-1][0], sides[0][1])
+        front, index = self._one(item)
+        return Material(name, front, front if front.transmit else BLACK, index)
+
+    def _one(self, item: Item) -> tuple[Side, float | None]:
+        reader = {
+            "diffuse": self._diffuse,
+            "conductor": self._mirror,
+            "dielectric": self._glass,
+            "plastic": self._plastic,
+        }.get(item.plugin)
+        if reader is None:
+            raise item.refusal("has no counterpart in POV-Ray", SUBSET)
+        side = reader(item)
+        item.refuse_leftovers()
+        return side
+
+    def _diffuse(self, item: Item) -> tuple[Side, float | None]:
+        return Side(self._colour(item, "reflectance"), "diffuse 1"), None
+
+    def _mirror(self, item: Item) -> tuple[Side, float | None]:
+        if item.text("material", "Cu") != "none" or item.has("eta") or item.has("k"):
+            raise item.refusal("has a complex index", "give material none and a specular_reflectance")
+        tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
+        return Side((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}"), None
+
+    def _glass(self, item: Item) -> tuple[Side, float | None]:
+        for name in ("specular_reflectance", "specular_transmittance"):
+            if item.triple(name, (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
+                raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
+        finish = "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy"
+        return Side((1.0, 1.0, 1.0), finish, transmit=True), self._index(item)
+
+    def _plastic(self, item: Item) -> tuple[Side, float | None]:
+        colour = self._colour(item, "diffuse_reflectance")
+        if item.flag("nonlinear", False):
+            raise item.refusal("is nonlinear", "leave nonlinear out")
+        tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
+        index = self._index(item)
+        normal = ((index - 1.0) / (index + 1.0)) ** 2
+        inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
+        diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
+        finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
+        return Side(colour, finish), index
+
+    def _index(self, item: Item) -> float:
+        """Return the relative index, by Mitsuba's own table of materials where it is named."""
+        # The defaults of Mitsuba's dielectric and plastic: their documentation.
+        inside = item.text("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
+        outside = item.text("ext_ior", "air")
+        given = {name: _number_or_name(value) for name, value in (("int_ior", inside), ("ext_ior", outside))}
+        try:
+            glass = self._mi.load_dict({"type": "dielectric", **given})
+        except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+            raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
+        return float(self._mi.traverse(glass)["eta"])
+
+    def _colour(self, item: Item, name: str) -> Colour | Picture:
+        texture = item.child(name)
+        if texture is None:
+            return item.triple(name, (0.5, 0.5, 0.5))
+        if texture.plugin != "bitmap":
+            raise texture.refusal("has no counterpart", "use a colour or a bitmap")
+        if texture.text("wrap_mode", "repeat") != "repeat":
+            raise texture.refusal("has a wrap_mode other than repeat", "leave it out")
+        bilinear = texture.text("filter_type", "bilinear") == "bilinear"
+        raw = texture.flag("raw", False)
+        file = self._picture(texture, raw)
+        texture.refuse_leftovers()
+        return Picture(file, not raw, bilinear)
+
+    def _picture(self, texture: Item, raw: bool) -> str:
+        """Copy a picture as an 8-bit PNG, whatever it was; returns its name in the exported folder."""
+        path = texture.path("filename")
+        key = (path.resolve(), raw)
+        if key not in self._pictures:
+            try:
+                bitmap = self._mi.Bitmap(str(path))
+            except Exception as error:  # as above
+                raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
+            if bitmap.component_format() != self._mi.Struct.Type.UInt8:
+                raise texture.refusal("holds more than 8 bits a colour", "save it as an 8-bit PNG")
+            taken = set(self._pictures.values())
+            stem = path.stem
+            while f"{stem}.png" in taken:
+                stem += "_"
+            bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma()).write(
+                str(self._folder / f"{stem}.png")
+            )
+            self._pictures[key] = f"{stem}.png"
+        return self._pictures[key]
+
+
+def _number_or_name(value: str) -> float | str:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def point_light(position_mm: Colour, intensity: Colour) -> str:
+    """Return a point light of an intensity (radiance times mm^2)."""
+    colour = [value / (2.0 * math.pi * FADE_MM**2) for value in intensity]
+    fade = f"fade_distance {number(FADE_MM)} fade_power 2"
+    return block("light_source", f"{vector(position_mm)} rgb {vector(colour)}", fade)

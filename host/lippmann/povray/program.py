@@ -1,0 +1,77 @@
+"""The program `povray`: where it is, and a run of it with its times."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from lippmann.errors import MissingLibraryError, input_error
+from lippmann.sim.tools import Tool
+
+POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run of POV-Ray took.
+
+    Attributes
+    ----------
+    command
+        The command line, run in the exported folder.
+    seconds
+        Wall clock, parsing included.
+    cpu_seconds
+        Of all its threads, parsing included.
+    """
+
+    command: str
+    seconds: float
+    cpu_seconds: float
+
+
+def povray() -> Path:
+    """Return where POV-Ray is.
+
+    Raises
+    ------
+    MissingLibraryError
+        Saying how to install it.
+    """
+    found = POVRAY.find()
+    if found is None:
+        raise MissingLibraryError(f"POV-Ray is missing; {POVRAY.remedy} (Debian and Ubuntu), or see povray.org")
+    return found
+
+
+def run_povray(ini: Path, *options: str) -> Run:
+    """Render an exported folder's .ini file; options of POV-Ray's own override what it says.
+
+    Raises
+    ------
+    InputError
+        When POV-Ray refuses the files: its own first complaint.
+    MissingLibraryError
+        When POV-Ray is not installed.
+    """
+    program = povray()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    started = time.perf_counter()
+    done = subprocess.run(
+        [str(program), ini.name, *options],
+        check=False,
+        cwd=ini.parent,
+        capture_output=True,
+        text=True,
+        errors="replace",
+    )
+    seconds = time.perf_counter() - started
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode != 0:
+        complaints = [line for line in done.stderr.splitlines() if "error" in line.lower()] or ["it ended early"]
+        raise input_error(str(ini), f"POV-Ray refuses it ({complaints[0].strip()})", "export it again")
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)

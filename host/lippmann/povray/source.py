@@ -1,0 +1,146 @@
+"""A Mitsuba scene file as what it says: its objects with their properties, references resolved.
+
+The parser is Mitsuba's own, so that defaults, includes and nested files mean what they mean to Mitsuba. A reader takes
+the properties that it understands; what is left over is refused by name, with the place in the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import InputError, input_error
+
+Matrix = npt.NDArray[np.float64]
+
+
+class Item:
+    """One object of a scene file, such as a shape; every reading method marks its property as understood."""
+
+    def __init__(self, tree: Tree, index: int) -> None:
+        node = tree.state.nodes[index]
+        self.index = index
+        self.tree = tree
+        self.plugin: str = node.props.plugin_name()
+        self.kind: str = node.type.name
+        self.id: str = node.props.id()
+        self._properties: dict[str, Any] = dict(node.props.items())
+        self._read: set[str] = set()
+        self._node = node
+
+    @property
+    def where(self) -> str:
+        """Where it stands: file, line and column."""
+        place: str = self.tree.mi.parser.file_location(self.tree.state, self._node)
+        return place
+
+    def path(self, name: str) -> Path:
+        """Return the file that a property names: beside the scene, or beside the included file that names it."""
+        given = self.text(name, "")
+        beside = self.tree.path.parent / given
+        return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
+
+    def refusal(self, what: str, remedy: str) -> InputError:
+        """Return the error that names this object and what POV-Ray cannot express of it."""
+        named = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
+        return input_error(self.where, f"{named} {what}", remedy)
+
+    def _take(self, name: str) -> Any:
+        self._read.add(name)
+        return self._properties.get(name)
+
+    def ignore(self, *names: str) -> None:
+        """Mark properties that mean nothing here as understood."""
+        self._read.update(names)
+
+    def has(self, name: str) -> bool:
+        """Tell whether a property is given."""
+        return name in self._properties
+
+    def number(self, name: str, default: float) -> float:
+        """Return a number."""
+        value = self._take(name)
+        if value is None:
+            return default
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.refusal(f"has a {name} that is no number", "give a number")
+        return float(value)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """Return a truth value."""
+        value = self._take(name)
+        return default if value is None else bool(value)
+
+    def text(self, name: str, default: str) -> str:
+        """Return a text."""
+        value = self._take(name)
+        return default if value is None else str(value)
+
+    def triple(self, name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Return a point or a colour."""
+        value = self._take(name)
+        if value is None:
+            return default
+        if isinstance(value, int | float):
+            return (float(value),) * 3
+        uniform = getattr(value, "is_uniform", None)
+        if uniform is not None and uniform():
+            return (float(value.values[0]),) * 3
+        try:
+            x, y, z = (float(component) for component in value)
+        except (TypeError, ValueError):
+            raise self.refusal(f"has a {name} that is no colour of three", f"give {name} as rgb") from None
+        return x, y, z
+
+    def matrix(self, name: str = "to_world") -> Matrix:
+        """Return a transform, (4, 4)."""
+        value = self._take(name)
+        return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
+
+    def child(self, name: str) -> Item | None:
+        """Return the object that a property refers to, such as a texture; None for a plain value."""
+        value = self._properties.get(name)
+        if not isinstance(value, self.tree.reference):
+            return None
+        self._read.add(name)
+        return Item(self.tree, value.index())
+
+    def children(self) -> list[Item]:
+        """Return all objects that this one holds or refers to and that are not yet read, in their order."""
+        found = [
+            (name, Item(self.tree, value.index()))
+            for name, value in self._properties.items()
+            if isinstance(value, self.tree.reference) and name not in self._read
+        ]
+        self._read.update(name for name, _ in found)
+        return [item for _, item in found]
+
+    def refuse_leftovers(self) -> None:
+        """Raise for the first property that nothing has read."""
+        for name in self._properties:
+            if name not in self._read:
+                raise self.refusal(f"has a {name}, which has no counterpart", f"leave {name} out")
+
+
+class Tree:
+    """A parsed scene file."""
+
+    def __init__(self, mi: Any, path: Path) -> None:
+        self.mi = mi
+        self.path = path
+        self.reference = mi.Properties.ResolvedReference
+        configuration = mi.parser.ParserConfig(mi.variant())
+        try:
+            self.state = mi.parser.parse_file(configuration, str(path))
+            mi.parser.transform_upgrade(configuration, self.state)
+            mi.parser.transform_resolve(configuration, self.state)
+        except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+            raise input_error(str(path), " ".join(str(error).split())[:400], "mend the scene file") from None
+
+    @property
+    def scene(self) -> Item:
+        """The outermost object."""
+        return Item(self, 0)

@@ -1,0 +1,366 @@
+"""Scenes as POV-Ray renders them: light computed by hand, pictures against ours, refusals. POV-Ray itself runs."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.errors import InputError, MissingLibraryError
+from lippmann.images import encode
+from lippmann.povray import program
+from lippmann.povray.export import MAX_RAYS, export_display, export_view
+from lippmann.render.renderer import Settings, render_integral, render_view
+from lippmann.render.scene import load_scene
+from lippmann.render.sources import Window
+from optics_cases import GRIDS
+from scene_cases import centres, display_toml, focused_display, rgb, write_scene
+
+EYE = (0.0, 0.0, 400.0)
+WINDOW = Window(80.0, 60.0, 40, 30)
+LIGHT = (30.0, 50.0, 300.0)
+INTENSITY = (40000.0, 50000.0, 60000.0)
+#: OpenEXR's half floats: 11 bits.
+HALF = 2.0**-11
+
+
+def light(position=LIGHT, intensity=INTENSITY):
+    x, y, z = position
+    return (
+        f'<emitter type="point"><point name="position" x="{x}" y="{y}" z="{z}"/>{rgb("intensity", intensity)}</emitter>'
+    )
+
+
+def diffuse(colour=(0.6, 0.4, 0.2), two_sided=False):
+    inner = f'<bsdf type="diffuse">{rgb("reflectance", colour)}</bsdf>'
+    return f'<bsdf type="twosided">{inner}</bsdf>' if two_sided else inner
+
+
+def ball(x, z, radius):
+    return (
+        f'<shape type="sphere"><point name="center" x="{x}" y="0" z="{z}"/><float name="radius" value="{radius}"/>'
+        f"{diffuse()}</shape>"
+    )
+
+
+def card(material, z=0.0, half=200.0, turn=""):
+    return (
+        f'<shape type="rectangle">{material}<transform name="to_world"><scale value="{half}"/>{turn}'
+        f'<translate z="{z}"/></transform></shape>'
+    )
+
+
+def lit(points, normal, colour, intensity=INTENSITY, position=LIGHT):
+    """Radiance of diffuse points: a / pi I cos / d^2."""
+    way = np.array(position) - points
+    distance = np.linalg.norm(way, axis=-1, keepdims=True)
+    cosine = np.maximum((way / distance) @ np.array(normal), 0.0)[..., None]
+    return np.array(colour) / math.pi * np.array(intensity) * cosine / distance**2
+
+
+def through_window(z):
+    """Where the sight lines of WINDOW's pixels from EYE cross the plane of a depth, (h, w, 3)."""
+    x, y = centres(WINDOW)
+    reach = (EYE[2] - z) / EYE[2]
+    return np.stack([x * reach, y * reach, np.full_like(x, z)], axis=-1)
+
+
+@pytest.fixture
+def seen(mi, tmp_path):
+    """POV-Ray's and our picture of a scene made of parts."""
+
+    def look(*parts, placement="near_mm = 390.0\nfar_mm = -300.0", settings=None):
+        scene = load_scene(mi, write_scene(tmp_path / "scene.xml", *parts, placement=placement))
+        theirs, _ = export_view(mi, scene, EYE, WINDOW, tmp_path / "pov").render()
+        ours = render_view(mi, scene, EYE, WINDOW, settings or Settings()).radiance
+        return theirs, ours
+
+    return look
+
+
+@pytest.mark.parametrize("z", [-250.0, 0.0, 90.0])
+def test_a_diffuse_plane_under_a_point_light(seen, z):
+    theirs, ours = seen(light(), card(diffuse(), z))
+    expected = lit(through_window(z), (0, 0, 1), (0.6, 0.4, 0.2))
+    np.testing.assert_allclose(theirs, expected, rtol=2 * HALF)
+    np.testing.assert_allclose(ours, expected, rtol=1e-4)
+
+
+def test_lights_add_up_and_shadows_fall(seen):
+    second, glow = (-60.0, 20.0, 200.0), (20000.0, 5000.0, 9000.0)
+    theirs, ours = seen(light(), light(second, glow), card(diffuse(two_sided=True)), ball(-20, 100, 8))
+    points = through_window(0.0)
+    expected = np.zeros_like(points)
+    clear = np.ones(points.shape[:2], bool)
+    for position, intensity in ((LIGHT, INTENSITY), (second, glow)):
+        way = np.array(position) - points
+        length = np.linalg.norm(way, axis=-1)
+        to_ball = np.array((-20.0, 0.0, 100.0)) - points
+        along = (to_ball * way).sum(axis=-1) / length
+        off = np.sqrt((to_ball**2).sum(axis=-1) - along**2)
+        clear &= np.abs(off - 8.0) > 0.05
+        expected += np.where((off < 8.0)[..., None], 0.0, lit(points, (0, 0, 1), (0.6, 0.4, 0.2), intensity, position))
+    eye = np.array(EYE)
+    sight = (points - eye) / np.linalg.norm(points - eye, axis=-1, keepdims=True)
+    to_ball = np.array((-20.0, 0.0, 100.0)) - eye
+    off = np.sqrt((to_ball**2).sum() - (sight @ to_ball) ** 2)
+    plane = clear & (off > 8.05)
+    assert 0.9 < plane.mean() < 1.0
+    np.testing.assert_allclose(theirs[plane], expected[plane], rtol=2 * HALF, atol=1e-6)
+    np.testing.assert_allclose(theirs, ours, rtol=2e-3, atol=np.abs(ours).max() * (0.0 if plane.all() else 0.02))
+
+
+@pytest.mark.parametrize("two_sided", [True, False])
+def test_the_back_of_a_surface(seen, two_sided):
+    """A card that looks away from the eye, lit from the eye's side: black unless two-sided, as in Mitsuba."""
+    theirs, ours = seen(light(), card(diffuse(two_sided=two_sided), turn='<rotate y="1" angle="180"/>'))
+    expected = lit(through_window(0.0), (0, 0, 1), (0.6, 0.4, 0.2)) * two_sided
+    np.testing.assert_allclose(theirs, expected, rtol=2 * HALF, atol=1e-9)
+    np.testing.assert_allclose(ours, expected, rtol=1e-4, atol=1e-9)
+
+
+def test_a_mirror_shows_what_stands_before_it(seen):
+    """The eye sees in a mirror at z = 0 a wall behind itself, at z = 500: a light between them lights it."""
+    tint = (0.9, 0.7, 0.5)
+    mirror = f'<bsdf type="conductor"><string name="material" value="none"/>{rgb("specular_reflectance", tint)}</bsdf>'
+    wall = card(diffuse(), 500.0, 900.0, '<rotate y="1" angle="180"/>')
+    theirs, ours = seen(light(), card(mirror), wall)
+    # The mirror image of the wall stands at z = -500.
+    points = through_window(-500.0) * [1.0, 1.0, -1.0]
+    expected = lit(points, (0, 0, -1), (0.6, 0.4, 0.2)) * tint
+    np.testing.assert_allclose(theirs, expected, rtol=2 * HALF)
+    np.testing.assert_allclose(ours, expected, rtol=1e-4)
+
+
+def test_as_many_surfaces_are_met_as_ours_meets(seen):
+    """Two mirrors face each other: both stop at the fourth surface."""
+    mirror = '<bsdf type="twosided"><bsdf type="conductor"><string name="material" value="none"/></bsdf></bsdf>'
+    turn = '<rotate y="1" angle="30"/>'
+    theirs, ours = seen(
+        light(), card(mirror, -50.0, 60.0, turn), card(mirror, 60.0, 40.0, turn), card(diffuse(), 500.0, 2000.0),
+        card(diffuse((0.2, 0.9, 0.3), two_sided=True), -200.0, 900.0),
+    )  # fmt: skip
+    assert (np.abs(theirs - ours).max(axis=-1) < 1e-3).mean() > 0.98
+
+
+def test_a_plate_of_glass(mi, seen, tmp_path):
+    """n = 1.5 at nearly normal incidence: each face passes 1 - 0.04; and glass throws a shadow in both."""
+    glass = '<bsdf type="dielectric"><float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/></bsdf>'
+    mi.load_dict({"type": "cube"}).write_ply(str(tmp_path / "cube.ply"))
+    plate = (
+        f'<shape type="ply">{glass}<string name="filename" value="cube.ply"/>'
+        '<boolean name="face_normals" value="true"/>'
+        '<transform name="to_world"><scale value="5"/><translate z="200"/></transform></shape>'
+    )
+    position = (20.0, 10.0, 390.0)
+    theirs, ours = seen(light(position), card(diffuse()), plate, settings=Settings(samples=4096))
+    lit_plane = lit(through_window(0.0), (0, 0, 1), (0.6, 0.4, 0.2), position=position)
+    middle = (15, 20)
+    # Straight through, and once to and fro inside; the fourth surface is the last: (1 - F)^2 of the plane's light.
+    assert theirs[middle] == pytest.approx(lit_plane[middle] * 0.96**2, rel=2e-3)
+    assert ours[middle] == pytest.approx(lit_plane[middle] * 0.96**2, rel=0.02)
+    # Through the plate's shadow too, the pictures agree (ours draws the Fresnel reflection at random).
+    dark, dark_ours = (theirs < 1e-3).all(axis=-1), (ours < 1e-3).all(axis=-1)
+    assert dark.sum() > 50
+    # Where light comes round through the block's sides, by more surfaces, they differ.
+    assert (dark != dark_ours).mean() < 0.02
+
+
+def test_plastic(seen):
+    """Diffuse light that comes and goes nearly along the normal: a (1 - F)^2 / (n^2 (1 - Fdr))."""
+    n, a = 1.49, (0.6, 0.4, 0.2)
+    plastic = (
+        f'<bsdf type="plastic"><float name="int_ior" value="{n}"/><float name="ext_ior" value="1"/>'
+        f"{rgb('diffuse_reflectance', a)}</bsdf>"
+    )
+    theirs, ours = seen(light(), card(plastic))
+    # Fdr inside by quadrature, 2 times the integral of F(mu) mu; Mitsuba's polynomial is good to 1e-3.
+    mu = (np.arange(200000) + 0.5) / 200000
+    square = 1.0 - n**2 * (1.0 - mu**2)
+    c = np.sqrt(np.maximum(square, 0.0))
+    s, p = (n * mu - c) / (n * mu + c), (mu - n * c) / (mu + n * c)
+    inner = (2.0 * np.where(square > 0.0, 0.5 * (s**2 + p**2), 1.0) * mu).mean()
+    normal = ((n - 1.0) / (n + 1.0)) ** 2
+    factor = (1.0 - normal) ** 2 / (n**2 * (1.0 - inner))
+    np.testing.assert_allclose(theirs, lit(through_window(0.0), (0, 0, 1), a) * factor, rtol=3e-3)
+    np.testing.assert_allclose(theirs, ours, rtol=3e-3)
+
+
+# --- pictures, shapes, placement ------------------------------------------------------------------
+
+
+@pytest.fixture
+def flag(mi, tmp_path):
+    """A picture of six colours, wider than high, and a material that carries it."""
+    values = np.array([[(250, 20, 20), (20, 250, 20), (20, 20, 250)], [(200, 200, 20), (20, 200, 200), (90, 90, 90)]])
+    picture = np.kron(values, np.ones((8, 8, 1))).astype(np.uint8)
+    mi.Bitmap(picture).write(str(tmp_path / "flag.png"))
+
+    def material(extra=""):
+        return (
+            '<bsdf type="twosided"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">'
+            f'<string name="filename" value="flag.png"/>{extra}</texture></bsdf></bsdf>'
+        )
+
+    return material
+
+
+@pytest.mark.parametrize(
+    "extra", ["", '<string name="filter_type" value="nearest"/>', '<boolean name="raw" value="true"/>']
+)
+def test_a_picture_on_a_card(seen, flag, extra):
+    """Mitsuba puts the first row at v = 0, a rectangle's lower edge."""
+    theirs, ours = seen(light(), card(flag(extra), half=30.0))
+    share = theirs / lit(through_window(0.0), (0, 0, 1), (1.0, 1.0, 1.0))
+    sample = share[20, 10]  # lower left
+    value = np.array([250, 20, 20]) / 255.0
+    assert sample == pytest.approx(value if "raw" in extra else ((value + 0.055) / 1.055) ** 2.4, abs=2e-3) or (
+        "raw" not in extra and sample == pytest.approx([0.956, 0.00699, 0.00699], abs=2e-3)
+    )
+    difference = np.abs(theirs - ours).max(axis=-1) / ours.max()
+    assert np.median(difference) < 1e-3
+    assert (difference > 0.01).mean() < (0.05 if "nearest" in extra else 0.005)
+
+
+def test_a_picture_round_a_sphere_and_meshes(mi, seen, flag, tmp_path):
+    """A sphere turned all ways, a mesh with smooth normals and uv, and one that a placement scales and turns."""
+    rng = np.random.default_rng(11)
+    u, v = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 7))
+    height = 0.2 * rng.standard_normal(u.shape)
+    mesh = mi.Mesh("hill", 63, 96, has_vertex_texcoords=True)
+    p = mi.traverse(mesh)
+    p["vertex_positions"] = np.stack([u - 0.5, v - 0.5, height], -1).ravel()
+    p["vertex_texcoords"] = np.stack([2.0 * u, v], -1).ravel()
+    k = np.arange(63).reshape(7, 9)
+    a, b, c, d = k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]
+    p["faces"] = np.concatenate(
+        [np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)]
+    ).ravel()
+    p.update()
+    mesh.write_ply(str(tmp_path / "hill.ply"))
+    parts = [
+        '<shape type="sphere"><point name="center" x="-1" y="0.4" z="0"/><float name="radius" value="0.8"/>'
+        '<transform name="to_world"><rotate x="0.6" y="0" z="-0.8" angle="70"/></transform>' + flag() + "</shape>",
+        '<shape type="ply"><string name="filename" value="hill.ply"/><transform name="to_world"><scale value="2"/>'
+        '<translate x="1" y="0.2" z="-0.5"/></transform>' + flag() + "</shape>",
+        '<shape type="ply"><string name="filename" value="hill.ply"/><boolean name="face_normals" value="true"/>'
+        '<transform name="to_world"><scale value="2"/><translate y="-1.4" z="0.2"/></transform>' + flag() + "</shape>",
+    ]
+    placement = (
+        "scale = 12.0\nrotation_deg = [10.0, 20.0, -30.0]\noffset_mm = [3.0, 4.0, 20.0]\nnear_mm = 200\nfar_mm = -99"
+    )
+    theirs, ours = seen(light((1.0, 2.0, 9.0), (50.0, 60.0, 40.0)), *parts, placement=placement)
+    assert (ours > 0.01).any(axis=-1).mean() > 0.2
+    difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
+    assert np.median(difference) < 0.2
+    assert (difference > 2.0).mean() < 0.03
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid):
+    """Real and virtual objects, one ray a pixel: the picture that `lippmann render` makes."""
+    display = focused_display(grid, width_px=64, height_px=48, pixel_pitch=0.1, rotation=7.0)
+    path = write_scene(
+        tmp_path / "s.xml",
+        light(),
+        card(flag(), -30.0, 20.0),
+        ball(-1, 12, 1.2),
+        placement="near_mm = 20\nfar_mm = -30",
+    )
+    scene = load_scene(mi, path)
+    theirs, _ = export_display(mi, scene, display, "exact", tmp_path / "pov").render()
+    ours = render_integral(mi, scene, display, "exact", Settings()).radiance
+    assert theirs.shape == ours.shape
+    difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
+    assert np.median(difference) < 0.1
+    assert (difference > 2.0).mean() < 0.01
+    assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 6
+
+
+# --- refusals and the command ---------------------------------------------------------------------
+
+SPHERE = '<shape type="sphere">{}</shape>'
+REFUSED = {
+    "emitter 'constant'": '<emitter type="constant"/>',
+    "emitter 'area'": SPHERE.format(diffuse() + '<emitter type="area"/>'),
+    "shape 'cylinder'": f'<shape type="cylinder">{diffuse()}</shape>',
+    "bsdf 'roughplastic' (gloss)": SPHERE.format('<bsdf type="roughplastic" id="gloss"/>'),
+    "bsdf 'conductor' has a complex index": SPHERE.format('<bsdf type="conductor"/>'),
+    "bsdf 'plastic' is nonlinear": SPHERE.format(
+        '<bsdf type="plastic"><boolean name="nonlinear" value="true"/></bsdf>'
+    ),
+    "texture 'checkerboard'": SPHERE.format(
+        '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'
+    ),
+    "wrap_mode": SPHERE.format(
+        '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="flag.png"/>'
+        '<string name="wrap_mode" value="clamp"/></texture></bsdf>'
+    ),
+    "to_uv": SPHERE.format(
+        '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="flag.png"/>'
+        '<transform name="to_uv"><scale value="2"/></transform></texture></bsdf>'
+    ),
+    "specular_transmittance": SPHERE.format(
+        '<bsdf type="dielectric"><rgb name="specular_transmittance" value="1 0.5 1"/></bsdf>'
+    ),
+    "encloses no glass": card('<bsdf type="dielectric"/>'),
+    "shape 'sphere' has no material": SPHERE.format(""),
+    "is no sphere": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="2"/></transform>'),
+    "flipped normals": SPHERE.format(diffuse() + '<boolean name="flip_normals" value="true"/>'),
+    "rgb": '<emitter type="point"><spectrum name="intensity" value="400:1, 700:2"/></emitter>',
+}
+
+
+@pytest.mark.parametrize("named", REFUSED)
+def test_what_povray_cannot_express_is_refused_by_name(mi, tmp_path, flag, named):
+    assert flag
+    path = write_scene(tmp_path / "s.xml", card(diffuse()), REFUSED[named], placement="near_mm = 20\nfar_mm = -30")
+    scene = load_scene(mi, path)
+    with pytest.raises(InputError) as caught:
+        export_view(mi, scene, EYE, WINDOW, tmp_path / "pov")
+    message = str(caught.value)
+    assert named in message
+    assert "s.xml (line 1" in message
+    assert ";" in message  # and a remedy
+    assert not (tmp_path / "pov").exists()
+
+
+def test_a_panel_too_large_and_stripes_are_refused(mi, tmp_path):
+    scene = load_scene(mi, write_scene(tmp_path / "s.xml", card(diffuse()), placement="near_mm = 20\nfar_mm = -30"))
+    large = focused_display("square", width_px=2048, height_px=1024, pixel_pitch=0.1)
+    with pytest.raises(InputError, match=str(MAX_RAYS)):
+        export_display(mi, scene, large, "exact", tmp_path / "pov")
+    with pytest.raises(InputError, match="colour stripes"):
+        export_display(mi, scene, focused_display("square", subpixels="rgb"), "exact", tmp_path / "pov")
+
+
+def test_the_command(mi, tmp_path, capfd):
+    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
+    display = tmp_path / "d.toml"
+    display.write_text(display_toml(focused_display("hex", width_px=32, height_px=24, pixel_pitch=0.1)))
+    folder = tmp_path / "pov"
+    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(folder), "--json"]) == 0
+    result = json.loads(capfd.readouterr().out)
+    assert result["ini"] == str(folder / "s.ini")
+    assert sorted(result["files"]) == sorted(file.name for file in folder.iterdir())
+    assert [path.name for path in tmp_path.iterdir() if "partial" in path.name] == []
+    done = program.run_povray(folder / "s.ini")
+    assert done.command == "povray s.ini"
+    assert done.seconds > 0.0
+    assert (folder / "s.exr").is_file()
+    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(scene)]) == 2
+    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(tmp_path / "no" / "pov")]) == 2
+
+
+def test_without_povray_it_says_how_to_install_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(MissingLibraryError, match="apt-get install -y povray") as caught:
+        program.run_povray(tmp_path / "s.ini")
+    assert caught.value.exit_code == 3
+
+
+def test_files_that_povray_refuses(tmp_path):
+    (tmp_path / "s.ini").write_text("Input_File_Name=s.pov\nDisplay=off\n")
+    (tmp_path / "s.pov").write_text("#version 3.7;\nsphere { 0, one }\n")
+    with pytest.raises(InputError, match="line 2: Parse Error"):
+        program.run_povray(tmp_path / "s.ini")
