@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cobs import cobs
+from lippmann.closed_loop import run_on_virtual_board
 from lippmann.display import load_display
 from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
@@ -377,6 +378,15 @@ def test_a_wrong_baud_rate_is_told_and_harms_nothing(virtual):
         assert time.monotonic() - begun < 10
     wait_for(virtual.folder, image)
     assert_only(virtual.folder, [image])
+
+
+def test_the_whole_loop():
+    image = random_image(15)
+    loop = run_on_virtual_board(small(), image, (5, 60), (10, 20))
+    np.testing.assert_array_equal(loop.scanned, image)
+    assert loop.shown_crc == loop.sent.crc == zlib.crc32(image.tobytes())
+    assert (loop.check.rays, loop.check.equal) == (56 * 11, True)
+    assert loop.clocks > 0
 
 
 def test_random_and_mutated_bytes_harm_nothing(virtual):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.link.board import Board
 from lippmann.link.registers import REGISTERS
+from lippmann.link.shown import shown_crc
 from lippmann.link.stream import send_frame
 from lippmann.sim import virtual_board
 
@@ -90,7 +90,7 @@ def bench_frames(display: Display, seed: int) -> Iterator[WholeFrame]:
             try:
                 with Board.open(virtual.url, patience_s=60.0) as board:
                     sent = send_frame(board, image)
-                    shown = _shown(board)
+                    shown = shown_crc(board)
             finally:
                 done = virtual.stop()
             last = max(Path(folder).glob("frame-*.rgb"))
@@ -112,11 +112,3 @@ def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np
 
 def _clocks(board: Board) -> int:
     return board.read(REGISTERS["clocks"].address)[0]
-
-
-def _shown(board: Board) -> int:
-    """Return the CRC-32 of a frame that began and ended after now."""
-    first = board.read(REGISTERS["frames"].address)[0]
-    while (board.read(REGISTERS["frames"].address)[0] - first) & 0xFFFFFFFF < 2:
-        time.sleep(0.05)
-    return board.read(REGISTERS["shown_crc"].address)[0]

@@ -1,30 +1,39 @@
-"""`lippmann demo`: the main job in one go, from the fish to what eyes see of it."""
+"""`lippmann demo`: the whole product in one go, from the fish to the light that reaches the eye."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+import numpy.typing as npt
 
-from lippmann.cli.common import device_option, emit, json_option, progress_bar
+from lippmann.bench.observe import psnr_db
+from lippmann.cli.common import device_option, emit, json_option, log, progress_bar
 from lippmann.cli.render import image_metadata
-from lippmann.display import load_display
-from lippmann.errors import InputError
-from lippmann.images import write_picture
+from lippmann.closed_loop import run_on_virtual_board
+from lippmann.display import Display, load_display
+from lippmann.errors import DeviceError, InputError
+from lippmann.images import decode, replacing, write_picture
+from lippmann.link.frames import panel_values
 from lippmann.observe import Eye, observe, whole_window
-from lippmann.render.renderer import Settings, render_integral
+from lippmann.render.renderer import Settings, render_integral, render_view
 from lippmann.render.scene import load_scene
 from lippmann.render.variant import start_mitsuba
 from lippmann.sheet import write_animation, write_contact_sheet
 
 SCENE = "fish/fish.xml"
-#: Display and how far the eye goes to each side before it leaves the viewing zone of the display's edges, mm.
-DISPLAYS = (("displays/paper-square.toml", 30.0), ("displays/paper-hex.toml", 100.0))
+DISPLAY = "displays/paper-square.toml"
 EYE_DISTANCE_MM = 600.0
+#: How far the eye goes to each side, mm: the display's edges leave their viewing zone beyond.
+REACH_MM = 30.0
 FRAMES = 15
 VIEW_WIDTH_PX = 500
+VIEW_SAMPLES = 64
+#: Side of the region in the panel's middle whose rays are compared, pixels.
+REGION_PX = 512
 
 
 @click.command("demo")
@@ -33,7 +42,7 @@ VIEW_WIDTH_PX = 500
 @device_option
 @json_option
 def command(scenes: str, output: str, device: str, as_json: bool) -> None:
-    """Render the fish for a square and a hexagonal display and look at it from several places.
+    """Render the fish, stream it to a virtual board, and look at what its panel shows.
 
     Example: lippmann demo
     """
@@ -44,51 +53,89 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be made ({error.strerror}); choose another folder with -o") from None
+    display = load_display(folder / DISPLAY)
+    panel = display.panel
     mi = start_mitsuba(device)
     scene = load_scene(mi, folder / SCENE)
-    results: list[dict[str, Any]] = []
-    for path, reach in DISPLAYS:
-        display = load_display(folder / path)
-        settings = Settings(samples=4)
-        with progress_bar(f"render {display.name}", quiet=as_json) as progress:
-            rendered = render_integral(mi, scene, display, "exact", settings, progress)
-        metadata = image_metadata(display, "exact", settings, SCENE)
-        stem = out / f"fish-{display.name}"
-        panel_image = stem.with_suffix(".png")
-        write_picture(stem.with_suffix(".exr"), rendered.radiance, metadata)
-        write_picture(panel_image, rendered.radiance, metadata, display.panel.transfer, display.panel.bits)
-        window = whole_window(display, VIEW_WIDTH_PX)
-        xs = np.linspace(-reach, reach, FRAMES)
-        views = []
-        with progress_bar(f"observe {display.name}", quiet=as_json) as progress:
-            for k, x in enumerate(xs):
-                eye = Eye((float(x), 0.0, EYE_DISTANCE_MM))
-                views.append(observe(mi, rendered.radiance, display, eye, window).radiance)
-                if progress is not None:
-                    progress(k + 1, FRAMES)
-        animation = out / f"views-{display.name}.gif"
-        sheet = out / f"views-{display.name}.png"
-        write_animation(animation, views)
-        shown = range(0, FRAMES, (FRAMES - 1) // 2)
-        write_contact_sheet(
-            sheet, [views[k] for k in shown], [f"{display.name}, eye at x = {xs[k]:+.0f} mm" for k in shown]
-        )
-        results.append(
-            {
-                "display": display.name,
-                "integral_image": str(panel_image),
-                "views": str(sheet),
-                "animation": str(animation),
-                "render_seconds": rendered.seconds,
-                "samples_per_second": rendered.samples_per_second,
-            }
-        )
+    settings = Settings(samples=4)
+    with progress_bar("render", quiet=as_json) as progress:
+        rendered = render_integral(mi, scene, display, "exact", settings, progress)
+    metadata = image_metadata(display, "exact", settings, SCENE)
+    write_picture(out / "fish.exr", rendered.radiance, metadata)
+
+    frame = panel_values(rendered.radiance, panel.transfer, panel.bits)
+    columns, rows = _middle(panel.width_px), _middle(panel.height_px)
+    with progress_bar("stream", quiet=as_json) as progress:
+        loop = run_on_virtual_board(display, frame, columns, rows, progress, log)
+    differ = int((loop.scanned != frame).sum())
+    # From here on only what left for the panel is looked at.
+    scanned = decode(loop.scanned / np.float32(255.0), panel.transfer).astype(np.float32)
+    write_picture(out / "panel.png", scanned, metadata, panel.transfer, panel.bits)
+
+    views, direct = _looked_at(mi, scene, display, scanned, out, as_json)
+    result = {
+        "display": display.name,
+        "render_seconds": rendered.seconds,
+        "rays_compared": loop.check.rays,
+        "rays_equal": loop.check.equal,
+        "stream_seconds": loop.sent.seconds,
+        "bytes_per_second": loop.sent.rate,
+        "resends": loop.sent.resends,
+        "bytes": frame.size,
+        "bytes_differ": differ,
+        "crc_equal": loop.shown_crc == loop.sent.crc,
+        "clocks": loop.clocks,
+        "views": [{"eye_mm": eye, "psnr_db": psnr} for eye, psnr in zip(views, direct, strict=True)],
+    }
+    with replacing(out / "demo.json") as partial:
+        partial.write_text(json.dumps(result, indent=2) + "\n")
+    if not (loop.check.equal and differ == 0 and loop.shown_crc == loop.sent.crc):
+        raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
 
     def text() -> None:
-        for result in results:
-            click.echo(f"{result['display']}: rendered in {result['render_seconds']:.1f} s")
-            click.echo(f"  the integral image that the panel shows   {result['integral_image']}")
-            click.echo(f"  what eyes see through the lenslets        {result['views']}")
-            click.echo(f"  the same, the eye moving                  {result['animation']}")
+        shares = ", ".join(f"{psnr:.1f}" for psnr in direct)
+        for what, where in (
+            (f"rendered {panel.width_px} x {panel.height_px} pixels in {rendered.seconds:.1f} s", "fish.exr"),
+            (f"the board traced {loop.check.rays} rays: every word is the integer twin's", ""),
+            (f"streamed {frame.size / 1e6:.1f} MB in {loop.sent.seconds:.1f} s, {loop.sent.resends} tiles twice", ""),
+            ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
+            (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
+            ("the eye moves", "views.gif"),
+        ):
+            click.echo(f"{what:<80}{out / where if where else ''}".rstrip())
 
-    emit({"results": results}, as_json, text)
+    emit(result, as_json, text)
+
+
+def _middle(size: int) -> tuple[int, int]:
+    """Return first and last pixel of a region in the middle of a panel's side."""
+    width = min(REGION_PX, size)
+    first = (size - width) // 2
+    return first, first + width - 1
+
+
+def _looked_at(
+    mi: Any, scene: Any, display: Display, radiance: npt.NDArray[np.float32], out: Path, quiet: bool
+) -> tuple[list[tuple[float, float, float]], list[float]]:
+    """Write what eyes see of a panel, moving and beside the scene itself; return three eyes and their PSNR, dB."""
+    window = whole_window(display, VIEW_WIDTH_PX)
+    eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
+    views = []
+    with progress_bar("observe", quiet=quiet) as progress:
+        for k, eye in enumerate(eyes):
+            views.append(observe(mi, radiance, display, Eye(eye), window).radiance)
+            if progress is not None:
+                progress(k + 1, FRAMES)
+    write_animation(out / "views.gif", views)
+    chosen = range(0, FRAMES, (FRAMES - 1) // 2)
+    direct = [render_view(mi, scene, eyes[k], window, Settings(samples=4)).radiance for k in chosen]
+    captions = [f"through the lenslets, eye at x = {eyes[k][0]:+.0f} mm" for k in chosen]
+    write_contact_sheet(out / "views.png", [views[k] for k in chosen] + direct, captions + ["the scene itself"] * 3)
+    # A view has no more detail than one pixel a lenslet.
+    coarse = whole_window(display)
+    decibels = []
+    for k in chosen:
+        seen = observe(mi, radiance, display, Eye(eyes[k]), coarse, VIEW_SAMPLES).radiance
+        itself = render_view(mi, scene, eyes[k], coarse, Settings(samples=VIEW_SAMPLES)).radiance
+        decibels.append(psnr_db(seen, itself))
+    return [eyes[k] for k in chosen], decibels

@@ -15,14 +15,11 @@ from lippmann.errors import DeviceError, device_error
 from lippmann.link.board import Board, Hello
 from lippmann.link.frames import load_frame
 from lippmann.link.registers import REGISTERS
+from lippmann.link.shown import shown_crc
 from lippmann.link.stream import Sent, send_frame
 
 #: Seconds between attempts to find a lost board again.
 RETRY_S = 0.5
-#: Frames that the panel may take until what it shows is known.
-SHOWN_FRAMES = 2
-#: Seconds that the panel may take for them; a simulated one is slow.
-SHOWN_SECONDS = 60.0
 
 
 @click.command("stream")
@@ -133,12 +130,7 @@ def _verified(board: Board, sent: Sent) -> bool:
     DeviceError
         When they differ, or the panel stands still.
     """
-    first = board.read(REGISTERS["frames"].address)[0]
-    until = time.monotonic() + SHOWN_SECONDS
-    while (board.read(REGISTERS["frames"].address)[0] - first) & 0xFFFFFFFF < SHOWN_FRAMES:
-        if time.monotonic() > until:
-            raise device_error(board.line.url, "the panel stands still", "check its clock and its cable")
-    shown = board.read(REGISTERS["shown_crc"].address)[0]
+    shown = shown_crc(board)
     if shown == sent.crc:
         return True
     what = f"the panel shows CRC-32 {shown:08x}, sent was {sent.crc:08x}"
