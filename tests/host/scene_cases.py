@@ -60,6 +60,8 @@ radius_mm = {array.radius_mm!r}
 index = {array.index!r}
 thickness_mm = {array.thickness_mm!r}
 plano_side = "{array.plano_side}"
+rotation_deg = {array.rotation_deg!r}
+offset_mm = {list(array.offset_mm)!r}
 """
 
 

@@ -197,18 +197,22 @@ def test_toml_blocks_are_valid(page, tmp_path):
             load_display(file)
 
 
-def test_python_examples_run(tmp_path):
-    """The page's blocks are one program, run in a process of its own."""
-    code = "\n".join(text for _, text in blocks(TOP / "docs/reference/python.md", "python"))
+@pytest.mark.parametrize(
+    ("page", "made"), [("docs/reference/python.md", "view.png"), ("docs/reference/mitsuba-sensor.md", "ball.exr")]
+)
+def test_python_examples_run(tmp_path, page, made):
+    """The page's blocks are one program, run in a process of its own beside the page's files."""
+    run_page(TOP / page, reader_folder(tmp_path))
+    code = "\n".join(text for _, text in blocks(TOP / page, "python"))
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         check=False,
-        cwd=reader_folder(tmp_path),
+        cwd=tmp_path,
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "view.png").is_file()
+    assert (tmp_path / made).is_file()
 
 
 def test_table_of_models_is_current():

@@ -66,6 +66,19 @@ class RaySource(Protocol):
         """
 
 
+def lines_from_pixels(
+    mi: Any, b: DrJitBackend, display: Display, u: Any, v: Any, aperture: tuple[Any, Any] | None, model: Model
+) -> Lines:
+    """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
+    out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
+    point = (
+        mi.Float(out.centre_x + b.double(out.ray.x)),
+        mi.Float(out.centre_y + b.double(out.ray.y)),
+        mi.Float(out.ray.z),
+    )
+    return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), gets_through(out.status))
+
+
 @dataclass(frozen=True)
 class IntegralSource:
     """The rays of a display's pixels.
@@ -101,7 +114,6 @@ class IntegralSource:
     def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Trace pixel samples through the lenslets (see `RaySource`)."""
         b = DrJitBackend(self.device)
-        system = System.of(self.display)
         row = pixel // self.width_px
         column = pixel - row * self.width_px
         offset, width = stripe
@@ -117,14 +129,7 @@ class IntegralSource:
             aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
         if self.engine != "fast":
             return self._traced_outside(mi, u, v, aperture)
-        out = rays_from_pixels(b, system, u, v, aperture, self.model)
-        point = (
-            mi.Float(out.centre_x + b.double(out.ray.x)),
-            mi.Float(out.centre_y + b.double(out.ray.y)),
-            mi.Float(out.ray.z),
-        )
-        alive = gets_through(out.status)
-        return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), alive)
+        return lines_from_pixels(mi, b, self.display, u, v, aperture, self.model)
 
     def _traced_outside(self, mi: Any, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
         """Trace by an engine that takes and gives numpy arrays."""

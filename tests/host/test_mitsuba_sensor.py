@@ -1,0 +1,171 @@
+"""The sensor plugin `integral`: the picture of `lippmann render`, from plain Mitsuba XML."""
+
+import os
+import subprocess
+import sys
+
+import drjit as dr
+import lippmann
+import numpy as np
+import pytest
+from lippmann.render.placement import Placement
+from lippmann.render.renderer import Settings, make_integrator, render_integral
+from lippmann.render.scene import load_scene
+from optics_cases import GRIDS
+from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
+
+SEED = 6120
+NEAR = 25.0
+SCENE = (
+    '<emitter type="point"><point name="position" x="30" y="40" z="300"/>'
+    '<rgb name="intensity" value="9e4 1e5 8e4"/></emitter>',
+    '<shape type="sphere"><point name="center" x="1" y="0" z="9"/>'
+    f'<bsdf type="diffuse">{rgb("reflectance", (0.7, 0.5, 0.3))}</bsdf></shape>',
+    '<shape type="rectangle"><transform name="to_world"><scale value="60"/><translate z="-30"/></transform>'
+    '<bsdf type="diffuse"/></shape>',
+    glowing_sphere((-2.0, 1.0, -12.0), 2.0, (0.9, 0.2, 0.4)),
+)
+
+
+@pytest.fixture
+def sensor_of(mi, tmp_path):
+    """A scene with the sensor for a display, loaded from XML."""
+    import lippmann.mitsuba
+
+    lippmann.mitsuba.register()
+
+    def made(display, extra="", film=None, samples=1, parts=SCENE):
+        (tmp_path / "display.toml").write_text(display_toml(display))
+        width, height = film or (display.panel.width_px, display.panel.height_px)
+        sensor = (
+            '<sensor type="integral"><string name="display" value="display.toml"/>'
+            f'<float name="near_mm" value="{NEAR}"/>{extra}'
+            f'<sampler type="independent"><integer name="sample_count" value="{samples}"/></sampler>'
+            f'<film type="hdrfilm"><integer name="width" value="{width}"/><integer name="height" value="{height}"/>'
+            '<rfilter type="box"/></film></sensor><integrator type="direct"/>'
+        )
+        path = write_scene(tmp_path / "scene.xml", sensor, *parts)
+        return load_scene(mi, path, Placement(near_mm=NEAR, far_mm=-40.0))
+
+    return made
+
+
+def rays_at(mi, sensor, u, v, display, aperture=(0.5, 0.5)):
+    panel = display.panel
+    place = mi.Point2f(mi.Float(u / panel.width_px), mi.Float(v / panel.height_px))
+    return sensor.sample_ray(0.0, 0.5, place, mi.Point2f(*aperture), True)
+
+
+@pytest.mark.parametrize("model", ["pinhole", "exact"])
+@pytest.mark.parametrize("grid", GRIDS)
+def test_its_rays_are_golden_s_seen_from_the_viewer(mi, sensor_of, grid, model):
+    display = focused_display(grid, width_px=40, height_px=30, pixel_pitch=0.1, rotation=3.0, offset=(0.2, 0.1))
+    sensor = sensor_of(display, f'<string name="model" value="{model}"/>').mitsuba.sensors()[0]
+    rng = generator(SEED, grid, model)
+    points = rng.uniform((0, 0), (40, 30), (2000, 2))
+    ray, weight = rays_at(mi, sensor, points[:, 0], points[:, 1], display)
+    golden = lippmann.trace(display, points, None, model)
+    t = (NEAR - golden.origin_mm[:, 2]) / golden.direction[:, 2]
+    start = golden.origin_mm + t[:, None] * golden.direction
+    alive = np.isin(golden.status, (lippmann.Status.OK, lippmann.Status.CROSSTALK))
+    np.testing.assert_array_equal(np.array(weight)[0] == 1.0, alive)
+    # A film position in float32 is good to 40 * 2^-24 pixels, 0.24 micrometres of panel: 0.12 microradian and more.
+    np.testing.assert_allclose(np.array(ray.d).T[alive], -golden.direction[alive], atol=3e-6)
+    np.testing.assert_allclose(np.array(ray.o).T[alive], start[alive], atol=1e-4)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_pixels_centres_show_what_render_shows(mi, sensor_of, grid):
+    """The same integrator along the sensor's rays: the picture of `lippmann render` with one sample."""
+    display = focused_display(grid, width_px=48, height_px=32, pixel_pitch=0.1)
+    scene = sensor_of(display)
+    v, u = np.mgrid[0:32, 0:48] + 0.5
+    ray, weight = rays_at(mi, scene.mitsuba.sensors()[0], u.ravel(), v.ravel(), display)
+    settings = Settings()
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(0, 48 * 32)
+    radiance, _, _ = make_integrator(mi, scene, settings).sample(scene.mitsuba, sampler, mi.RayDifferential3f(ray))
+    seen = np.array(radiance * weight).T.reshape(32, 48, 3)
+    expected = render_integral(mi, scene, display, "exact", settings).radiance
+    assert len(np.unique(np.round(expected, 2).reshape(-1, 3), axis=0)) > 8
+    # Rays within 1e-4 mm: on a ball of 1 mm a share of 1e-4 and some; more only past an outline.
+    difference = np.abs(seen - expected).max(axis=-1) / expected.max()
+    assert np.median(difference) < 1e-4
+    assert (difference > 2e-3).mean() < 0.005
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb", "bgr"])
+def test_mitsuba_s_own_render_converges_to_ours(mi, sensor_of, subpixels):
+    display = focused_display("hex", width_px=24, height_px=18, pixel_pitch=0.1, subpixels=subpixels)
+    scene = sensor_of(display, samples=1024)
+    theirs = np.array(mi.render(scene.mitsuba, seed=SEED))
+    ours = render_integral(mi, scene, display, "exact", Settings(samples=256, integrator="direct")).radiance
+    assert theirs.shape == ours.shape
+    # A stripe shows in a third of the samples, three times as bright: sqrt(2) its mean for a noise of 1 in 1024.
+    noise = 3.0 * ours.max() / 32.0
+    assert np.abs(theirs - ours).max() < 4.0 * noise
+    np.testing.assert_allclose(theirs.mean(axis=(0, 1)), ours.mean(axis=(0, 1)), rtol=0.02)
+    if subpixels != "none":
+        assert np.abs(theirs - ours[:, :, ::-1]).max() > 0.1
+
+
+def test_a_whole_lenslet_and_where_the_display_stands(mi, sensor_of):
+    """Aperture points move the rays' origins by as much as they move; to_world is the display's pose."""
+    display = focused_display("square", width_px=24, height_px=18, pixel_pitch=0.1)
+    extra = (
+        '<string name="model" value="thin"/><string name="aperture" value="full"/><transform name="to_world">'
+        '<scale value="0.5"/><rotate y="1" angle="90"/><translate x="7"/></transform>'
+    )
+    sensor = sensor_of(display, extra).mitsuba.sensors()[0]
+    assert sensor.needs_aperture_sample()
+    ray, _ = rays_at(mi, sensor, np.array([12.0]), np.array([9.0]), display, (0.75, 0.5))
+    # Pixel (12, 9) is the panel's centre, in the focal plane of a lenslet there: its rays leave along the axis, +z,
+    # which the pose turns to +x; the aperture point is at x = 0.25, which it turns to -z and halves.
+    np.testing.assert_allclose(np.array(ray.d).ravel(), [-1.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(np.array(ray.o).ravel(), [7.0 + 0.5 * NEAR, 0.0, -0.125], atol=1e-5)
+
+
+def test_a_film_of_another_size_covers_the_panel(mi, sensor_of):
+    display = focused_display("square", width_px=40, height_px=30, pixel_pitch=0.1)
+    scene = sensor_of(display, film=(4, 3), samples=2048)
+    small = np.array(mi.render(scene.mitsuba, seed=SEED))
+    ours = render_integral(mi, scene, display, "exact", Settings(samples=64, integrator="direct")).radiance
+    np.testing.assert_allclose(small, ours.reshape(3, 10, 4, 10, 3).mean(axis=(1, 3)), atol=0.03 * ours.max())
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        ('<string name="model" value="cheap"/>', "model 'cheap' is not known"),
+        ('<string name="aperture" value="half"/>', "aperture 'half' is not known"),
+        ('<float name="gap" value="3"/>', "gap"),
+    ],
+)
+def test_bad_parameters_raise(mi, sensor_of, extra, message):
+    path = sensor_of(focused_display("square")).path
+    path.write_text(path.read_text().replace("<sampler", f"{extra}<sampler", 1))
+    with pytest.raises(Exception, match=message):
+        mi.load_file(str(path))
+
+
+def test_a_display_is_needed(mi, tmp_path):
+    with pytest.raises(Exception, match="no display"):
+        mi.load_dict({"type": "integral"})
+    with pytest.raises(Exception, match="no such file"):
+        mi.load_dict({"type": "integral", "display": str(tmp_path / "none.toml")})
+
+
+def test_plain_mitsuba_uses_it(mi, sensor_of, tmp_path):
+    """A script that imports the module after setting a variant; and one that forgets to."""
+    sensor_of(focused_display("square", width_px=8, height_px=6, pixel_pitch=0.1))
+    program = (
+        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import lippmann.mitsuba;"
+        f"print(mi.render(mi.load_file({str(tmp_path / 'scene.xml')!r}), spp=2).shape)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ)
+    assert done.stdout.split() == ["(6,", "8,", "3)"]
+    done = subprocess.run(
+        [sys.executable, "-c", "import lippmann.mitsuba"], capture_output=True, text=True, check=False
+    )
+    assert "call mitsuba.set_variant" in done.stderr
+    assert dr.has_backend(dr.JitBackend.LLVM)
