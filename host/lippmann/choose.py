@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -26,6 +26,8 @@ TOLERANCE = 0.25
 #: Probed cells along each side of the panel, and points along each side of a cell.
 PROBE_CELLS = 5
 PROBE_POINTS = 9
+#: How far the probe goes towards a cell's corners, where the models err most; on them the cell would be a neighbour's.
+INSIDE = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,14 @@ def choose_model(
     return Choice("exact", tolerance, errors)
 
 
-def probe(display: Display, aperture: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
+def probe(
+    display: Display, aperture: str, inside: float = INSIDE
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
     """Return pixel coordinates (N, 2) and aperture points (N, 2) in mm, or None for chief rays.
 
-    Cells are spread over the panel; in each, points reach to its edges. All models see a cell alike wherever it
-    stands, so a few cells do; several guard against a panel smaller than a cell at its border.
+    Cells are spread over the panel; in each stand points, those in its corners drawn in by the factor `inside`. All
+    models see a cell alike wherever it stands, so a few cells do; several guard against a panel smaller than a cell at
+    its border.
     """
     b = NumpyBackend()
     panel, array = display.panel, display.array
@@ -102,10 +107,11 @@ def probe(display: Display, aperture: str) -> tuple[npt.NDArray[np.float64], npt
     u, v = (g.ravel() for g in np.meshgrid(steps * panel.width_px, steps * panel.height_px))
     i, j, _, _ = lattice.locate(b, *frame.array_from_panel(*frame.panel_from_pixel(u, v)))
     cx, cy = lattice.centre(i, j)
+    corners = inside * cell_corners(array.grid, array.pitch_mm)
     # Points over the cell's bounding square; those outside a hexagon belong to neighbours, which is as good.
-    side = np.linspace(-0.499, 0.499, PROBE_POINTS) * array.pitch_mm
-    lx, ly = (g.ravel() for g in np.meshgrid(side, side))
-    x, y = (cx[:, None] + lx).ravel(), (cy[:, None] + ly).ravel()
+    side = np.linspace(-0.49, 0.49, PROBE_POINTS) * array.pitch_mm
+    local = np.concatenate([np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), corners])
+    x, y = (cx[:, None] + local[:, 0]).ravel(), (cy[:, None] + local[:, 1]).ravel()
     u, v = frame.pixel_from_panel(*frame.panel_from_array(x, y))
     on_panel = (u >= 0.0) & (u < panel.width_px) & (v >= 0.0) & (v < panel.height_px)
     pixels = np.stack([u, v], axis=1)[on_panel]
@@ -113,9 +119,19 @@ def probe(display: Display, aperture: str) -> tuple[npt.NDArray[np.float64], npt
         pixels = np.array([[0.5 * panel.width_px, 0.5 * panel.height_px]])
     if aperture == "chief":
         return pixels, None
-    corners = [(0.0, 0.0), (0.49, 0.0), (0.0, 0.49), (-0.49, 0.0), (0.0, -0.49)]
-    aims = np.array(corners) * array.pitch_mm
+    # Rays that aim at the very rim leave through the neighbour's dome, whatever the lens: a few per cent are left out.
+    corners *= 0.97
+    aims = np.concatenate([[[0.0, 0.0]], corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
     return np.repeat(pixels, len(aims), axis=0), np.tile(aims, (len(pixels), 1))
+
+
+def cell_corners(grid: Grid, pitch_mm: float) -> npt.NDArray[np.float64]:
+    """Return the corners of a lenslet's cell in turn, (4, 2) or (6, 2) mm, from its centre."""
+    if grid == "square":
+        angles, radius = np.pi / 4 + np.pi / 2 * np.arange(4), pitch_mm / np.sqrt(2.0)
+    else:
+        angles, radius = np.pi / 6 + np.pi / 3 * np.arange(6), pitch_mm / np.sqrt(3.0)
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:

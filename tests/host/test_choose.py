@@ -89,14 +89,13 @@ def brute_force(display, model, depths):
     tolerance=0.02,
 )
 def test_the_choice_holds_over_the_whole_panel(display, far, deep, tolerance):
-    """The probe reaches 0.499 of a cell, brute force has pixels up to its edges and corners: a tenth more may be."""
     ends = (far, far + deep)
     choice = choose_model(display, ends, tolerance=tolerance)
     # Depths between the ends count too: the error may be largest where a pixel begins to spread beyond the lenslet.
     depths = np.linspace(*ends, 25)
     true = {model: brute_force(display, model, depths) for model in MODELS[:-1]}
     if choice.model != "exact":
-        assert true[choice.model] <= 1.1 * tolerance
+        assert true[choice.model] <= tolerance
         assert choice.error_px[choice.model] <= tolerance
     # No cheaper one would have done: its error, found by the probe, is real. Of that at least half must be there in the
     # few pixels of a small panel and at 25 depths.
@@ -122,7 +121,7 @@ def test_a_long_focus_needs_little_and_a_steep_dome_needs_exact(grid, side, aper
 
 
 def test_tolerance_decides():
-    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
+    display = focused_display("square", focal=4.0, width_px=200, height_px=160, pixel_pitch=0.05)
     chosen = [choose_model(display, (-60.0, 60.0), "full", t).model for t in (1e-9, 0.01, 0.25, 1.0, 10.0, 1e3)]
     ranks = [MODELS.index(model) for model in chosen]
     assert ranks == sorted(ranks, reverse=True)

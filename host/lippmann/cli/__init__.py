@@ -16,7 +16,20 @@ from lippmann.cli.common import EXIT_INTERRUPTED
 from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
-COMMANDS = ("inspect", "trace", "render", "observe", "export", "board", "stream", "display", "demo", "bench", "doctor")
+COMMANDS = (
+    "inspect",
+    "fit",
+    "trace",
+    "render",
+    "observe",
+    "export",
+    "board",
+    "stream",
+    "display",
+    "demo",
+    "bench",
+    "doctor",
+)
 
 #: Signals received; see `was_interrupted`.
 interrupts: list[int] = []

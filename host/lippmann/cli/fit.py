@@ -1,0 +1,68 @@
+"""`lippmann fit`: the cheapest model, samples and build of the RTL that meet a tolerance."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import click
+
+from lippmann.choose import TOLERANCE
+from lippmann.cli.common import Vector, emit, json_option
+from lippmann.derived import derive
+from lippmann.display import load_display
+from lippmann.errors import input_error
+from lippmann.fit import fit
+
+
+@click.command("fit")
+@click.argument("display_path", metavar="DISPLAY.toml")
+@click.option(
+    "--tolerance",
+    default=TOLERANCE,
+    show_default=True,
+    help="Error allowed, pixels of the reconstructed view; above 0.",
+)
+@click.option(
+    "--depths", type=Vector(2, "FAR,NEAR"), help="The scene's range of z, mm.  [default: the display's own depth range]"
+)
+@json_option
+def command(display_path: str, tolerance: float, depths: tuple[float, float] | None, as_json: bool) -> None:
+    """Choose the cheapest lens model, samples a pixel and RTL build for a display's chief rays, and say why.
+
+    Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
+    """
+    display = load_display(display_path)
+    own = derive(display).depth_range_mm
+    far, near = depths or own
+    if not far <= near:
+        raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
+    chosen = fit(display, (far, near), tolerance)
+    build = chosen.build
+    result = {
+        "display": display.name,
+        "tolerance": tolerance,
+        "depths_mm": [far, near],
+        "model": chosen.choice.model,
+        "model_errors": chosen.choice.error_px,
+        "samples": chosen.samples,
+        "sample_error": chosen.sample_error_px,
+        "build": None if build is None else dataclasses.asdict(build),
+        "build_error": chosen.build_error_px,
+    }
+
+    def text() -> None:
+        click.echo(f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view")
+        click.echo(str(chosen.choice))
+        click.echo(
+            f"samples {chosen.samples}: the fewest a pixel that leave no light farther than {tolerance:g} from a ray "
+            f"(error {chosen.sample_error_px:.2g})"
+        )
+        if build is None:
+            click.echo(f"RTL: no build is within {tolerance:g} (the best has {chosen.build_error_px:.2g})")
+        else:
+            click.echo(
+                f"RTL {build.model}, {build.grid}, F {build.fraction_bits}: the cheapest hardware and the shortest "
+                f"words within {tolerance:g} (error {chosen.build_error_px:.2g})"
+            )
+
+    emit(result, as_json, text)

@@ -1,0 +1,165 @@
+"""`fit`: model, samples and build within a tolerance, against brute force."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from lippmann.choose import choose_model
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.fit import choose_build, choose_samples, fit, gap
+from lippmann.fixed.trace import trace_fixed
+from lippmann.optics.trace import MODELS, trace
+from optics_cases import GRIDS, SIDES, random_display
+from scene_cases import focused_display, generator
+
+SEED = 6607
+
+
+def at_depth(rays, z):
+    """Where rays cross the plane z, panel frame."""
+    t = (z - rays.origin_mm[:, 2]) / rays.direction[:, 2]
+    return rays.origin_mm[:, :2] + t[:, None] * rays.direction[:, :2]
+
+
+def view_pixel(display, z):
+    """A reconstructed pixel: the lenslet, or what a panel's pixel spreads to."""
+    spread = abs(z) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
+    return max(display.array.pitch_mm, spread)
+
+
+def apart(display, truth, rays, depths):
+    """The largest distance of rays, in reconstructed pixels; infinite where they take other lenslets."""
+    if (truth.lenslet != rays.lenslet).any() or not np.isin(truth.status, (0, 4)).all():
+        return math.inf
+    return max(
+        np.linalg.norm(at_depth(truth, z) - at_depth(rays, z), axis=1).max() / view_pixel(display, z) for z in depths
+    )
+
+
+def random_case(rng):
+    """A random display and a range of depths within some reach of it."""
+    while True:
+        display = random_display(rng, rng.choice(GRIDS), rng.choice(SIDES), steepest=1.2, widest_mm=60.0)
+        if display.gap_mm == 0.0 and display.aperture_distance_mm < 0.05 * display.array.pitch_mm:
+            continue
+        reach = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+        far, near = sorted(rng.uniform(-2.0, 2.0, 2) * reach)
+        return display, (float(far), float(near)), float(rng.choice([0.02, 0.1, 0.25, 1.0]))
+
+
+def dense(rng, display, count, inside=1.0):
+    """Points all over the panel, and as many towards the corners of cells, as far from their borders as `inside`."""
+    panel, array = display.panel, display.array
+    size = np.array([panel.width_px, panel.height_px])
+    pixels = rng.uniform(0.0, 1.0, (count, 2)) * size
+    centre = trace(display, pixels, None, "pinhole").centre_mm
+    sides = 6 if array.grid == "hex" else 4
+    angles = np.radians(array.rotation_deg) + 2 * np.pi / sides * np.arange(sides)
+    normals = np.stack([np.cos(angles), np.sin(angles)])
+    flip = np.array([1.0, -1.0]) / panel.pixel_pitch_mm  # y is up, rows go down
+    from_centre = ((pixels - 0.5 * size) / flip - centre) @ normals
+    good = from_centre.max(axis=1) <= inside * 0.5 * array.pitch_mm
+    turn = rng.choice(angles, count) + np.pi / sides
+    radius = rng.choice([0.9, 0.97, 0.9999], count) * inside * 0.5 * array.pitch_mm / np.cos(np.pi / sides)
+    corners = (centre + radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)) * flip + 0.5 * size
+    on_panel = ((corners > 0.0) & (corners < size)).all(axis=1)
+    return np.concatenate([pixels[good], corners[on_panel]])
+
+
+@pytest.mark.parametrize("number", range(200))
+def test_auto_is_within_tolerance_and_no_dearer_than_brute_force(number):
+    rng = generator(SEED, number)
+    display, depths, tolerance = random_case(rng)
+    choice = choose_model(display, depths, tolerance=tolerance)
+    pixels = dense(rng, display, 4000)
+    truth = trace(display, pixels)
+    between = np.linspace(*depths, 9)
+    true = {model: apart(display, truth, trace(display, pixels, None, model), between) for model in MODELS}
+    assert true["exact"] == 0.0 or math.isinf(true["exact"])
+    if choice.model != "exact":
+        assert true[choice.model] <= tolerance
+    best = next(model for model in MODELS if true[model] <= tolerance or model == "exact")
+    # A cheaper one may pass at all points that were tried and fail at a corner between them.
+    cheaper = MODELS[MODELS.index(best) : MODELS.index(choice.model)]
+    assert all(true[model] > 0.9 * tolerance for model in cheaper)
+
+
+@pytest.mark.parametrize("number", [*range(12), *(pytest.param(k, marks=pytest.mark.full) for k in range(12, 200))])
+def test_the_build_is_within_tolerance_and_no_dearer_than_brute_force(number):
+    rng = generator(SEED, "build", number)
+    display, depths, tolerance = random_case(rng)
+    tolerance *= 0.1
+    chosen = fit_of_build(display, depths, tolerance)
+    pixels = dense(rng, display, 3000, 0.95)
+    for model in ("pinhole", "paraxial", "exact"):
+        for bits in range(14, 24):
+            try:
+                rays = trace_fixed(display, pixels, None, model, bits)
+            except InputError:
+                continue
+            error = apart(display, trace(display, rays.pixel), rays, depths)
+            if (model, bits) == chosen:
+                assert error <= tolerance
+                return
+            # Rounding may be worse than at the points that were tried; the margin for it costs one bit at most.
+            assert error > 0.4 * tolerance, (model, bits)
+    assert chosen is None
+
+
+def fit_of_build(display, depths, tolerance):
+    build, _ = choose_build(display, depths, tolerance)
+    return None if build is None else (build.model, build.fraction_bits)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 7, 16, 49, 200])
+def test_no_light_passes_farther_than_the_gap(samples):
+    """Random shifts of the renderer's samples, and places all over the pixel: the gap bounds them and is reached."""
+    rng = generator(SEED, samples)
+    g = 1.32471795724474602596  # the real root of x^3 = x + 1
+    base = np.outer(np.arange(samples), [1 / g, 1 / g**2])
+    side = np.linspace(0.0, 1.0, 33)
+    places = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    worst = 0.0
+    for shift in rng.uniform(0.0, 1.0, (300, 2)):
+        points = (base + shift) % 1.0 if samples > 1 else np.array([[0.5, 0.5]])
+        distance = np.linalg.norm(places[:, None] - points[None], axis=2).min(axis=1)
+        worst = max(worst, distance.max())
+    assert worst <= gap(samples) + 1e-12
+    assert worst > 0.8 * gap(samples)
+
+
+def test_samples_follow_from_the_spread():
+    """At 80 mm a pixel of 0.05 mm behind D = 2 mm spreads to 2 lenslets, at 10 mm to a quarter of one."""
+    display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
+    assert fit(display, (-10.0, 0.0), 0.25).samples == 1  # sqrt(1/2) / 4 < 0.25
+    far = fit(display, (-80.0, 0.0), 0.25)
+    assert far.sample_error_px == gap(far.samples) <= 0.25 < gap(far.samples - 1)
+    with pytest.raises(InputError, match="samples a pixel"):
+        fit(display, (-80.0, 0.0), 1e-3)
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("tolerance", [0.1, 0.2, 0.25, 0.5, 1.0])
+def test_no_fewer_samples_would_do(spread, tolerance):
+    chosen = choose_samples(spread, tolerance)
+    assert [n for n in range(1, chosen + 1) if gap(n) * spread <= tolerance] == [chosen]
+
+
+def test_the_command_says_what_and_why(capfd):
+    path = "scenes/displays/paper-square.toml"
+    assert run(["fit", path, "--depths", "-40,30", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    chosen = fit(load_display(path), (-40.0, 30.0))
+    assert told["model"] == chosen.choice.model
+    assert told["samples"] == chosen.samples
+    assert told["build"]["fraction_bits"] == chosen.build.fraction_bits
+    assert run(["fit", path, "--depths", "-40,30"]) == 0
+    out = capfd.readouterr().out
+    assert f"samples {chosen.samples}:" in out
+    assert f"F {chosen.build.fraction_bits}:" in out
+    for words, what in ((["--depths", "1,-1"], "nearer"), (["--tolerance", "0"], "not positive")):
+        assert run(["fit", path, *words]) == 2
+        assert what in capfd.readouterr().err
