@@ -46,10 +46,11 @@ lint: $(READY) ## style, format and types; every RTL module alone
 	$(BIN)/mypy
 	$(BIN)/python -m lippmann.sim.lint
 
-bench: $(READY) ## how fast rays are traced and scenes rendered
+bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
 	$(BIN)/lippmann bench trace
 	$(BIN)/lippmann bench render
 	$(BIN)/lippmann bench rtl
+	$(BIN)/lippmann bench view
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.sim.generate_registers

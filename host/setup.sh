@@ -3,6 +3,8 @@
 #
 #   host/setup.sh system   Python with venv, libLLVM for Dr.Jit, the libraries the wheels link to,
 #                          and POV-Ray; adds what is missing with apt-get, as root or with passwordless sudo
+#                          (so too Chromium, which only the viewer page's tests need: where it is not to
+#                          be had, one line says so)
 #   host/setup.sh check    renders a few pixels in .venv, the one proof that libLLVM suits Dr.Jit
 #
 # PYTHON names the interpreter (default python3); DRJIT_LIBLLVM_PATH, if set, the libLLVM to use.
@@ -40,6 +42,15 @@ has_llvm() {
 
 has_library() {
   ldconfig -p | grep -F "$1" >/dev/null
+}
+
+# Under any of the names that host/lippmann/bench/browser.py knows.
+has_chromium() {
+  local name
+  for name in chromium chromium-browser google-chrome google-chrome-stable; do
+    ! command -v "$name" >/dev/null || return 0
+  done
+  return 1
 }
 
 # The Debian packages that are missing, in one line; @llvm stands for a libllvm of any version.
@@ -86,6 +97,30 @@ check_python_version() {
       "install Python 3.11 or later and name it, make setup PYTHON=python3.11"
 }
 
+# As Debian's package; elsewhere the name may be a snap's, or nothing.
+add_chromium() {
+  local as_root=$1
+  has_chromium && return
+  if [ "$as_root" != none ] && command -v apt-get >/dev/null; then
+    echo "setup: installing Chromium, for the viewer page's tests"
+    [ -n "$(apt-cache search --names-only '^chromium$')" ] || $as_root apt-get -qq update || true
+    $as_root env DEBIAN_FRONTEND=noninteractive \
+      apt-get -qq install -y --no-install-recommends chromium >/dev/null 2>&1 && has_chromium && return
+  fi
+  echo "setup: no Chromium: all but the viewer page's tests will work; install it as 'chromium'" >&2
+}
+
+# What runs a command as root: nothing, sudo, or "none" where neither does.
+root_command() {
+  if [ "$(id -u)" = 0 ]; then
+    echo ""
+  elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+    echo sudo
+  else
+    echo none
+  fi
+}
+
 setup_system() {
   [ "$(uname -s)" = Linux ] || fail "$(uname -s) is not supported: use Linux (Debian 12 is tested)"
   if command -v "$python" >/dev/null; then
@@ -94,21 +129,23 @@ setup_system() {
     fail "no interpreter '$python': name one that exists, make setup PYTHON=python3"
   fi
   local packages as_root
+  as_root=$(root_command)
   packages=$(missing)
-  [ -n "$packages" ] || return 0
+  if [ -n "$packages" ]; then
+    add_packages "$packages" "$as_root"
+  fi
+  add_chromium "$as_root"
+}
 
+add_packages() {
+  local packages=$1 as_root=$2
   command -v apt-get >/dev/null ||
     fail "missing ${packages/@llvm/libLLVM>=$llvm_oldest} (Debian's names), and there is no apt-get:" \
       "install their like with your package manager"
-  if [ "$(id -u)" = 0 ]; then
-    as_root=""
-  elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
-    as_root="sudo"
-  else
+  [ "$as_root" != none ] ||
     fail "missing system packages: run" \
       "sudo apt-get update &&" \
       "sudo apt-get install -y --no-install-recommends $(resolve "$packages")"
-  fi
 
   echo "setup: installing system packages: ${packages/@llvm/libLLVM}"
   $as_root apt-get -qq update ||

@@ -22,6 +22,7 @@ COMMANDS = (
     "trace",
     "render",
     "observe",
+    "view",
     "export",
     "board",
     "stream",

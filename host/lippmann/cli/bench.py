@@ -15,7 +15,7 @@ from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl", "link")
+WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view")
 
 
 @click.command("bench")
@@ -47,7 +47,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Measure tracing, rendering, the observer's views, the fixed-point pipeline, the simulated RTL, or the link.
+    """Measure tracing, rendering, observing, the fixed-point pipeline, the simulated RTL, the link, or the viewer page.
 
     The report names machine and date.
 
@@ -74,7 +74,7 @@ def command(
     if not as_json:
         for key, value in origin.items():
             click.echo(f"{key}: {value}")
-    measured = {"trace": _trace, "render": _render, "observe": _observe}[what]
+    measured = {"trace": _trace, "render": _render, "observe": _observe, "view": _view}[what]
     rows = measured(mi, folder, seed, as_json)
     emit({**origin, "rows": rows}, as_json, lambda: None)
 
@@ -192,4 +192,19 @@ def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
                 if not as_json:
                     smooth = "" if row.smooth_db is None else f", smooth part {row.smooth_db:.1f} dB"
                     click.echo(f"{name} on {display}, eye {row.eye_mm}: {row.whole_db:.1f} dB{smooth}")
+    return rows
+
+
+def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+    from lippmann.bench.view import bench_view
+
+    rows = []
+    for row in bench_view(mi, folder, seed):
+        rows.append(dataclasses.asdict(row))
+        if not as_json:
+            click.echo(
+                f"{row.picture} on {row.display}: {row.page_mb:.1f} MB, opens in {row.open_seconds:.2f} s; frames/s "
+                f"{row.page_rate:.1f} in the page ({row.page_px[0]} x {row.page_px[1]}), {row.full_rate:.1f} filling "
+                f"{row.full_px[0]} x {row.full_px[1]} ({1000 * row.full_cpu_seconds:.0f} ms of processor each)"
+            )
     return rows

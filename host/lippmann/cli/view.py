@@ -1,0 +1,126 @@
+"""`lippmann view`: a page to look at an integral image through its lenslets, in a browser."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from lippmann.cli import interrupts
+from lippmann.cli.common import (
+    Vector,
+    device_option,
+    display_option,
+    emit,
+    json_option,
+    log,
+    progress_bar,
+    seed_option,
+)
+from lippmann.display import Display, load_display
+from lippmann.errors import InputError, LippmannError
+from lippmann.images import check_output, read_picture, replacing
+from lippmann.observe import Eye, check_identity
+from lippmann.render.scene import check_scene_file, load_scene
+from lippmann.render.variant import start_mitsuba
+from lippmann.view.direct import render_directs
+from lippmann.view.page import Direct, check_direct, page_html
+from lippmann.view.serve import page_server
+
+
+@click.command("view")
+@click.argument("image_path", metavar="IMAGE")
+@display_option
+@click.option("-o", "output", metavar="PAGE.html", help="The page.  [default: beside the image, named after it]")
+@click.option(
+    "--direct",
+    "direct_paths",
+    type=(Vector(3), str),
+    multiple=True,
+    metavar="X,Y,Z PICTURE",
+    help="A direct render of the scene from that eye, through the panel's window; may be repeated.",
+)
+@click.option("--scene", "scene_path", metavar="SCENE", help="Render direct views of this scene from a grid of eyes.")
+@click.option("--title", help="Heading of the page.  [default: the image's name]")
+@click.option("--serve", is_flag=True, help="Serve the page on loopback until Ctrl-C, instead of writing it.")
+@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Of --serve; 0: any that is free.")
+@click.option("--force", is_flag=True, help="Show an image that was rendered for another display.")
+@seed_option
+@device_option
+@json_option
+def command(
+    image_path: str,
+    display_path: str,
+    output: str | None,
+    direct_paths: tuple[tuple[tuple[float, float, float], str], ...],
+    scene_path: str | None,
+    title: str | None,
+    serve: bool,
+    tcp_port: int,
+    force: bool,
+    seed: int,
+    device: str,
+    as_json: bool,
+) -> None:
+    """Make a page that shows an integral image as an eye sees it through the lenslets, in any browser with WebGL 2.
+
+    The page is one file that needs nothing else, no network either.
+
+    Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
+    """
+    if serve and output is not None:
+        raise InputError("--serve keeps the page in memory; leave out -o, or serve no page")
+    if tcp_port and not serve:
+        raise InputError("--tcp-port belongs to --serve; give both or neither")
+    path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), (".html", ".htm"))
+    display = load_display(display_path)
+    panel = display.panel
+    if scene_path is not None:
+        check_scene_file(scene_path)
+    picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
+    check_identity(picture, display, image_path, force)
+    directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
+    if scene_path is not None:
+        mi = start_mitsuba(device)
+        scene = load_scene(mi, scene_path)
+        with progress_bar("direct views", quiet=as_json) as progress:
+            directs += render_directs(mi, scene, display, seed, progress)
+    page = page_html(display, picture.radiance, title or Path(image_path).stem, directs).encode("utf-8")
+    result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": len(directs)}
+    if path is None:
+        _serve(page, tcp_port, result, as_json)
+        return
+    with replacing(path) as partial:
+        partial.write_bytes(page)
+
+    def text() -> None:
+        click.echo(f"{path}: {len(page) / 1e6:.1f} MB, {len(directs)} direct views; open it in a browser")
+
+    emit({"output": str(path), **result}, as_json, text)
+
+
+def _read_direct(eye: tuple[float, float, float], path: str, display: Display) -> Direct:
+    """Read a direct render; its troubles name its file."""
+    position = Eye(eye).position_mm
+    direct = Direct(position, read_picture(path).radiance)
+    try:
+        check_direct(direct, display)
+    except LippmannError as error:
+        raise InputError(f"{path}: {error}") from None
+    return direct
+
+
+def _serve(page: bytes, tcp_port: int, result: dict[str, object], as_json: bool) -> None:
+    """Serve until Ctrl-C or SIGTERM, the usual ends."""
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
+    with page_server(page, tcp_port) as server:
+        url = f"http://{server.server_address[0]!s}:{server.server_address[1]}/"
+        emit({"url": url, **result}, as_json, lambda: click.echo(f"{url} (Ctrl-C ends it)"))
+        sys.stdout.flush()
+        try:
+            server.serve_forever(poll_interval=0.1)
+        except KeyboardInterrupt:
+            interrupts.clear()
+    log("the page is no longer served")

@@ -1,0 +1,30 @@
+// The display as built: the designed one with the sliders' errors, as plain numbers for shaders and drawing.
+// As display.py, `misaligned`, and optics/system.py. Millimetres; `display` is the page's description of the display.
+
+function systemOf(display, built) {
+  const { panel, array } = display;
+  const pitch = array.pitch_mm * built.pitchScale;
+  const halfDiagonal = pitch / Math.sqrt(array.grid === "square" ? 2 : 3);
+  const radius = array.radius_mm;
+  const flatDistance = Math.sqrt(Math.max(radius ** 2 - halfDiagonal ** 2, 0));
+  const sag = halfDiagonal ** 2 / (radius + flatDistance);
+  // A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
+  const thickness = built.pitchScale > 1 ? Math.max(array.thickness_mm, sag) : array.thickness_mm;
+  const gap = Math.max(display.gap_mm + built.gap, 0);
+  const rotation = ((array.rotation_deg + built.rotation) * Math.PI) / 180;
+  return {
+    hex: array.grid === "hex",
+    planoToPanel: array.plano_side === "panel",
+    pitch,
+    curvature: 1 / radius,
+    sag,
+    index: array.index,
+    thickness,
+    gap,
+    apertureDistance: array.plano_side === "panel" ? gap + thickness / array.index : Math.max(gap, sag),
+    offset: [array.offset_mm[0] + built.offset[0], array.offset_mm[1] + built.offset[1]],
+    turn: [Math.cos(rotation), Math.sin(rotation)],
+    panelPx: [panel.width_px, panel.height_px],
+    pixelPitch: panel.pixel_pitch_mm,
+  };
+}

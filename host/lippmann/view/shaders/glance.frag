@@ -1,0 +1,23 @@
+// One ray for each pixel of the view, through its centre and the pupil's, straight to the screen: while things move.
+// It is not asked whether another dome blocks the ray, which few meet and which costs a quarter of the time.
+#define GLANCE
+precision highp float;
+precision highp int;
+
+#include "look.glsl"
+#ifdef STRIPES
+#include "srgb.glsl"
+#endif
+
+out vec4 colour;
+
+void main() {
+  colour = vec4(vec3(0.0), 1.0);
+  vec2 pixel;
+  if (look(eye_ray(vec2(view_pixel(gl_FragCoord.xy)) + 0.5, vec2(0.0), NEAREST_FACE), pixel)) {
+    colour.rgb = texelFetch(panel, ivec2(pixel), 0).rgb;
+#ifdef STRIPES
+    colour.rgb = encode(stripe_at(pixel) * decode(colour.rgb));
+#endif
+  }
+}

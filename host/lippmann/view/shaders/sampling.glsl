@@ -1,0 +1,33 @@
+// Sample points of a view's pixels: render/sampling.py, the same points for the same seed 0, so that the page and
+// `lippmann observe` follow the same rays.
+
+const vec2 R2_STEPS = vec2(0.7548776662466927, 0.5698402909980532);
+
+// Hash of two numbers to [0, 1): four rounds of the Tiny Encryption Algorithm (Wheeler and Needham, 1994), as Mitsuba's
+// sample_tea_float32.
+float hash(uint a, uint b) {
+  uint total = 0u;
+  for (int k = 0; k < 4; ++k) {
+    total += 0x9e3779b9u;
+    a += ((b << 4) + 0xa341316cu) ^ (b + total) ^ ((b >> 5) + 0xc8013ea4u);
+    b += ((a << 4) + 0xad90777du) ^ (a + total) ^ ((a >> 5) + 0x7e95761eu);
+  }
+  return uintBitsToFloat((b >> 9) | 0x3f800000u) - 1.0;
+}
+
+// Point `number` of a pixel in the unit square; streams are independent.
+vec2 point_in_square(uint pixel, uint number, uint stream) {
+  vec2 shift = vec2(hash(pixel, 2u * stream * 0x9e3779b9u), hash(pixel, (2u * stream + 1u) * 0x9e3779b9u));
+  return min(fract(shift + float(number) * R2_STEPS), vec2(1.0 - exp2(-24.0)));
+}
+
+// The unit square onto the unit disk, area-true, squares to rings (Shirley and Chiu, 1997).
+vec2 square_to_disk(vec2 point) {
+  const float QUARTER_PI = 0.7853981633974483;
+  vec2 r = 2.0 * point - 1.0;
+  if (r.x == 0.0 && r.y == 0.0) return vec2(0.0);
+  bool steep = abs(r.x) < abs(r.y);
+  float radius = steep ? r.y : r.x;
+  float angle = steep ? 2.0 * QUARTER_PI - QUARTER_PI * r.x / r.y : QUARTER_PI * r.y / r.x;
+  return radius * vec2(cos(angle), sin(angle));
+}

@@ -1,0 +1,315 @@
+"""The viewer page as a text: nothing from outside, a label for each control, the panel's own pixels, bad input."""
+
+import base64
+import dataclasses
+import io
+import json
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.derived import derive
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.images import decode, write_picture
+from lippmann.view import template
+from lippmann.view.controls import eye_reach_mm, focus_reach_mm, sliders
+from lippmann.view.direct import grid_of_eyes
+from lippmann.view.page import SCRIPTS, SHADERS, Direct, page_html
+from optics_cases import GRIDS, SIDES, random_display
+from PIL import Image
+from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
+
+SEED = 1702
+VIEW = Path(template.__file__).parent
+SHIPPED = sorted((Path(__file__).parents[2] / "scenes/displays").glob("*.toml"))
+WIDTH, HEIGHT = 64, 48
+
+
+def small(grid="square", **others):
+    return focused_display(grid, width_px=WIDTH, height_px=HEIGHT, pixel_pitch=0.1, **others)
+
+
+def values(*key):
+    """Panel values, 8 bits."""
+    return generator(SEED, *key).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+
+
+def light(panel_values):
+    return decode(panel_values / 255.0, "srgb")
+
+
+class Reader(HTMLParser):
+    """The page's elements with their attributes, its text by element id, and the ids that labels are for."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.elements, self.texts, self._open = [], {}, []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        self._open.append(dict(attributes).get("id"))
+
+    handle_startendtag = handle_starttag
+
+    def handle_endtag(self, tag):
+        pass
+
+    def handle_data(self, data):
+        if self._open and self._open[-1]:
+            self.texts.setdefault(self._open[-1], data)
+
+    def all(self, *tags):
+        return [attributes for tag, attributes in self.elements if tag in tags]
+
+
+@pytest.fixture(scope="module")
+def page():
+    direct = Direct((10.0, -5.0, 600.0), light(values("direct")))
+    return page_html(small(), light(values("panel")), 'A <fish> & "co" </script>', [direct])
+
+
+# --- what the page holds --------------------------------------------------------------------------
+
+
+def test_the_panel_travels_value_by_value(page):
+    """8-bit panel values come through light and back without a change."""
+    reader = Reader(page)
+    png = base64.b64decode(reader.texts["panel-png"].removeprefix("data:image/png;base64,"))
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png))), values("panel"))
+    (direct,) = json.loads(reader.texts["directs"])
+    assert direct["eye_mm"] == [10.0, -5.0, 600.0]
+    png = base64.b64decode(direct["png"].removeprefix("data:image/png;base64,"))
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png))), values("direct"))
+
+
+def test_nothing_comes_from_outside(page):
+    """No address of any kind; and the page's own policy would forbid what a change brings in."""
+    shell = re.sub(r"data:image/png;base64,[\w+/=]+", "", page)
+    assert not re.findall(
+        r"https?:|//[\w-]+\.\w|@import|url\(|importScripts|\bimport\b", re.sub(r"^\s*//.*", "", shell, flags=re.M)
+    )
+    reader = Reader(page)
+    for attributes in (attributes for _, attributes in reader.elements):
+        assert not {"src", "href", "srcset", "data", "action", "poster"} & set(attributes)
+    (policy,) = [a["content"] for a in reader.all("meta") if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policy.startswith("default-src 'none';")
+    assert set(re.findall(r"[\w-]+:", policy)) == {"data:", "blob:"}
+
+
+def test_every_control_has_a_name(page):
+    reader = Reader(page)
+    labelled = {a["for"] for a in reader.all("label")}
+    fields = reader.all("input", "select", "textarea")
+    assert len(fields) >= 14
+    assert [a["id"] for a in fields if a["id"] not in labelled] == []
+    named = reader.all("canvas", "svg", "form")
+    assert len(named) == 4
+    assert [a for a in named if not a.get("aria-label")] == []
+    ids = [a["id"] for _, a in reader.elements if "id" in a]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.elements:
+        told = " ".join(attributes.get(key) or "" for key in ("for", "aria-describedby", "aria-labelledby"))
+        assert set(told.split()) <= set(ids), attributes
+    # A button's name is its text, or its label where the text is a sign.
+    for text, attributes in re.findall(r"<button([^>]*)>([^<]*)</button>", page):
+        assert re.search(r"\w{3}", attributes) or "aria-label" in text
+
+
+def test_a_title_stays_text(page):
+    assert "<title>A &lt;fish&gt; &amp; &quot;co&quot; &lt;/script&gt;</title>" in page
+    named = dataclasses.replace(small(), name="</script><b>")
+    assert "</script><b>" not in page_html(named, light(values("panel")), "x")
+
+
+@pytest.mark.parametrize("directs", [0, 2])
+def test_direct_renders_have_a_place_only_where_there_are_some(directs):
+    some = [Direct((float(k), 0.0, 600.0), light(values("direct"))) for k in range(directs)]
+    ids = [a.get("id") for _, a in Reader(page_html(small(), light(values("panel")), "x", some)).elements]
+    assert ("direct-image" in ids) == (directs > 0)
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        ({"grid": "square"}, {"PLANO_TO_PANEL": "1"}),
+        ({"grid": "hex", "side": "viewer"}, {"HEX": "1"}),
+        ({"grid": "hex", "subpixels": "bgr"}, {"HEX": "1", "PLANO_TO_PANEL": "1", "STRIPES": "ivec3(2, 1, 0)"}),
+    ],
+)
+def test_shaders_are_made_for_the_display(others, expected):
+    page = page_html(small(**others), light(values("panel")), "x")
+    shaders = json.loads(Reader(page).texts["shaders"])
+    assert set(shaders) == set(SHADERS)
+    for source in shaders.values():
+        assert source.startswith("#version 300 es\n")
+        lines = source.splitlines()[1 : 1 + len(expected)]
+        assert dict(line.removeprefix("#define ").split(" ", 1) for line in lines) == expected
+        assert "#include" not in source
+
+
+def test_every_file_is_used():
+    """Each shader file is reached from one that is compiled, each script is in the page."""
+    reached, todo = set(), list(SHADERS)
+    while todo:
+        name = todo.pop()
+        reached.add(name)
+        todo += template.INCLUDE.findall((VIEW / "shaders" / name).read_text())
+    assert reached == {file.name for file in (VIEW / "shaders").iterdir()}
+    assert sorted(SCRIPTS) == sorted(file.stem for file in (VIEW / "scripts").iterdir())
+
+
+def test_templates_refuse_wrong_values():
+    assert template.filled(
+        "slider.html", **dict.fromkeys(("id", "label", "unit", "low", "high", "step", "value"), "@@id@@")
+    )
+    with pytest.raises(ValueError, match="holes"):
+        template.filled("slider.html", id="x")
+
+
+# --- sliders --------------------------------------------------------------------------------------
+
+
+def displays():
+    rng = generator(SEED, "displays")
+    drawn = [random_display(rng, grid, side) for grid in GRIDS for side in SIDES for _ in range(25)]
+    return [*drawn, *map(load_display, SHIPPED)]
+
+
+def test_sliders_start_on_one_of_their_steps():
+    """A browser moves a value that lies between two steps, counted from the low end."""
+    for display in displays():
+        for slider in (one for group in sliders(display).values() for one in group):
+            assert slider.low <= slider.value <= slider.high, slider
+            steps = (slider.value - slider.low) / slider.step
+            assert abs(steps - round(steps)) < 1e-6, slider
+
+
+def test_sliders_stay_within_what_can_be_built():
+    for display in displays():
+        built = {slider.id: slider for slider in sliders(display)["The array as built"]}
+        for end in ("low", "high"):
+            at = {key: getattr(slider, end) for key, slider in built.items()}
+            display.misaligned(at["rotation"], (at["offset-x"], at["offset-y"]), at["gap"], at["pitch-scale"])
+
+
+def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye():
+    for display in displays():
+        derived = derive(display)
+        # |C - ex| D / 600 > p / 2 at the panel's far edge, C = -w / 2, too: all lenslets show neighbours' images.
+        least = 0.5 * display.panel.width_mm + 600.0 * math.tan(math.radians(derived.crosstalk_angle_deg))
+        assert eye_reach_mm(display, derived) >= least * (1.0 - 1e-12)
+        nearest = next(s.low for s in sliders(display)["Eye"] if s.id == "eye-z")
+        assert 0.0 < focus_reach_mm(derived) < nearest
+
+
+def test_direct_eyes_stand_in_the_viewing_zone():
+    for path in SHIPPED:
+        display = load_display(path)
+        eyes = np.array(grid_of_eyes(display))
+        assert eyes.shape == (21, 3)
+        assert (0.0, 0.0, 600.0) in map(tuple, eyes)
+        assert np.abs(eyes[:, 0]).max() == pytest.approx(max(derive(display).viewing_zone_mm, 30.0))
+
+
+# --- bad input ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(WIDTH, HEIGHT, 3), (HEIGHT, WIDTH, 4), (HEIGHT, WIDTH + 1, 3)])
+def test_a_picture_of_another_size_is_refused(shape):
+    with pytest.raises(InputError, match=rf"{shape[1]} x {shape[0]}.*{WIDTH} x {HEIGHT}"):
+        page_html(small(), np.zeros(shape, np.float32), "x")
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a display, its image, a direct render, and what is wrong with others."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(display_toml(small()))
+    (tmp_path / "other.toml").write_text(display_toml(small(focal=3.0)))
+    identity = {"identity": load_display("small.toml").identity}
+    write_picture("a.png", light(values("panel")), identity)
+    write_picture("direct.png", light(values("direct")), {})
+    write_picture("wide.png", np.zeros((20, 40, 3), np.float32), {})
+    write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
+    (tmp_path / "text.png").write_text("no picture")
+    return tmp_path
+
+
+def lippmann(capfd, *words):
+    capfd.readouterr()
+    code = run(list(words))
+    out, err = capfd.readouterr()
+    return code, out, err
+
+
+def test_the_command_writes_the_page(place, capfd):
+    code, out, _ = lippmann(
+        capfd,
+        "view",
+        "a.png",
+        "--display",
+        "small.toml",
+        "--direct",
+        "10,0,600",
+        "direct.png",
+        "--title",
+        "T",
+        "--json",
+    )
+    assert code == 0
+    told = json.loads(out)
+    page = (place / "a.html").read_bytes()
+    assert told["output"] == "a.html"
+    assert told["bytes"] == len(page)
+    assert told["direct_views"] == 1
+    assert told["identity"] == load_display("small.toml").identity
+    assert b"<title>T</title>" in page
+    assert sorted(p.name for p in place.glob(".*")) == []
+
+
+def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi):
+    words = ("view", "a.png", "--display", "small.toml", "--scene", "ball.xml", "--device", "llvm", "-o", "p.html")
+    code, out, err = lippmann(capfd, *words, "--json")
+    assert code == 0, err
+    assert json.loads(out)["direct_views"] == 21
+    directs = json.loads(Reader((place / "p.html").read_text()).texts["directs"])
+    assert [tuple(d["eye_mm"]) for d in directs] == grid_of_eyes(load_display("small.toml"))
+    middle = Image.open(io.BytesIO(base64.b64decode(directs[10]["png"].partition(",")[2])))
+    assert middle.size == (400, 300)
+    # The sphere before the axis, white in the middle and nothing round it.
+    assert middle.getpixel((200, 150)) == (255, 255, 255)
+    assert middle.getpixel((5, 5)) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("none.png",), "no such image"),
+        (("text.png",), "no image"),
+        (("wide.png",), "40 x 20"),
+        (("direct.png",), "identity"),
+        (("a.png", "--display", "other.toml"), "--force"),
+        (("a.png", "-o", "a.png"), "unknown extension"),
+        (("a.png", "-o", "none/a.html"), "does not exist"),
+        (("a.png", "--serve", "-o", "a.html"), "-o"),
+        (("a.png", "--tcp-port", "8000"), "--serve"),
+        (("a.png", "--direct", "0,0,600", "wide.png"), "wide.png.*40 x 20"),
+        (("a.png", "--direct", "0,0,-600", "direct.png"), "behind the display"),
+        (("a.png", "--direct", "0,0", "direct.png"), "X,Y,Z"),
+        (("a.png", "--direct", "0,0,600", "none.png"), "none.png"),
+        (("a.png", "--scene", "none.xml"), "none.xml"),
+    ],
+)
+def test_bad_input_is_one_line(place, capfd, words, message):
+    display = () if "--display" in words else ("--display", "small.toml")
+    code, out, err = lippmann(capfd, "view", *words, *display)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert re.search(message, err)
+    assert not list(place.glob("*.html"))

@@ -1,0 +1,437 @@
+"""The viewer page in headless Chromium, WebGL in software, against `observe` and the golden tracer."""
+
+import base64
+import io
+import itertools
+import json
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.bench.browser import Browser
+from lippmann.bench.observe import psnr_db
+from lippmann.display import Array, Display, Panel, load_display
+from lippmann.images import decode, encode, write_picture
+from lippmann.observe import Eye, observe, whole_window
+from lippmann.optics.status import Status
+from lippmann.optics.trace import trace, trace_to_panel
+from lippmann.render.renderer import Settings, render_integral
+from lippmann.render.scene import load_scene
+from lippmann.render.variant import start_mitsuba
+from lippmann.view.page import Direct, page_html
+from PIL import Image
+
+ROOT = Path(__file__).parents[2]
+SEED = 77
+AS_DESIGNED = {"rotation": 0.0, "offset": [0.0, 0.0], "gap": 0.0, "pitchScale": 1.0}
+LEAST_DB = 40.0
+#: Differences that one pixel may have: half a step of 8 bits in each of both pictures' roundings.
+STEP = 1.01 / 255
+
+
+def small(grid="square", side="panel", subpixels="none", gap=3.0, rotation=0.0):
+    """13 x 10 lenslets of f/3.3, the panel some way off focus."""
+    return Display(
+        f"{grid}-{side}",
+        Panel(260, 200, 0.05, subpixels),
+        Array(grid, 1.0, 1.65, 1.5, 0.8, side, rotation_deg=rotation, offset_mm=(0.03, -0.07)),
+        gap,
+    )
+
+
+def painted(display, seed=SEED):
+    """Panel light with edges everywhere: random values, as the page keeps them (8 bits)."""
+    panel = display.panel
+    rng = np.random.default_rng(seed)
+    print(f"numpy.random.default_rng({seed})")
+    return decode(rng.integers(0, 256, (panel.height_px, panel.width_px, 3)) / 255.0, "srgb")
+
+
+@pytest.fixture(scope="module")
+def mi():
+    return start_mitsuba("llvm")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+def open_page(browser, folder, page):
+    """Open a page from its file and wait until it has started."""
+    file = folder / "page.html"
+    file.write_text(page, encoding="utf-8")
+    browser.open(file.as_uri())
+    assert browser.evaluate("lippmann.viewer.then((viewer) => { globalThis.viewer = viewer; return true; })")
+
+
+def settings(eye, pupil=0.0, focus=0.0, built=AS_DESIGNED, crosstalk=True):
+    return {
+        "eye": {"position": list(eye), "pupil": pupil, "focus": focus},
+        "built": {**AS_DESIGNED, **built},
+        "crosstalk": crosstalk,
+    }
+
+
+def pixels_of(url):
+    """Values 0 to 1 of a PNG's data URL."""
+    picture = Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2])))
+    return np.asarray(picture.convert("RGB")) / 255.0
+
+
+def seen_in_page(browser, window, rays, **chosen):
+    """The canvas' pixels of a view, values 0 to 1."""
+    text = json.dumps(settings(**chosen))
+    return pixels_of(browser.evaluate(f"viewer.picture({text}, {window.width_px}, {window.height_px}, {rays})"))
+
+
+def seen_by_observe(mi, radiance, display, window, rays, eye, pupil=0.0, focus=0.0, built=None, crosstalk=True):
+    built = {**AS_DESIGNED, **(built or {})}
+    made = display.misaligned(built["rotation"], tuple(built["offset"]), built["gap"], built["pitchScale"])
+    return observe(mi, radiance, made, Eye(tuple(eye), pupil, focus), window, rays, crosstalk=crosstalk).radiance
+
+
+# --- against observe ------------------------------------------------------------------------------
+
+EYES = (
+    {"eye": (5.0, -8.0, 300.0)},
+    {"eye": (-90.0, 40.0, 250.0), "built": {"rotation": 3.0, "offset": [0.2, 0.1], "gap": -0.4, "pitchScale": 1.03}},
+    {"eye": (4.0, 10.0, 200.0), "pupil": 6.0, "focus": 25.0, "crosstalk": False},
+)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"grid": "square"},
+        {"grid": "hex", "subpixels": "rgb"},
+        {"grid": "square", "side": "viewer", "subpixels": "bgr", "rotation": 20.0},
+        {"grid": "hex", "side": "viewer", "gap": 1.5},
+        {"grid": "hex", "gap": 0.0, "rotation": -7.0},
+    ],
+    ids=lambda shape: "-".join(map(str, shape.values())),
+)
+def test_the_page_shows_what_observe_shows(browser, mi, tmp_path, shape):
+    """Both follow the same rays: a pixel that differs has one that rounding brought across an edge."""
+    display = small(**shape)
+    radiance = painted(display)
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    window = whole_window(display, 130)
+    for chosen in EYES:
+        built = chosen.get("built", AS_DESIGNED)
+        one = {**chosen, "built": {**built, "gap": max(built["gap"], -display.gap_mm)}}
+        page = seen_in_page(browser, window, 4, **one)
+        view = seen_by_observe(mi, radiance, display, window, 4, **one)
+        assert view.std() > 0.02
+        assert psnr_db(decode(page, "srgb"), view) >= LEAST_DB, one
+        assert (np.abs(page - encode(view, "srgb")) > STEP).mean() < 0.01, one
+
+
+def test_crosstalk_rotation_and_focus_matter(browser, mi, tmp_path):
+    """The comparison above could tell them apart."""
+    display = small()
+    open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+    window = whole_window(display, 130)
+    plain = {"eye": (60.0, 0.0, 250.0), "pupil": 6.0, "focus": 25.0}
+    first = seen_in_page(browser, window, 4, **plain)
+    for change in ({"crosstalk": False}, {"built": {"rotation": 0.5}}, {"focus": -25.0}, {"built": {"gap": 0.3}}):
+        other = seen_in_page(browser, window, 4, **{**plain, **change})
+        assert psnr_db(decode(first, "srgb"), decode(other, "srgb")) < 30.0, change
+
+
+@pytest.mark.parametrize(("grid", "side"), list(itertools.product(("square", "hex"), ("panel", "viewer"))))
+def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side):
+    """While the eye moves: one ray from the eye through the middle of each of the view's pixels."""
+    display = small(grid, side)
+    panel = display.panel
+    radiance = painted(display)
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    window = whole_window(display, 120)
+    eye = np.array([20.0, -30.0, 300.0])
+    glance = seen_in_page(browser, window, 0, eye=eye.tolist(), pupil=5.0, focus=30.0)
+    column, row = np.meshgrid(np.arange(window.width_px) + 0.5, np.arange(window.height_px) + 0.5)
+    x = (column / window.width_px - 0.5) * panel.width_mm
+    y = (0.5 - row / window.height_px) * panel.height_mm
+    way = np.stack([x, y, 0.0 * x], axis=2).reshape(-1, 3) - eye
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    hits = trace_to_panel(display, np.broadcast_to(eye, way.shape), way)
+    seen = (hits.status == Status.OK) | (hits.status == Status.CROSSTALK)
+    pixel = np.where(seen[:, None], np.floor(hits.pixel), 0.0).astype(int)
+    expected = np.where(seen[:, None], np.rint(encode(radiance, "srgb") * 255)[pixel[:, 1], pixel[:, 0]], 0.0)
+    different = (np.rint(glance * 255).reshape(-1, 3) != expected).any(axis=1)
+    # Blocked rays, which a glance lets pass, and those within rounding of a pixel's edge.
+    assert different.mean() < 0.01
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["paper-square", "paper-hex"])
+def test_twenty_eyes_on_the_papers_displays(browser, mi, tmp_path, name):
+    display = load_display(ROOT / f"scenes/displays/{name}.toml")
+    scene = load_scene(mi, ROOT / "scenes/fish/fish.xml")
+    radiance = render_integral(mi, scene, display, "exact", Settings(samples=4)).radiance
+    radiance = decode(np.rint(encode(radiance, "srgb") * 255.0) / 255.0, "srgb")
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    window = whole_window(display, 600)
+    rng = np.random.default_rng(SEED)
+    print(f"numpy.random.default_rng({SEED})")
+    worst = np.inf
+    for k in range(20):
+        eye = (*rng.uniform(-140.0, 140.0, 2).tolist(), float(rng.uniform(200.0, 1500.0)))
+        pupil = float(rng.uniform(0.0, 12.0)) if k % 2 else 0.0
+        chosen = {"eye": eye, "pupil": pupil, "focus": float(rng.uniform(-100.0, 100.0))}
+        page = seen_in_page(browser, window, 4, **chosen)
+        view = seen_by_observe(mi, radiance, display, window, 4, **chosen)
+        worst = min(worst, psnr_db(decode(page, "srgb"), view))
+    print(f"worst of 20 eyes on {name}: {worst:.1f} dB")
+    assert worst >= LEAST_DB
+
+
+# --- the page as a person uses it -----------------------------------------------------------------
+
+
+@pytest.fixture
+def page(browser, tmp_path):
+    """The browser with the page of a small display open."""
+    display = small()
+    directs = [Direct((x, 0.0, 600.0), painted(display, k)) for k, x in enumerate((-40.0, 0.0, 40.0))]
+    open_page(browser, tmp_path, page_html(display, painted(display), "A page", directs))
+    return browser
+
+
+def value(page, name):
+    return page.evaluate(f"document.getElementById('{name}').valueAsNumber")
+
+
+def frame(page):
+    """Wait until what changed has been taken up and drawn."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")
+
+
+def centre(page, name):
+    page.evaluate(f"document.getElementById('{name}').scrollIntoView({{block: 'center'}})")
+    box = page.evaluate(f"document.getElementById('{name}').getBoundingClientRect().toJSON()")
+    return box["x"], box["y"], box["width"], box["height"]
+
+
+def mouse(page, kind, x, y, **others):
+    page.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **others)
+
+
+def key(page, name):
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=name)
+
+
+def test_it_asks_for_nothing_and_complains_of_nothing(page):
+    frame(page)
+    asked = [told["request"]["url"] for method, told in page.events if method == "Network.requestWillBeSent"]
+    assert asked
+    assert {url.partition(":")[0] for url in asked} <= {"file", "data", "blob"}
+    assert [told for method, told in page.events if method in ("Log.entryAdded", "Runtime.exceptionThrown")] == []
+    assert page.evaluate("document.getElementById('trouble').hidden")
+
+
+def test_mouse_finger_and_keys_move_the_eye(page):
+    x, y, width, height = centre(page, "view-canvas")
+    reach = page.evaluate("Number(document.getElementById('eye-x').max)")
+    mouse(page, "mouseMoved", x + 0.75 * width, y + 0.25 * height)
+    frame(page)
+    # A pixel of the canvas is what the mouse may round.
+    assert value(page, "eye-x") == pytest.approx(0.5 * reach, abs=3.0 * reach / width)
+    assert value(page, "eye-y") == pytest.approx(0.5 * reach, abs=3.0 * reach / height)
+    point = {"x": x + 0.25 * width, "y": y + 0.5 * height}
+    page.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[point])
+    page.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    assert value(page, "eye-x") == pytest.approx(-0.5 * reach, abs=3.0 * reach / width)
+    page.evaluate("document.getElementById('view-canvas').focus()")
+    key(page, "Home")
+    assert [value(page, f"eye-{k}") for k in "xyz"] == [0.0, 0.0, 600.0]
+    key(page, "ArrowLeft")
+    key(page, "ArrowUp")
+    key(page, "PageUp")
+    assert value(page, "eye-x") < 0.0 < value(page, "eye-y")
+    assert value(page, "eye-z") > 600.0
+
+
+def test_the_view_follows_the_eye(page):
+    page.evaluate("document.getElementById('crosstalk').scrollIntoView()")
+    shot = "(viewer.frame(performance.now()), viewer.canvas.toDataURL())"
+    first = page.evaluate(shot)
+    page.evaluate("setSlider('eye-x', 30); viewer.changed()")
+    second = page.evaluate(shot)
+    assert first != second
+    words = page.evaluate(
+        "new Promise((done) => setTimeout(() => done(document.getElementById('view-words').textContent), 900))"
+    )
+    assert words == "Eye 30 mm right, 600 mm away. A pinhole pupil: all depths are sharp. Open the pupil to focus."
+    page.evaluate("setSlider('pupil', 4); setSlider('focus', -20); viewer.changed()")
+    frame(page)
+    assert "20 mm behind the display, where images are virtual" in page.evaluate(
+        "document.getElementById('depth-words').value"
+    )
+    page.evaluate("setSlider('focus', 12); viewer.changed()")
+    frame(page)
+    assert "12 mm in front of the display, where images are real" in page.evaluate(
+        "document.getElementById('depth-words').value"
+    )
+
+
+def test_the_nearest_direct_render_stands_beside(page):
+    for x, expected in ((-39.0, -40.0), (3.0, 0.0), (35.0, 40.0)):
+        page.evaluate(f"setSlider('eye-x', {x}); viewer.changed()")
+        frame(page)
+        assert page.evaluate("viewer.direct.shown.eye_mm[0]") == expected
+    page.evaluate("document.getElementById('direct-go').click()")
+    frame(page)
+    assert value(page, "eye-x") == 40.0
+    assert page.evaluate("document.getElementById('direct-words').value").endswith("The same eye.")
+    shown = pixels_of(page.evaluate("document.getElementById('direct-image').src"))
+    np.testing.assert_allclose(shown, encode(painted(small(), 2), "srgb"), atol=STEP / 2)
+
+
+def test_the_panel_zooms_to_its_pixels(page):
+    """At the most zoom the canvas' middle is one panel pixel, in its own colour; borders are drawn in between."""
+    x, y, width, height = centre(page, "panel-canvas")
+    page.evaluate("for (const id of ['seams', 'marks']) document.getElementById(id).click()")
+    for _ in range(20):
+        mouse(page, "mouseWheel", x + width / 2, y + height / 2, deltaX=0, deltaY=-300)
+    frame(page)
+    found = page.evaluate(
+        "(() => { const view = viewer.panelView, canvas = view.canvas;"
+        "const pixel = view.pixelAt([canvas.width / 2, canvas.height / 2]).map(Math.floor);"
+        "const at = [canvas.width / 2, canvas.height / 2].map(Math.floor);"
+        "return [view.scale, ...pixel, ...view.context.getImageData(...at, 1, 1).data]; })()"
+    )
+    scale, column, row, *colour = found
+    assert scale == 64
+    expected = np.rint(encode(painted(small()), "srgb")[int(row), int(column)] * 255)
+    np.testing.assert_array_equal(colour[:3], expected)
+    plain = page.evaluate("viewer.panelView.canvas.toDataURL()")
+    page.evaluate("document.getElementById('zoom-lenslets').click(); document.getElementById('seams').click()")
+    frame(page)
+    assert page.evaluate("viewer.panelView.canvas.toDataURL()") != plain
+    page.evaluate("document.getElementById('panel-canvas').focus()")
+    key(page, "0")
+    frame(page)
+    assert page.evaluate("viewer.panelView.scale") == pytest.approx(page.evaluate("viewer.panelView.fit"))
+
+
+def test_lattice_of_the_drawing_is_the_optics(browser, tmp_path):
+    """The page's own `locate`, by which borders are drawn and lenslets named, against the golden engine's."""
+    rng = np.random.default_rng(SEED)
+    print(f"numpy.random.default_rng({SEED})")
+    for grid in ("square", "hex"):
+        display = small(grid, rotation=11.0)
+        open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+        pixel = rng.uniform(0.0, 200.0, (500, 2))
+        found = browser.evaluate(
+            "(() => { const s = systemOf(viewer.display, readControls().built);"
+            f"return {json.dumps(pixel.tolist())}.map((p) => locate(s, arrayFromPanel(s, panelFromPixel(s, p)))); }})()"
+        )
+        # A chief ray's lenslet is its pixel's own, unless it strays: these do not.
+        np.testing.assert_array_equal(found, trace(display, pixel, model="pinhole").lenslet)
+
+
+def test_everything_focusable_has_a_name(page):
+    nodes = page.call("Accessibility.getFullAXTree")["nodes"]
+    focusable = [
+        n for n in nodes if any(p["name"] == "focusable" and p["value"]["value"] for p in n.get("properties", []))
+    ]
+    roles = {n["role"]["value"] for n in focusable}
+    assert {"slider", "button", "checkbox", "combobox", "application"} <= roles
+    nameless = [n for n in focusable if not n.get("name", {}).get("value") and n["role"]["value"] != "RootWebArea"]
+    assert nameless == []
+
+
+def test_light_and_dark(page):
+    ground = "getComputedStyle(document.body).backgroundColor"
+    colours = {}
+    for scheme in ("light", "dark"):
+        page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        colours[scheme] = page.evaluate(ground)
+    assert colours["light"] != colours["dark"]
+    # The page's own choice goes before the system's.
+    page.evaluate("document.getElementById('theme').value = 'light'")
+    page.evaluate("document.getElementById('theme').dispatchEvent(new Event('change'))")
+    assert page.evaluate(ground) == colours["light"]
+    page.call("Emulation.setEmulatedMedia", features=[])
+
+
+def test_the_view_fills_the_window_until_escape(page):
+    page.evaluate("document.getElementById('fill').click()")
+    frame(page)
+    assert page.evaluate("[viewer.canvas.clientWidth, viewer.canvas.clientHeight]") == [800, 600]
+    key(page, "Escape")
+    frame(page)
+    assert page.evaluate("viewer.canvas.clientWidth") < 800
+
+
+def test_without_webgl_it_says_so(tmp_path):
+    display = small()
+    with Browser() as browser:
+        browser.call(
+            "Page.addScriptToEvaluateOnNewDocument",
+            source="const old = HTMLCanvasElement.prototype.getContext;"
+            "HTMLCanvasElement.prototype.getContext = function (kind, ...more) {"
+            "return kind === 'webgl2' ? null : old.call(this, kind, ...more); };",
+        )
+        open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+        assert "no WebGL 2" in browser.evaluate("document.getElementById('trouble').textContent")
+        # The panel is there all the same.
+        frame(browser)
+        middle = browser.evaluate("[...viewer.panelView.context.getImageData(50, 50, 1, 1).data]")
+        assert max(middle[:3]) > 0
+
+
+# --- the server -----------------------------------------------------------------------------------
+
+
+def test_the_page_is_served_on_loopback_until_interrupted(tmp_path):
+    display = load_display(ROOT / "scenes/displays/vga-square.toml")
+    panel = display.panel
+    write_picture(tmp_path / "a.png", np.full((panel.height_px, panel.width_px, 3), 0.5, np.float32), {})
+    words = [
+        "view",
+        "a.png",
+        "--display",
+        str(ROOT / "scenes/displays/vga-square.toml"),
+        "--force",
+        "--serve",
+        "--json",
+    ]
+    server = subprocess.Popen(
+        [sys.executable, "-m", "lippmann", *words],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        told = json.loads(server.stdout.readline())
+        assert told["url"].startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(told["url"]) as answer:
+            page = answer.read()
+        assert len(page) == told["bytes"]
+        assert b"view-canvas" in page
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(told["url"] + "etc/passwd")
+        port = told["url"].split(":")[2].strip("/")
+        second = subprocess.run(
+            [sys.executable, "-m", "lippmann", *words, "--tcp-port", port],
+            cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+        assert second.returncode == 2
+        assert "cannot be opened" in second.stderr
+        server.send_signal(signal.SIGINT)
+        out, err = server.communicate(timeout=30)
+    finally:
+        server.kill()
+        server.wait()
+    assert server.returncode == 0, err
+    assert out == ""
