@@ -139,19 +139,23 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
 
     Infinite when the models disagree on which rays there are.
     """
-    if not gets_through(truth.status).all() or not (truth.lenslet == rays.lenslet).all():
+    there = gets_through(truth.status)
+    if (there != gets_through(rays.status)).any() or (truth.lenslet != rays.lenslet)[there].any():
         return float("inf")
+    if not there.any():
+        return 0.0
     worst = 0.0
     far, near = depth_range_mm
     # Where a pixel begins to spread beyond the lenslet; between these depths the error has no other peak.
     kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
-        apart = np.linalg.norm(_at_depth(truth, z) - _at_depth(rays, z), axis=1)
+        apart = np.linalg.norm(_at_depth(truth, z, there) - _at_depth(rays, z, there), axis=1)
         worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))
     return worst
 
 
-def _at_depth(rays: Rays, z_mm: float) -> npt.NDArray[np.float64]:
-    """Return where rays cross a plane, from their lenslet's centre, (N, 2) mm."""
-    t = (z_mm - rays.local_mm[:, 2]) / rays.direction[:, 2]
-    return rays.local_mm[:, :2] + t[:, None] * rays.direction[:, :2]
+def _at_depth(rays: Rays, z_mm: float, there: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Return where those rays that are there cross a plane, from their lenslet's centre, (N, 2) mm."""
+    local, direction = rays.local_mm[there], rays.direction[there]
+    t = (z_mm - local[:, 2]) / direction[:, 2]
+    return local[:, :2] + t[:, None] * direction[:, :2]

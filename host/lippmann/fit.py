@@ -33,7 +33,7 @@ from lippmann.choose import (
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
-from lippmann.fixed.trace import trace_fixed
+from lippmann.fixed.trace import pixels_of_words, trace_fixed, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -157,7 +157,12 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
     Cheaper hardware first (pinhole, paraxial, exact), and of each the shortest words. None, with the least error, when
     there is none.
     """
-    pixels = away_from_borders(display, probe(display, "chief", INSIDE)[0])
+    pixels = probe(display, "chief", INSIDE)[0]
+    try:
+        # As the words hold them, so that rounding moves none over a border.
+        pixels = away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
+    except InputError:  # a panel larger than the words hold
+        return None, float("inf")
     least = float("inf")
     for model in get_args(HardwareModel):
         for bits in FRACTIONS:

@@ -105,7 +105,7 @@ def test_the_build_is_within_tolerance_and_no_dearer_than_brute_force(number):
                 assert error <= tolerance
                 return
             # Rounding may be worse than at the points that were tried; the margin for it costs one bit at most.
-            assert error > 0.4 * tolerance, (model, bits)
+            assert error > 0.6 * tolerance, (model, bits)
     assert chosen is None
 
 
