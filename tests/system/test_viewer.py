@@ -1,6 +1,7 @@
 """The viewer page in headless Chromium, WebGL in software, against `observe` and the golden tracer."""
 
 import base64
+import dataclasses
 import io
 import itertools
 import json
@@ -131,6 +132,26 @@ def test_the_page_shows_what_observe_shows(browser, mi, tmp_path, shape):
         assert view.std() > 0.02
         assert psnr_db(decode(page, "srgb"), view) >= LEAST_DB, one
         assert (np.abs(page - encode(view, "srgb")) > STEP).mean() < 0.01, one
+
+
+@pytest.mark.parametrize(("side", "index"), [("panel", 1.1), ("viewer", 1.5)])
+def test_steep_domes_block_and_grow_with_the_pitch(browser, mi, tmp_path, side, index):
+    """Nearly hemispheres, as thin as can be, seen from far aside: rays that neighbours' domes block.
+
+    Downward that takes a low index, which bends rays so little that they come out again through a seam's valley.
+    """
+    flat = small("square", side, gap=0.4)
+    steep = dataclasses.replace(flat.array, radius_mm=0.73, index=index)
+    display = dataclasses.replace(flat, array=dataclasses.replace(steep, thickness_mm=steep.sag_mm))
+    radiance = painted(display)
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    window = whole_window(display, 130)
+    for eye in ((60.0, 100.0, 40.0), (-130.0, 20.0, 40.0)):
+        chosen = {"eye": eye, "built": {"pitchScale": 1.02}}
+        page = seen_in_page(browser, window, 4, **chosen)
+        view = seen_by_observe(mi, radiance, display, window, 4, **chosen)
+        assert view.std() > 0.02
+        assert psnr_db(decode(page, "srgb"), view) >= LEAST_DB, eye
 
 
 def test_crosstalk_rotation_and_focus_matter(browser, mi, tmp_path):

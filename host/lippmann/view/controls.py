@@ -73,8 +73,8 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             Slider("rotation", "Turned", "°", -TURN_DEG, TURN_DEG, 0.01),
             Slider(
                 "pitch-scale",
-                "Pitch",
-                "× design",
+                "Stretched",
+                "×",
                 1.0 - _whole(1.0 - shrink, FINE),
                 1.0 + _whole(stretch - 1.0, FINE),
                 FINE,
