@@ -246,6 +246,20 @@ def read_display(top: Table, name: str) -> Display:
     return display
 
 
+def display_text(display: Display) -> str:
+    """Return a display as the text of a display file, from which `parse_display` reads the same one."""
+    panel, array = display.panel, display.array
+    tables = {"": {"name": display.name, "gap_mm": display.gap_mm}}
+    tables["panel"] = dataclasses.asdict(panel)
+    tables["array"] = dataclasses.asdict(array)
+    del tables["array"]["glass" if array.glass is None else "index"]
+    # Numbers, text and lists are written alike in JSON and TOML.
+    return "\n".join(
+        (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+        for name, table in tables.items()
+    )
+
+
 def _read_panel(table: Table) -> Panel:
     pitch = table.one_of("pixel_pitch_mm", "dpi")
     panel = Panel(

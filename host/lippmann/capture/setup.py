@@ -6,7 +6,6 @@ lens's image-side principal plane, object distances from its object-side one: fo
 
 from __future__ import annotations
 
-import math
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -112,8 +111,12 @@ class Setup:
 
     @property
     def captured(self) -> Display:
-        """Panel and array as they stand while the picture is taken; the camera's panel lies on the array."""
-        gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else 0.0
+        """Panel and array as they stand while the picture is taken.
+
+        A camera's panel stands anywhere behind the domes: its rays are known by the points that they aim at.
+        """
+        behind = self.array.focal_length_mm + self.array.sag_mm
+        gap = self.pickup.gap_mm if isinstance(self.pickup, Pickup) else behind
         return replace(self.display, array=self.array, gap_mm=gap)
 
     @property
@@ -121,10 +124,9 @@ class Setup:
         """From the array's first principal plane to the camera's pinhole, mm; None for a pickup."""
         if isinstance(self.pickup, Pickup):
             return None
-        # The plane that the aperture distance leads to from a panel in contact; it lies on the camera's side.
-        contact = self.captured
-        from_vertices = self.array.thickness_mm - contact.aperture_distance_mm if self.plano_to_camera else 0.0
-        return self.pickup.distance_mm - self.array_distance_mm - from_vertices
+        # The vertices' plane, seen through the substrate where the flat face looks at the camera.
+        lifted = self.array.thickness_mm * (1.0 - 1.0 / self.array.index) if self.plano_to_camera else 0.0
+        return self.pickup.distance_mm - self.array_distance_mm - lifted
 
     @property
     def plano_to_camera(self) -> bool:
@@ -344,8 +346,8 @@ def _check(setup: Setup, source: str) -> None:
                 "give a larger position_mm",
             )
     to_camera = setup.camera_distance_mm
-    nearest = setup.captured.aperture_distance_mm
-    if to_camera is not None and not (math.isfinite(to_camera) and to_camera > nearest):
+    depth = setup.array.thickness_mm if setup.plano_to_camera else setup.array.sag_mm
+    if to_camera is not None and not to_camera > depth:
         raise input_error(
             f"{source}: array.position_mm" if setup.lens is not None else f"{source}: camera.distance_mm",
             f"the array stands {setup.array_distance_mm:.4g} mm behind the lens, not before the camera: outside the "

@@ -21,6 +21,7 @@ COMMANDS = (
     "fit",
     "trace",
     "render",
+    "capture",
     "observe",
     "view",
     "export",

@@ -2,7 +2,8 @@
 
 Four ways through one array: panel to world and back, each with the plano side to the panel or to the viewer. Seen in
 a mirror where needed, domes always bulge to +z, so that only two kinds of passage exist: upward, out of the glass
-through a dome, and downward, into the glass through a dome.
+through a dome, and downward, into the glass through a dome. Plano-concave lenslets are the downward kind with glass
+and air changed over.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
-        exit_ = _upward(b, system, ray, strays)
+        exit_ = _out_of_hollow(b, system, ray) if system.hollow else _upward(b, system, ray, strays)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
         exit_ = exit_._replace(ray=mirrored(exit_.ray))
@@ -103,6 +104,17 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     # A ray that grazes the dome on its way in is as delicate as one that grazes the flat face on its way out.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
+
+
+def _out_of_hollow(b: Backend, system: System, ray: Ray) -> Exit:
+    """From the flat face (ray already in the glass) through a dome of air pressed into it."""
+    # Mirrored, the domes bulge to +z as ever, but the glass lies above them and the air below.
+    ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))
+    crossing = meet(b, system.dome, ray, upward=False)
+    out, square = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=False)
+    reflected = square <= 0.0
+    blocked = blocked_below(b, system.dome, out, ~crossing.missed & ~reflected)
+    return _exit(b, mirrored(out), start, crossing, reflected, blocked, square)
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr, Arr, Arr]]:

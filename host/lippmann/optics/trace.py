@@ -59,7 +59,7 @@ def rays_from_pixels(
     frame = system.frame
     x, y = frame.array_from_panel(*frame.panel_from_pixel(u, v))
     i, j, x, y = system.lattice.locate(b, x, y)
-    out = _leave_panel(b, system, x, y, aperture, model)
+    out = leave_panel(b, system, x, y, aperture, model)
     i, j = i + b.double(out.di), j + b.double(out.dj)
     centre_x, centre_y = frame.panel_from_array(*system.lattice.centre(i, j))
     ray = out.ray
@@ -75,7 +75,7 @@ def rays_from_pixels(
     )
 
 
-def _leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     """Trace rays from lens-local panel points (double); those that graze a face are traced in double throughout."""
 
     def work(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:

@@ -86,6 +86,34 @@ class Placement:
         inverse[:3, 3] = -inverse[:3, :3] @ forward[:3, 3]
         return inverse
 
+    def then(self, other: Placement) -> Placement:
+        """Return the placement that stands a scene by this one and then moves all of it by another.
+
+        Depths outlast a turn about z alone; other turns leave the scene's bounding box to tell them.
+        """
+        matrix = other.display_from_scene @ self.display_from_scene
+        scale = self.scale * other.scale
+        turn = matrix[:3, :3] / scale
+        # Turns about x, then y, then z: turn = Rz Ry Rx.
+        level = math.hypot(turn[0, 0], turn[1, 0])
+        about_y = math.atan2(-turn[2, 0], level)
+        if level > 1e-9:
+            about_x, about_z = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
+        else:
+            about_x, about_z = math.atan2(-turn[1, 2], turn[1, 1]), 0.0
+        upright = other.rotation_deg[:2] == (0.0, 0.0)
+
+        def moved(z: float | None) -> float | None:
+            return other.scale * z + other.offset_mm[2] if upright and z is not None else None
+
+        return Placement(
+            scale=scale,
+            rotation_deg=(math.degrees(about_x), math.degrees(about_y), math.degrees(about_z)),
+            offset_mm=(float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3])),
+            near_mm=moved(self.near_mm),
+            far_mm=moved(self.far_mm),
+        )
+
 
 def load_placement(path: Path) -> Placement:
     """Read the table `[placement]` of a TOML file; other tables are not looked at.

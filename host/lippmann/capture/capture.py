@@ -1,0 +1,117 @@
+"""Takes the picture of a scene through imaging lens and array, and turns its elemental images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lippmann.capture.depths import image_distance, shown
+from lippmann.capture.rays import CaptureSource
+from lippmann.capture.rotation import rotate_elemental_images
+from lippmann.capture.setup import Setup
+from lippmann.errors import InputError
+from lippmann.render.renderer import Progress, Rendered, Settings, render
+from lippmann.render.scene import Scene
+from lippmann.render.variant import device_of
+
+#: Pixels whose rays are followed to measure the vignetting.
+PROBE_PIXELS = 1 << 20
+
+
+@dataclass(frozen=True)
+class Vignetting:
+    """Per cent of the picture's rays that the lens's aperture cuts off, and that are lost in the array."""
+
+    lens_percent: float
+    array_percent: float
+
+
+@dataclass(frozen=True)
+class Captured:
+    """A picture that the set-up's display shows, and what was lost on the way."""
+
+    rendered: Rendered
+    vignetting: Vignetting
+
+
+def vignetting(mi: Any, source: CaptureSource) -> Vignetting:
+    """Measure which share of the picture's rays is lost, over its pixels or a million of them."""
+    import drjit as dr
+
+    total = source.width_px * source.height_px
+    step = -(-total // PROBE_PIXELS)
+    pixel = dr.arange(mi.UInt32, -(-total // step)) * step
+    _, through_array, through_lens = source.rays(mi, pixel, mi.UInt32(0))
+    in_array = np.broadcast_to(np.asarray(through_array), len(pixel))
+    in_both = in_array & np.asarray(through_lens)
+    return Vignetting(100.0 * float(np.mean(in_array & ~in_both)), 100.0 * float(np.mean(~in_array)))
+
+
+def check_stand(scene: Scene, setup: Setup) -> None:
+    """Refuse a scene, loaded with the set-up's placement, that cannot be captured where it stands.
+
+    Raises
+    ------
+    InputError
+        When the scene reaches into the lens, or the array stands outside the scene's image space.
+    """
+    far, near = scene.depth_range_mm
+    lens, subject = setup.lens, setup.subject
+    front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
+    if near >= front:
+        raise InputError(
+            f"set-up '{setup.name}': the scene reaches to {near:.4g} mm before the object's centre, into what stands "
+            f"{front:.4g} mm before it; move the object away, or make the scene smaller"
+        )
+    # Beyond the depth where neighbouring pixels' rays are a lenslet apart nothing is left of an object.
+    display = setup.display
+    reach = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+    depth = shown(setup, [far, near], rotated=True).depth_mm
+    if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
+        image = image_distance(setup, [far, near])
+        raise InputError(
+            f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
+            f"scene's image stands {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
+            f"{setup.array_distance_mm:.4g} mm; give a position nearer to it"
+        )
+
+
+def capture(
+    mi: Any, scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None
+) -> Captured:
+    """Take the picture of a scene.
+
+    Parameters
+    ----------
+    mi
+        Mitsuba, started.
+    scene
+        The scene, placed in the object's frame (`Subject.placement`).
+    setup
+        The set-up.
+    settings
+        How to render; `aperture` is for a pickup.
+    rotate
+        Whether elemental images are turned by 180 degrees.
+    progress
+        See `render`.
+
+    Raises
+    ------
+    InputError
+        When the scene or the array stands where nothing can be seen, or no light gets through the lens.
+    """
+    check_stand(scene, setup)
+    source = CaptureSource(setup, settings.samples, settings.aperture, settings.seed, device_of(mi))
+    lost = vignetting(mi, source)
+    if lost.lens_percent + lost.array_percent >= 100.0:
+        raise InputError(
+            f"set-up '{setup.name}': lens.aperture_mm: no ray of the picture gets through the lens (vignetting "
+            "100 %); make the aperture larger"
+        )
+    rendered = render(mi, scene, source, settings, progress)
+    if rotate:
+        rendered = replace(rendered, radiance=rotate_elemental_images(rendered.radiance, setup.display))
+    return Captured(rendered, lost)

@@ -1,0 +1,92 @@
+"""Proof of depth on a small, fast configuration: signs and magnitudes against formulas written again here."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.bench.depth import measure_depths, strip_of
+from lippmann.capture.depths import shown
+from lippmann.capture.imaging_lens import ThinLens
+from lippmann.capture.setup import Pickup, load_setup
+
+SETUPS = Path(__file__).parents[2] / "scenes/setups"
+
+
+def lens_equations(z, position, camera=True, focal=3.3, gap=4.8, rotated=True):
+    """Depth by hand for the paper's numbers: object at 1000 - z, f = 293.29, lenslet of 3.3 mm, n = 1.5."""
+    f = 1000 * 415 / 1415
+    image = 1 / (1 / f - 1 / (1000 - z))
+    behind = image - (415 + position)
+    # Thinnest lenslet of R = 1.65: its principal plane T/1.5 from the flat face.
+    thickness = 1.65 - np.sqrt(1.65**2 - 0.5)
+    g = gap + thickness / 1.5
+    if not camera:
+        depth = behind * g / g
+    else:
+        length = 1450 - (415 + position) - thickness / 3
+        v = 1 / (1 / focal - 1 / length)
+        depth = g / v * (behind + v) * length / (length - behind)
+    return depth if rotated else -depth
+
+
+@pytest.mark.parametrize("position", [-60.0, -40.0, -20.0, 10.0])
+def test_the_formula_is_the_one_of_the_equations(position):
+    name = {-60.0: "fig8a", -40.0: "fig8b", -20.0: "fig8c", 10.0: "fig8d"}[position]
+    setup = load_setup(SETUPS / f"{name}.toml")
+    z = np.array([50.0, 0.0, -120.0, -300.0])
+    for rotated in (True, False):
+        got = shown(setup, z, rotated)
+        gap = setup.display.gap_mm
+        assert got.depth_mm == pytest.approx(lens_equations(z, position, gap=gap, rotated=rotated), rel=1e-9)
+        # What stands nearer to the lens appears nearer to the eye when rotated, and farther off when not.
+        assert (np.diff(got.depth_mm) < 0.0).all() == rotated
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "sign"),
+    [("fig8a", 0.0, 1), ("fig8b", -200.0, 1), ("fig8c", 0.0, 1), ("fig8c", -280.0, -1), ("fig8d", -100.0, -1)],
+)
+def test_an_eye_that_moves_sees_the_depth(mi, name, z, sign):
+    setup = strip_of(load_setup(SETUPS / f"{name}.toml"))
+    gap = setup.display.gap_mm
+    for rotated in (True, False):
+        (depth,) = measure_depths(mi, setup, z, rotated, ("pinhole",))
+        theory = lens_equations(z, setup.position_mm, gap=gap, rotated=rotated)
+        print(f"{name} {z:g} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {theory:.2f}")
+        assert np.sign(depth) == np.sign(theory) == (sign if rotated else -sign)
+        assert depth == pytest.approx(theory, rel=0.05)
+
+
+def test_an_ideal_lens_and_a_pickup(mi):
+    """No aberration but the lenslets', and no camera's perspective: a pickup at the display's gap keeps depth as is."""
+    setup = strip_of(load_setup(SETUPS / "pickup.toml"))
+    setup = replace(setup, lens=ThinLens(1000 * 415 / 1415, 320.0))
+    assert setup.pickup == Pickup(4.8)
+    (depth,) = measure_depths(mi, setup, 0.0, True, ("pinhole",))
+    assert depth == pytest.approx(60.0, rel=0.03)
+    assert float(shown(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
+
+
+def test_concave_lenslets_need_no_rotation(mi):
+    setup = strip_of(load_setup(SETUPS / "concave.toml"))
+    (depth,) = measure_depths(mi, setup, 0.0, False, ("pinhole",))
+    # Their pupil stands 3.3 mm behind the array, not before it.
+    theory = -lens_equations(0.0, -60.0, focal=-3.3)
+    assert theory > 0.0
+    assert depth == pytest.approx(theory, rel=0.05)
+
+
+def test_a_plain_array_converts_pseudoscopic_to_orthoscopic(mi):
+    """No imaging lens, the object 150 mm before the array: real and inside out as captured, virtual when rotated."""
+    setup = strip_of(load_setup(SETUPS / "plain.toml"))
+    g = setup.display.aperture_distance_mm
+    length = 1095 - setup.array.thickness_mm / 3
+    v = 1 / (1 / 3.3 - 1 / length)
+    for z in (0.0, 60.0):
+        far = 150.0 - z
+        theory = g / v * (far - v) * length / (length + far)
+        (real,) = measure_depths(mi, setup, z, False, ("pinhole",))
+        (virtual,) = measure_depths(mi, setup, z, True, ("pinhole",))
+        assert real == pytest.approx(theory, rel=0.05)
+        assert virtual == pytest.approx(-theory, rel=0.05)

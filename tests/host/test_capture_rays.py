@@ -1,0 +1,179 @@
+"""The way of a captured ray: through the camera's pinhole, by exact lenslets, hollow ones too."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lippmann.capture.imaging_lens import ThinLens
+from lippmann.capture.rays import rays_from_picture, system_of
+from lippmann.capture.setup import Camera, Pickup, Setup, Subject
+from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.status import gets_through
+from lippmann.optics.trace import leave_panel, trace, trace_to_panel
+from lippmann.render.placement import Placement
+from optics_cases import display_of
+from scene_cases import generator
+
+B = NumpyBackend()
+OBJECT_MM = 150.0
+CAMERA_MM = 900.0
+
+
+def setup_of(grid="square", side="panel", lens=None, pickup=None, concave=False, rotation=0.0, offset=(0.0, 0.0)):
+    display = display_of(
+        grid, side, radius=1.65, thickness=None, gap=4.8, rotation=rotation, offset=offset, width_px=300, height_px=200
+    )
+    subject = Subject(OBJECT_MM, Placement())
+    return Setup("case", subject, lens, display, display.array, concave, 0.0, pickup or Camera(CAMERA_MM))
+
+
+def picture_points(seed, count=400):
+    return generator(seed).uniform([20, 20], [280, 180], (count, 2))
+
+
+def from_array(rays):
+    """Origins and directions before the array, z = 0 in its vertices, z towards the object: no lens between."""
+    ray = rays.ray
+    return np.column_stack([ray.x, ray.y, OBJECT_MM - ray.z]), np.column_stack([ray.dx, ray.dy, -ray.dz])
+
+
+@pytest.mark.parametrize("rotation", [0.0, 23.0])
+@pytest.mark.parametrize("side", ["panel", "viewer"])
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_traced_back_they_meet_the_pinhole(grid, side, rotation):
+    """The other way through the array, by the tracer for rays from the world, onto two panels: the line through both
+    hits comes from the pinhole, and goes where the picture says through the first principal plane.
+    """
+    setup = setup_of(grid, side, rotation=rotation, offset=(0.21, -0.13))
+    points = picture_points(11)
+    rays = rays_from_picture(B, setup, *points.T)
+    origin, direction = from_array(rays)
+    lifted = setup.array.thickness_mm * (1 - 1 / setup.array.index) if side == "panel" else 0.0
+    near = setup.array.thickness_mm if side == "panel" else 0.0
+    place, depth = [], []
+    for gap in (2.0, 7.0):
+        display = replace(setup.display, gap_mm=gap, panel=replace(setup.display.panel, width_px=3000, height_px=3000))
+        hits = trace_to_panel(display, origin, -direction)
+        pitch = display.panel.pixel_pitch_mm
+        place.append(np.column_stack([hits.pixel[:, 0] - 1500.0, 1500.0 - hits.pixel[:, 1]]) * pitch)
+        depth.append(gap + near)
+        arrived = np.isin(hits.status, (0, 4))
+    assert np.mean(arrived & np.asarray(rays.through_array)) > 0.9
+    slope = (place[1] - place[0]) / (depth[1] - depth[0])
+    good = arrived & np.asarray(rays.through_array)
+    at_pinhole = place[0] + slope * (CAMERA_MM - depth[0])
+    assert np.abs(at_pinhole[good]).max() < 1e-9
+    pitch = setup.display.panel.pixel_pitch_mm
+    asked = np.column_stack([points[:, 0] - 150.0, 100.0 - points[:, 1]]) * pitch
+    assert np.abs(place[0] + slope * (lifted - depth[0]) - asked)[good].max() < 1e-9
+
+
+def test_a_pickup_is_the_display_s_own_trace():
+    """Without a lens a sensor at a gap captures along the rays that a display of that gap sends out."""
+    setup = setup_of("hex", pickup=Pickup(4.1), rotation=11.0)
+    points = picture_points(12)
+    aim = generator(13).uniform(-0.3, 0.3, (len(points), 2))
+    for aperture in (None, aim):
+        rays = rays_from_picture(B, setup, *points.T, None if aperture is None else tuple(aperture.T))
+        expected = trace(replace(setup.display, gap_mm=4.1), points, aperture)
+        origin, direction = from_array(rays)
+        assert origin == pytest.approx(expected.origin_mm, abs=1e-12)
+        assert direction == pytest.approx(expected.direction, abs=1e-14)
+        assert np.array_equal(rays.through_array, gets_through(expected.status))
+
+
+@pytest.mark.parametrize("concave", [False, True])
+def test_near_its_centre_a_lenslet_obeys_the_lens_equation(concave):
+    """Slope c/L - u/v with 1/v = 1/f - 1/L, by hand, for u of a hundredth of the focal length."""
+    setup = setup_of(concave=concave)
+    pitch = setup.display.panel.pixel_pitch_mm
+    focal = -3.3 if concave else 3.3
+    to_plane = CAMERA_MM - setup.array.thickness_mm * (1 - 1 / 1.5)
+    v = 1.0 / (1.0 / focal - 1.0 / to_plane)
+    for centre in (-6.0, 0.0, 4.0):
+        u = np.array([-0.03, -0.01, 0.0, 0.02])
+        rays = rays_from_picture(B, setup, (centre + u) / pitch + 150.0, 0 * u + 100.0)
+        origin, direction = from_array(rays)
+        slope = direction[:, 0] / direction[:, 2]
+        # Third order: the cube of the slopes.
+        assert slope == pytest.approx(centre / to_plane - u / v, abs=2e-5)
+        assert origin[:, 0] - origin[:, 2] * slope == pytest.approx(centre + u, abs=2e-5)
+
+
+def test_hollow_lenslets_against_rayoptics():
+    """One plano-concave lens, flat side first: centre of curvature on the object's side."""
+    from rayoptics.elem.profiles import Spherical
+    from rayoptics.elem.surface import Surface
+    from rayoptics.raytr.raytrace import trace_raw
+
+    setup = setup_of(concave=True)
+    system = system_of(setup)
+    rng = generator(14)
+    aim = rng.uniform(-0.3, 0.3, (100, 2))
+    start = aim + rng.uniform(-0.5, 0.5, (100, 2))
+    out = leave_panel(B, system, *start.T, tuple(aim.T), "exact")
+    own = np.asarray(out.status) == 0
+    assert own.sum() > 80
+
+    def step(surface, distance, index):
+        return (surface, None, (np.eye(3), np.array([0.0, 0.0, distance])), index, 1.0)
+
+    path = (
+        step(Surface(profile=Spherical(c=0.0), interact_mode="dummy"), system.gap_mm, 1.0),
+        step(Surface(profile=Spherical(c=0.0)), system.thickness_mm, 1.5),
+        step(Surface(profile=Spherical(c=1.0 / 1.65)), 0.0, 1.0),
+    )
+    for k in np.flatnonzero(own):
+        way = np.append(aim[k] - start[k], system.aperture_distance_mm)
+        segments, _, _ = trace_raw(
+            iter(path), np.append(start[k], 0.0), way / np.linalg.norm(way), 550.0, intersect_obj=False
+        )
+        point, direction = segments[-1][:2]
+        ours = np.array([np.asarray(c)[k] for c in out.ray])
+        assert ours[:3] == pytest.approx(point, abs=1e-12)
+        assert ours[3:] == pytest.approx(direction, abs=1e-12)
+
+
+def test_hollow_seams_keep_every_ray_accounted_for():
+    """Rays to the rims: each gets through or is told why not; crosstalk is told too."""
+    setup = setup_of("hex", concave=True)
+    rng = generator(15)
+    aim = rng.uniform(-0.57, 0.57, (4000, 2))
+    start = aim + rng.uniform(-3.0, 3.0, (4000, 2))
+    out = leave_panel(B, system_of(setup), *start.T, tuple(aim.T), "exact")
+    counts = np.bincount(np.asarray(out.status), minlength=5)
+    print(counts)
+    assert np.isfinite(np.array([np.asarray(c) for c in out.ray])).all()
+    assert counts[0] > 1000
+    assert counts[4] > 10
+
+
+@pytest.mark.parametrize("concave", [False, True])
+def test_fast_engine_agrees(mi, concave):
+    setup = setup_of("hex", lens=ThinLens(90.0, 80.0), concave=concave, rotation=7.0)
+    setup = replace(setup, subject=Subject(200.0, Placement()), position_mm=-20.0, pickup=Camera(600.0))
+    b = DrJitBackend("llvm")
+    points = picture_points(16)
+    golden = rays_from_picture(B, setup, *points.T)
+    fast = rays_from_picture(b, setup, *(b.double(c) for c in points.T))
+    assert np.mean(np.asarray(fast.through_array) == golden.through_array) > 0.99
+    good = golden.through_array & golden.through_lens & np.asarray(fast.through_array) & np.asarray(fast.through_lens)
+    assert good.mean() > 0.9
+    # 2 microradian of the lenslet's float32, along some 150 mm.
+    apart = np.abs(np.array(fast.ray) - np.array(golden.ray))[:, good]
+    assert apart[:3].max() < 1e-3
+    assert apart[3:].max() < 1e-5
+
+
+def test_handedness():
+    """The camera sees the object unmirrored: what stands right of the axis is right of the lenslet's middle, inverted
+    by a convex lenslet, erect by a concave one.
+    """
+    for concave, sign in ((False, -1.0), (True, 1.0)):
+        setup = setup_of(concave=concave)
+        pitch = setup.display.panel.pixel_pitch_mm
+        rays = rays_from_picture(B, setup, np.array([0.2 / pitch + 150.0]), np.array([100.0 - 0.1 / pitch]))
+        t = -rays.ray.z / rays.ray.dz
+        assert math.copysign(1.0, (rays.ray.x + t * rays.ray.dx)[0]) == sign
+        assert math.copysign(1.0, (rays.ray.y + t * rays.ray.dy)[0]) == sign

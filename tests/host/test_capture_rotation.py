@@ -1,0 +1,108 @@
+"""Elemental images turned by 180 degrees: an involution, nothing lost or doubled inside a cell."""
+
+import numpy as np
+import pytest
+from lippmann.capture.rotation import cells_of, rotate_elemental_images, rotation_map
+from optics_cases import display_of
+from scene_cases import generator
+
+CASES = [
+    (grid, rotation, offset, ratio)
+    for grid in ("square", "hex")
+    for rotation, offset in (
+        (0.0, (0.0, 0.0)), (11.0, (0.0, 0.0)), (0.0, (0.137, -0.41)), (90.0, (0.2, 0.1)), (-37.3, (3.3, 1.7))
+    )
+    for ratio in (2.0, 5.0, 23.6220472440945)
+]  # fmt: skip
+
+
+def display_for(grid, rotation=0.0, offset=(0.0, 0.0), ratio=10.0, width_px=211, height_px=163):
+    return display_of(
+        grid, "panel", radius=1.65, pixel_pitch=1.0 / ratio, rotation=rotation, offset=offset,
+        width_px=width_px, height_px=height_px,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("grid", "rotation", "offset", "ratio"), CASES)
+def test_involution_within_each_cell(grid, rotation, offset, ratio):
+    display = display_for(grid, rotation, offset, ratio)
+    partner = rotation_map(display)
+    cell, centre = cells_of(display)
+    assert np.array_equal(partner[partner], np.arange(len(partner)))
+    assert np.array_equal(cell[partner], cell)
+    # Those that change places land at most a pixel from the mirror image of their place in the lenslet's centre.
+    place = np.stack(np.divmod(np.arange(len(partner)), display.panel.width_px)[::-1], axis=1) + 0.5
+    moved = partner != np.arange(len(partner))
+    off = np.abs(place[partner] - (2.0 * centre[cell] - place))[moved]
+    assert off.max() <= 1.0 + 1e-9
+    # Cells that lie wholly in the picture: what stays is at most a rim, a pixel wide, of part of the cell.
+    reach = display.array.half_diagonal_mm / display.panel.pixel_pitch_mm
+    whole = ((centre > reach) & (centre < [display.panel.width_px - reach, display.panel.height_px - reach])).all(
+        axis=1
+    )
+    still = np.bincount(cell, ~moved, len(centre))[whole]
+    size = np.bincount(cell, minlength=len(centre))[whole]
+    assert whole.any()
+    print(f"{grid} {rotation} {offset} {ratio:.1f}: {100 * still.sum() / size.sum():.2f} % of whole cells stay")
+    # Unturned squares leave nothing but the pixel on the centre itself; others part of their rim.
+    if grid == "square" and rotation % 90.0 == 0.0:
+        assert (still <= 1).all()
+    elif ratio > 10.0:
+        assert still.sum() < 0.05 * size.sum()
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.137, -0.41), (0.05, 0.05)])
+@pytest.mark.parametrize("ratio", [2.0, 5.0, 7.3, 12.0, 23.6220472440945])
+def test_square_cells_are_turned_whole(offset, ratio):
+    """By hand: each cell's block of pixels, reversed along both axes."""
+    display = display_for("square", 0.0, offset, ratio)
+    cell, centre = cells_of(display)
+    height, width = display.panel.height_px, display.panel.width_px
+    picture = generator(1).random((height, width, 3))
+    turned = rotate_elemental_images(picture, display)
+    number = cell.reshape(height, width)
+    blocks = 0
+    for k in range(len(centre)):
+        rows, columns = np.flatnonzero((number == k).any(axis=1)), np.flatnonzero((number == k).any(axis=0))
+        whole = rows[0] > 0 and rows[-1] < height - 1 and columns[0] > 0 and columns[-1] < width - 1
+        if whole:
+            block = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            assert np.array_equal(turned[block], picture[block][::-1, ::-1])
+            blocks += 1
+    assert blocks > 20
+
+
+def test_by_hand():
+    """Cells of 3 pixels, centred on the picture: 3 x 3 blocks turned about their middle pixel."""
+    display = display_for("square", ratio=3.0, width_px=9, height_px=3)
+    picture = np.arange(27.0).reshape(3, 9, 1)
+    expected = [
+        [20, 19, 18, 23, 22, 21, 26, 25, 24],
+        [11, 10, 9, 14, 13, 12, 17, 16, 15],
+        [2, 1, 0, 5, 4, 3, 8, 7, 6],
+    ]
+    assert rotate_elemental_images(picture, display)[:, :, 0].tolist() == expected
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_twice_is_nothing(grid):
+    display = display_for(grid, 17.0, (0.2, -0.7), 9.7)
+    picture = generator(2, grid).random((163, 211, 3)).astype(np.float32)
+    once = rotate_elemental_images(picture, display)
+    assert not np.array_equal(once, picture)
+    assert np.array_equal(rotate_elemental_images(once, display), picture)
+    assert np.array_equal(np.sort(once.ravel()), np.sort(picture.ravel()))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["paper-square", "paper-hex"])
+def test_the_paper_s_displays(name):
+    from pathlib import Path
+
+    from lippmann.display import load_display
+
+    display = load_display(Path(__file__).parents[2] / f"scenes/displays/{name}.toml")
+    partner = rotation_map(display)
+    cell, _ = cells_of(display)
+    assert np.array_equal(partner[partner], np.arange(len(partner)))
+    assert np.array_equal(cell[partner], cell)
