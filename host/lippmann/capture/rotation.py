@@ -66,7 +66,7 @@ def rotation_map(display: Display) -> Indices:
     partner = pixel.copy()
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - asked)
-        beside = (far <= 1.0 + ROUNDING).all(axis=1)
+        beside = far.max(axis=1) <= 1.0 + ROUNDING
         # Pixels of the cells for which this pair of whole numbers is beside the one that is asked for.
         some = np.flatnonzero(beside[cell])
         its_cell = cell[some]

@@ -15,7 +15,7 @@ from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view")
+WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth")
 
 
 @click.command("bench")
@@ -35,7 +35,7 @@ WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view")
     metavar="NAME",
     help="`fixed`: a named configuration of the RTL, and no others; may be repeated.",
 )
-@click.option("--report", metavar="FOLDER", help="`fixed`, `link`: write the report and its .csv files there.")
+@click.option("--report", metavar="FOLDER", help="`fixed`, `link`, `depth`: write the report and its files there.")
 @device_option
 @json_option
 def command(
@@ -47,7 +47,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Measure tracing, rendering, observing, the fixed-point pipeline, the simulated RTL, the link, or the viewer page.
+    """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the viewer page, or depths.
 
     The report names machine and date.
 
@@ -65,9 +65,13 @@ def command(
     if what == "link" and not configurations:
         _link(folder, seed, report, as_json)
         return
+    if what == "depth" and not configurations:
+        _depth(folder, seed, report, device, as_json)
+        return
     if configurations or report:
         raise InputError(
-            f"--configuration belongs to `bench fixed`, --report to it and to `bench link`; not to `bench {what}`"
+            "--configuration belongs to `bench fixed`, --report to it, to `bench link` and to `bench depth`; "
+            f"not to `bench {what}`"
         )
     mi = start_mitsuba(device)
     origin = provenance(f"lippmann bench {what} --scenes {scenes} --seed {seed} --device {device}")
@@ -144,6 +148,30 @@ def _link(folder: Path, seed: int, report: str | None, as_json: bool) -> None:
     if report is not None:
         write_report(Path(report), "link", origin, text, {"link-efficiency": lines, "link-frames": frames})
     emit({**origin, "efficiency": lines, "frames": frames}, as_json, lambda: click.echo(text))
+
+
+def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bool) -> None:
+    from lippmann.bench.depth import Depth, bench_depth, fish_views, report_text
+    from lippmann.bench.report import write_report
+    from lippmann.sheet import write_contact_sheet
+
+    if report is not None:
+        picture = check_output(Path(report) / "depth.png", (".png",))
+    mi = start_mitsuba(device)
+    origin = provenance(f"lippmann bench depth --scenes {folder} --seed {seed} --device {device}")
+
+    def done(row: Depth) -> None:
+        log(
+            f"{row.setup} {'rotated' if row.rotated else 'as captured'}, {row.thing}: {row.centres_mm:+.2f} mm, "
+            f"theory {row.theory_mm:+.2f} ({row.error_percent:+.1f} %), whole lenslets {row.lenslets_mm:+.2f}"
+        )
+
+    rows = bench_depth(mi, folder, seed, done)
+    figures = [{**dataclasses.asdict(row), "error_percent": row.error_percent, "kept": row.kept} for row in rows]
+    if report is not None:
+        write_contact_sheet(picture, *fish_views(mi, folder, seed), columns=2)
+        write_report(Path(report), "depth", origin, report_text(rows), {"depth": figures})
+    emit({**origin, "rows": figures}, as_json, lambda: click.echo(report_text(rows)))
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
