@@ -88,7 +88,7 @@ def test_the_other_set_ups():
     assert concave.concave
     assert concave.array.radius_mm == pytest.approx(1.65)
     assert plain.lens is None
-    assert (plain.array_distance_mm, plain.image_distance_mm, plain.magnification) == (0.0, -150.0, 1.0)
+    assert (plain.array_distance_mm, plain.image_distance_mm, plain.magnification) == (0.0, -120.0, 1.0)
 
 
 def test_every_set_up_that_ships_loads():

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import click
 import pytest
+from lippmann.capture.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import load_display
 from lippmann.render.placement import load_placement
@@ -109,6 +110,18 @@ def test_every_display_key_is_documented():
     assert not [key for key in keys - {"panel", "array"} if f"`{key}`" not in text]
 
 
+def test_every_setup_key_is_documented():
+    text = (TOP / "docs/reference/setup-file.md").read_text()
+    source = (TOP / "host/lippmann/capture/setup.py").read_text()
+    keys = set(re.findall(r"\b(?:table|top)\.\w+\(\"(\w+)\"", source)) | {"image_distance_mm", "radius_mm"}
+    assert {"distance_mm", "position_mm", "gap_mm", "convex"} <= keys
+    assert not [
+        key
+        for key in keys - {"object", "lens", "array", "camera", "pickup"}
+        if not re.search(rf"`(\w+\.)?{key}`", text)
+    ]
+
+
 SMALL_DISPLAY = """
 gap_mm = 3.3
 [panel]
@@ -141,6 +154,19 @@ def test_every_json_key_is_documented(tmp_path, capsys):
         ["inspect", str(display), "--json"],
         ["trace", *common, "--pixels", "9", "-o", str(tmp_path / "rays.npz")],
         ["render", str(TOP / "scenes/chart/chart.xml"), *common, "-o", str(image)],
+        [
+            "capture",
+            str(TOP / "scenes/chart/chart.xml"),
+            "--setup",
+            str(TOP / "scenes/setups/plain.toml"),
+            "--size",
+            "300",
+            "--samples",
+            "1",
+            "--json",
+            "-o",
+            str(tmp_path / "captured.exr"),
+        ],
         ["observe", str(image), *common, "--eye", "0,0,600", "--width", "8", "-o", str(tmp_path / "view.png")],
         ["doctor", "--json"],
     ):
@@ -193,6 +219,8 @@ def test_toml_blocks_are_valid(page, tmp_path):
         file.write_text(text)
         if "[placement]" in text:
             load_placement(file)
+        elif "[object]" in text:
+            load_setup(file)
         else:
             load_display(file)
 

@@ -65,9 +65,9 @@ def check_stand(scene: Scene, setup: Setup) -> None:
             f"set-up '{setup.name}': the scene reaches to {near:.4g} mm before the object's centre, into what stands "
             f"{front:.4g} mm before it; move the object away, or make the scene smaller"
         )
-    # Beyond the depth where neighbouring pixels' rays are a lenslet apart nothing is left of an object.
-    display = setup.display
-    reach = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+    # Where even one point's light would come from the whole display, nothing is left of an object.
+    panel, array = setup.display.panel, setup.display.array
+    reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.pitch_mm
     depth = shown(setup, [far, near], rotated=True).depth_mm
     if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
         image = image_distance(setup, [far, near])

@@ -47,7 +47,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the viewer page, or depths.
+    """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the page, or depths.
 
     The report names machine and date.
 

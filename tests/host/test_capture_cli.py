@@ -1,0 +1,175 @@
+"""`lippmann capture`: its answer, its files, what an eye sees of them, and what it refuses."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.capture.rotation import rotate_elemental_images
+from lippmann.capture.setup import load_setup
+from lippmann.cli import run
+from lippmann.display import display_text, load_display, parse_display
+from lippmann.images import read_picture
+from lippmann.render.placement import Placement
+from scene_cases import generator, glowing_sphere, write_scene
+
+TOP = Path(__file__).parents[2]
+SETUP = """
+[display]
+name = "small"
+gap_mm = 4.8
+[display.panel]
+width_px = 400
+height_px = 300
+pixel_pitch_mm = 0.1
+[display.array]
+grid = "square"
+pitch_mm = 1.0
+focal_length_mm = 3.3
+index = 1.5
+[object]
+distance_mm = 1000
+rotation_deg = [0, 0, 180]
+[lens]
+kind = "thin"
+image_distance_mm = 415
+aperture_mm = 300
+[array]
+position_mm = -60
+[camera]
+distance_mm = 1450
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    (tmp_path / "s.toml").write_text(SETUP)
+    write_scene(tmp_path / "ball.xml", glowing_sphere((5.0, 5.0, -5.0), 4.0))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def capture(capfd, *more, code=0):
+    capfd.readouterr()
+    base = ["capture", "ball.xml", "--setup", "s.toml", "-o", "out.exr", "--samples", "1", "--device", "llvm"]
+    found = run([*base, *(str(m) for m in more)])
+    out, err = capfd.readouterr()
+    assert found == code, err
+    return out, err
+
+
+def change(place, old, new):
+    text = (place / "s.toml").read_text()
+    assert old in text
+    (place / "s.toml").write_text(text.replace(old, new))
+
+
+def test_answer_and_files(place, capfd, mi):
+    out, _ = capture(capfd, "--json", "--display-out", "shows.toml")
+    answer = json.loads(out)
+    assert answer["focal_length_mm"] == pytest.approx(293.2862190812721)
+    assert answer["image_distance_mm"] == pytest.approx(415.0)
+    assert answer["magnification"] == pytest.approx(-0.415)
+    assert (answer["array_position_mm"], answer["array_distance_mm"]) == (-60.0, pytest.approx(355.0))
+    assert answer["elemental_image_px"] == pytest.approx(10.0)
+    assert (answer["image"], answer["relief"], answer["rotated"]) == ("real", "orthoscopic", True)
+    assert answer["vignetting_percent"] == 0.0
+    display = load_display("shows.toml")
+    picture = read_picture("out.exr")
+    assert display.identity == answer["identity"] == picture.metadata["identity"]
+    assert picture.metadata["setup"] == "s"
+    assert picture.radiance.max() > 0.5
+    # The observer takes the picture for that display; the ball stands right of the axis and above it.
+    assert (
+        run(["observe", "out.exr", "--display", "shows.toml", "--eye", "0,0,600", "-o", "view.exr", "--width", "40"])
+        == 0
+    )
+    light = read_picture("view.exr").radiance.sum(axis=2)
+    rows, columns = np.indices(light.shape)
+    assert (light * columns).sum() / light.sum() > 20.0
+    assert (light * rows).sum() / light.sum() < 14.5
+
+
+def test_rotation_is_what_no_rotate_leaves_out(place, capfd, mi):
+    capture(capfd, "--no-rotate", "-o", "plain.exr")
+    capture(capfd, "--rotate", "-o", "turned.exr")
+    plain, turned = read_picture("plain.exr"), read_picture("turned.exr")
+    assert (plain.metadata["rotated"], turned.metadata["rotated"]) == ("False", "True")
+    assert np.array_equal(rotate_elemental_images(plain.radiance, load_setup("s.toml").display), turned.radiance)
+    out, _ = capture(capfd, "--json", "--no-rotate")
+    assert json.loads(out)["relief"] == "pseudoscopic"
+
+
+def test_size_and_seed(place, capfd, mi):
+    out, _ = capture(capfd, "--json", "--size", "120")
+    assert (json.loads(out)["width_px"], json.loads(out)["height_px"]) == (120, 90)
+    first = read_picture("out.exr").radiance
+    capture(capfd, "--size", "120")
+    assert np.array_equal(read_picture("out.exr").radiance, first)
+
+
+def test_vignetting_is_told(place, capfd, mi):
+    """A lens of 40 mm: a lenslet's rays alone, 0.3 f wide, reach 107 mm across at 355 mm."""
+    change(place, "aperture_mm = 300", "aperture_mm = 40")
+    out, err = capture(capfd, "--json")
+    percent = json.loads(out)["vignetting_percent"]
+    # A disc of 40 mm out of a square of 355 mm / 3.32 mm = 107 mm, and the field: 1 - pi/4 (40/107)^2 = 89 %.
+    assert percent == pytest.approx(89.0, abs=2.0)
+    assert f"note: the lens's aperture cuts off {percent:.1f} % of the rays" in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "more", "said"),
+    [
+        ("aperture_mm = 300", "aperture_mm = 0.0001", (), "lens.aperture_mm: no ray of the picture gets through"),
+        ("position_mm = -60", "position_mm = -300", (), "array.position_mm: -300 mm is outside the image space"),
+        ("position_mm = -60", "position_mm = -500", (), "outside the image space"),
+        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene reaches to"),
+        ("", "", ("--size", "70"), "fewer than 2; give a larger --size"),
+        ("", "", ("--size", "0"), "size 0 is out of range"),
+        ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
+        ("", "", ("-o", "out.jpg"), "unknown extension"),
+        ("", "", ("--samples", "0"), "samples 0 is out of range"),
+        ("", "", ("--setup", "none.toml"), "none.toml: no such file; give the path of a set-up file"),
+    ],
+)
+def test_refusals(place, capfd, mi, old, new, more, said):
+    if old:
+        change(place, old, new)
+    out, err = capture(capfd, *more, code=2)
+    assert out == ""
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert not (place / "out.exr").exists()
+
+
+def test_the_shipped_identities():
+    """A picture of the full size fits the display file that the set-up names."""
+    for path in (TOP / "scenes/setups").glob("*.toml"):
+        named = re.search(r'^display = "(.+)"$', path.read_text(), re.M)[1]
+        assert load_setup(path).display.identity == load_display(path.parent / named).identity
+
+
+@pytest.mark.parametrize("path", sorted((TOP / "scenes/displays").glob("*.toml")), ids=lambda p: p.stem)
+def test_display_text_reads_back(path):
+    display = load_display(path)
+    assert parse_display(display_text(display)) == display
+
+
+def test_placements_one_after_the_other():
+    rng = generator(21)
+    for _ in range(20):
+        first, second = (
+            Placement(float(rng.uniform(0.1, 9)), tuple(rng.uniform(-180, 180, 3)), tuple(rng.uniform(-50, 50, 3)))
+            for _ in range(2)
+        )
+        both = first.then(second)
+        assert both.display_from_scene == pytest.approx(second.display_from_scene @ first.display_from_scene, abs=1e-10)
+    upright = Placement(near_mm=10.0, far_mm=-5.0).then(Placement(2.0, (0.0, 0.0, 180.0), (0.0, 0.0, 3.0)))
+    assert (upright.near_mm, upright.far_mm) == (23.0, -7.0)
+    assert Placement(near_mm=10.0, far_mm=-5.0).then(Placement(1.0, (0.0, 10.0, 0.0))).near_mm is None
+    # A turn of a quarter about y: the angles about x and z are not told apart.
+    for x, z in ((30.0, 0.0), (0.0, 40.0), (20.0, -70.0)):
+        steep = Placement(1.0, (x, 90.0, z))
+        assert steep.then(Placement()).display_from_scene == pytest.approx(steep.display_from_scene, abs=1e-10)
