@@ -186,8 +186,10 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
     pixel = np.where(seen[:, None], np.floor(hits.pixel), 0.0).astype(int)
     expected = np.where(seen[:, None], np.rint(encode(radiance, "srgb") * 255)[pixel[:, 1], pixel[:, 0]], 0.0)
     different = (np.rint(glance * 255).reshape(-1, 3) != expected).any(axis=1)
-    # Blocked rays, which a glance lets pass, and those within rounding of a pixel's edge.
-    assert different.mean() < 0.01
+    # A glance lets rays keep to the dome that they come to first: beyond its seam within the sag times the slope, here
+    # at most 0.16 mm times 0.15, they see through the wrong one.
+    print(f"{different.mean():.4f} differ")
+    assert different.mean() < 0.16 * 0.15 * 2
 
 
 @pytest.mark.full

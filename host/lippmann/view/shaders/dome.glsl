@@ -34,6 +34,9 @@ bool meet_cap(Ray ray, bool upward, out float t, out vec3 at, out float cosine) 
 bool meet(Ray ray, bool upward, out Crossing met) {
   float t;
   met.centre = vec2(0.0);
+#ifdef GLANCE
+  return meet_cap(ray, upward, t, met.point, met.cosine);
+#else
   bool found = meet_cap(ray, upward, t, met.point, met.cosine) && holds(met.point.xy);
   for (int k = 0; k < MAX_CELLS && !found; ++k) {
     vec2 step_to;
@@ -44,6 +47,7 @@ bool meet(Ray ray, bool upward, out Crossing met) {
     met.centre += step_to;
   }
   return found;
+#endif
 }
 
 // Snell's law at the sphere. False: totally reflected.

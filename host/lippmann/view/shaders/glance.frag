@@ -1,5 +1,6 @@
 // One ray for each pixel of the view, through its centre and the pupil's, straight to the screen: while things move.
-// It is not asked whether another dome blocks the ray, which few meet and which costs a quarter of the time.
+// A ray keeps to the dome over which it comes to the array: which neighbour it meets or is blocked by beyond the seam
+// concerns few rays, and to ask for it takes a third of the time.
 #define GLANCE
 precision highp float;
 precision highp int;
