@@ -128,6 +128,11 @@ class CaptureSource:
 
     def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Return the lines of sight of samples (see `RaySource`), in the object's frame."""
-        ray, through_array, through_lens = self.rays(mi, pixel, sample)
-        point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
-        return Lines(point, (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz)), through_array & through_lens)
+        return lines_of(mi, self.rays(mi, pixel, sample))
+
+
+def lines_of(mi: Any, rays: CapturedRays) -> Lines:
+    """Return lines of sight, in the object's frame, as the renderer wants them."""
+    ray, through_array, through_lens = rays
+    point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
+    return Lines(point, (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz)), through_array & through_lens)

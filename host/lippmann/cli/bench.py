@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -15,7 +16,9 @@ from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth")
+WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers")
+#: Where the comparisons with POV-Ray keep its files, and what it rendered.
+PEERS = Path("out/peers")
 
 
 @click.command("bench")
@@ -35,7 +38,12 @@ WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth")
     metavar="NAME",
     help="`fixed`: a named configuration of the RTL, and no others; may be repeated.",
 )
-@click.option("--report", metavar="FOLDER", help="`fixed`, `link`, `depth`: write the report and its files there.")
+@click.option(
+    "--report",
+    metavar="FOLDER",
+    help="`fixed`, `link`, `depth`, `seed`, `peers`: write the report and its files there.",
+)
+@click.option("--quick", is_flag=True, help="`seed`: small windows only.")
 @device_option
 @json_option
 def command(
@@ -44,10 +52,13 @@ def command(
     seed: int,
     configurations: tuple[str, ...],
     report: str | None,
+    quick: bool,
     device: str,
     as_json: bool,
 ) -> None:
     """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the page, or depths.
+
+    `seed` is the founding paper's benchmark, `peers` the comparison of time and picture with POV-Ray.
 
     The report names machine and date.
 
@@ -56,6 +67,8 @@ def command(
     folder = Path(scenes)
     if not (folder / "displays/paper-square.toml").is_file():
         raise InputError(f"{folder}: the project's scenes are not there; run in the project's top folder")
+    if quick and what != "seed":
+        raise InputError(f"--quick belongs to `bench seed`; not to `bench {what}`")
     if what == "fixed":
         _fixed(folder, seed, configurations, report, as_json)
         return
@@ -68,9 +81,13 @@ def command(
     if what == "depth" and not configurations:
         _depth(folder, seed, report, device, as_json)
         return
+    if what in ("seed", "peers") and not configurations:
+        run = _seed if what == "seed" else _peers
+        run(start_mitsuba(device), folder, report, quick, as_json)
+        return
     if configurations or report:
         raise InputError(
-            "--configuration belongs to `bench fixed`, --report to it, to `bench link` and to `bench depth`; "
+            "--configuration belongs to `bench fixed`, --report to it and to `link`, `depth`, `seed` and `peers`; "
             f"not to `bench {what}`"
         )
     mi = start_mitsuba(device)
@@ -236,3 +253,51 @@ def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any
                 f"{row.full_px[0]} x {row.full_px[1]} ({1000 * row.full_cpu_seconds:.0f} ms of processor each)"
             )
     return rows
+
+
+def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
+    from lippmann.bench.report import write_report
+    from lippmann.bench.seed import QUICK, Timed, bench_seed, findings, plot, report_text
+    from lippmann.povray.program import povray
+
+    povray()
+    if report is not None:
+        check_output(Path(report) / "seed.md", (".md",))
+    origin = provenance(f"lippmann bench seed --scenes {folder}{' --quick' if quick else ''}")
+    rows: list[Timed] = []
+    with TemporaryDirectory() as work:
+        sizes: dict[str, Any] = QUICK if quick else {}
+        for row in bench_seed(mi, folder, Path(work), **sizes):
+            rows.append(row)
+            log(
+                f"{row.tracer}, {row.grid}, {row.window_px} px, pitch {row.pitch_mm:g} mm, {row.lenslets} lenslets, "
+                f"{'' if row.antialias else 'no '}anti-aliasing: {row.cpu_seconds:.2f} CPU s, t_R {row.relative:.3f}"
+            )
+    figures = [dataclasses.asdict(row) for row in rows]
+    found = dataclasses.asdict(findings(rows))
+    text = report_text(rows)
+    if report is not None:
+        write_report(Path(report), "seed", origin, text, {"seed": figures})
+        plot(rows, Path(report) / "seed.png")
+    emit({**origin, "rows": figures, "findings": found}, as_json, lambda: click.echo(text))
+
+
+def _peers(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
+    from lippmann.bench.peers import compare_pictures, compare_times, report_text, write_pictures
+    from lippmann.bench.report import write_report
+    from lippmann.povray.program import povray
+
+    povray()
+    PEERS.mkdir(parents=True, exist_ok=True)
+    if report is not None:
+        check_output(Path(report) / "peers.md", (".md",))
+    origin = provenance(f"lippmann bench peers --scenes {folder}")
+    pictures = compare_pictures(mi, folder, PEERS)
+    times = compare_times(mi, folder, PEERS)
+    rows = [dataclasses.asdict(pair.difference) for pair in pictures]
+    text = report_text(pictures, times)
+    if report is not None:
+        write_report(Path(report), "peers", origin, text, {"peers": rows})
+        write_pictures(Path(report), pictures)
+    seconds = {**dataclasses.asdict(times), "ratio": times.ratio}
+    emit({**origin, "pictures": rows, "times": seconds}, as_json, lambda: click.echo(text))

@@ -7,12 +7,15 @@ from typing import cast
 
 import click
 
-from lippmann.cli.common import device_option, display_option, emit, json_option
+from lippmann.capture.setup import load_setup
+from lippmann.cli.common import device_option, emit, json_option
 from lippmann.display import load_display
+from lippmann.errors import InputError
 from lippmann.optics.trace import MODELS, Model
-from lippmann.povray.export import check_folder, export_display
+from lippmann.povray.export import Exported, check_folder, export_display, write_folder
+from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
-from lippmann.render.scene import check_scene_file, load_scene
+from lippmann.render.scene import check_scene_file, load_scene, placement_beside
 from lippmann.render.variant import start_mitsuba
 
 
@@ -26,44 +29,67 @@ def command() -> None:
 
 @command.command("povray")
 @click.argument("scene_path", metavar="SCENE")
-@display_option
+@click.option("--display", "display_path", metavar="FILE", help="Display file (.toml): the rays of its pixels.")
+@click.option("--setup", "setup_path", metavar="FILE", help="Set-up file (.toml): camera, lenslets and imaging lens.")
 @click.option("-o", "output", required=True, metavar="FOLDER", help="Where the files go; made when missing.")
 @click.option(
     "--model", type=click.Choice(MODELS), default="exact", show_default=True, help="Lens model of a display's rays."
 )
 @device_option
 @json_option
-def povray(scene_path: str, display_path: str, output: str, model: str, device: str, as_json: bool) -> None:
+def povray(
+    scene_path: str,
+    display_path: str | None,
+    setup_path: str | None,
+    output: str,
+    model: str,
+    device: str,
+    as_json: bool,
+) -> None:
     """Write files that POV-Ray 3.7 renders, linear as Lippmann renders.
 
-    With a display, POV-Ray follows the rays of its pixels, one each. What a scene may hold: spheres, rectangles, ply
-    and obj meshes; diffuse, plastic, mirror and dielectric; bitmaps; point lights. Anything else is refused by name.
+    With a set-up, its camera, lenslets and imaging lens are objects of POV-Ray's scene; what comes out is the picture
+    that `lippmann capture --no-rotate` makes. With a display, POV-Ray follows the rays of its pixels, one each.
 
-    Example: lippmann export povray scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o out/pov
+    A scene may hold spheres, rectangles, ply and obj meshes; diffuse, plastic, mirror and dielectric; bitmaps; point
+    lights. Anything else is refused by name.
+
+    Example: lippmann export povray scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o out/pov
     """
+    if (display_path is None) == (setup_path is None):
+        raise InputError("give one of --display and --setup: what POV-Ray looks through")
     folder = check_folder(Path(output))
-    display = load_display(display_path)
-    check_scene_file(scene_path)
-    mi = start_mitsuba(device)
-    scene = load_scene(mi, scene_path)
-    exported = export_display(mi, scene, display, cast(Model, model), folder)
+    path = check_scene_file(scene_path)
+    exported: Exported
+    if setup_path is not None:
+        setup = load_setup(setup_path)
+        view = setup_view(setup)
+        panel = setup.display.panel
+        mi = start_mitsuba(device)
+        scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+        exported = write_folder(mi, scene, view, folder)
+    else:
+        assert display_path is not None
+        display = load_display(display_path)
+        panel = display.panel
+        mi = start_mitsuba(device)
+        exported = export_display(mi, load_scene(mi, path), display, cast(Model, model), folder)
+    at = POVRAY.find()
     result = {
         "folder": str(folder),
         "ini": str(exported.ini),
         "files": exported.files,
-        "width_px": display.panel.width_px,
-        "height_px": display.panel.height_px,
+        "width_px": panel.width_px,
+        "height_px": panel.height_px,
         "spare_rows": exported.spare_rows,
-        "povray": None if POVRAY.find() is None else str(POVRAY.find()),
+        "povray": None if at is None else str(at),
     }
 
     def text() -> None:
-        click.echo(
-            f"{folder}: {len(exported.files)} files; render them with: cd {folder} && povray {exported.ini.name}"
-        )
+        click.echo(f"{folder}: {len(exported.files)} files; render: cd {folder} && povray {exported.ini.name}")
         if exported.spare_rows:
             click.echo(f"the picture has {exported.spare_rows} row more than the panel, on top: take it off")
-        if result["povray"] is None:
+        if at is None:
             click.echo(f"POV-Ray is not here; {POVRAY.remedy}")
 
     emit(result, as_json, text)

@@ -5,6 +5,9 @@ Pictures come out linear (`assumed_gamma 1.0`, OpenEXR), so that they compare wi
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
+import json
 import os
 import tempfile
 from dataclasses import dataclass
@@ -16,7 +19,7 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError, input_error
-from lippmann.images import read_picture
+from lippmann.images import read_picture, replacing
 from lippmann.optics.status import gets_through
 from lippmann.optics.trace import Model, trace
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
@@ -60,6 +63,21 @@ class Exported:
         """Render it; returns linear radiance (height, width, 3), and what it took (see `run_povray`)."""
         run = run_povray(self.ini, *options)
         return read_picture(self.ini.with_suffix(".exr")).radiance[self.spare_rows :], run
+
+    def render_once(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
+        """Render it unless the folder keeps the picture of these very files and options, and what it took."""
+        content = hashlib.sha256(" ".join(options).encode())
+        for name in self.files:
+            if name.endswith((".pov", ".inc", ".ini", ".png")):
+                content.update((self.ini.parent / name).read_bytes())
+        kept = self.ini.parent / f"kept-{content.hexdigest()[:16]}"
+        if not kept.with_suffix(".json").is_file():
+            _, run = self.render(*options)
+            os.replace(self.ini.with_suffix(".exr"), kept.with_suffix(".exr"))
+            with replacing(kept.with_suffix(".json")) as partial:
+                partial.write_text(json.dumps(dataclasses.asdict(run)))
+        run = Run(**json.loads(kept.with_suffix(".json").read_text()))
+        return read_picture(kept.with_suffix(".exr")).radiance[self.spare_rows :], run
 
 
 @dataclass(frozen=True)

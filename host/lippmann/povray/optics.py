@@ -1,0 +1,168 @@
+"""The capture's optics as POV-Ray's constructive solid geometry, the founding paper's way.
+
+A lenslet is a sphere intersected with a square or hexagonal prism; its flat face stands so deep that the dome just
+spans its cell's corners, or deeper (paper, equations 2 to 4: `Array.flat_distance_mm`). The imaging lens is two
+cylinders intersected with a sphere each, with black walls, and a stop round each. Nothing of it throws a shadow.
+
+All z are those of the object's frame: +z points at the lens, and beyond it at array and camera.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lippmann.capture.imaging_lens import Face, LensPair, ThinLens
+from lippmann.capture.setup import Pickup, Setup
+from lippmann.errors import InputError
+from lippmann.optics.lattice import HALF_SQRT3, Lattice
+from lippmann.optics.panel import PanelFrame
+from lippmann.povray.camera import pinhole
+from lippmann.povray.export import View
+from lippmann.povray.text import block, matrix, number, vector
+
+#: Lenslets beyond the window on each side, which slanting rays may reach.
+SPARE_LENSLETS = 2
+#: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
+ARRAY_FACES = 6
+#: Radius of the stops' discs, mm.
+STOP_MM = 1e5
+
+GLASS = "texture { pigment { rgbt 1 } finish { ambient 0 diffuse 0 } }"
+BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
+
+
+def setup_view(setup: Setup) -> View:
+    """Return what POV-Ray looks at the object with: camera, array, imaging lens.
+
+    Raises
+    ------
+    InputError
+        For an ideal lens and for a pickup, which are no objects that a ray tracer can be given.
+    """
+    if isinstance(setup.pickup, Pickup):
+        raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
+    if isinstance(setup.lens, ThinLens):
+        raise InputError(f"set-up '{setup.name}': POV-Ray has no ideal thin lens; give one of kind \"pair\"")
+    panel = setup.display.panel
+    to_plane = setup.camera_distance_mm
+    assert to_plane is not None
+    origin = object_from_lens(setup, 0.0)
+    camera = pinhole(
+        (0.0, 0.0, origin + setup.pickup.distance_mm),
+        (0.0, 0.0, -to_plane),
+        (panel.width_mm, 0.0, 0.0),
+        (0.0, panel.height_mm, 0.0),
+    )
+    parts = [lenslets(setup)]
+    faces = ARRAY_FACES
+    if isinstance(setup.lens, LensPair):
+        parts += imaging_lens(setup.lens, origin)
+        faces += 4
+    return View(camera, panel.width_px, panel.height_px, "\n".join(parts), faces)
+
+
+def object_from_lens(setup: Setup, z_mm: float) -> float:
+    """Return the object's z of a point on the axis, z_mm from the lens (or array) towards the object."""
+    hiatus = 0.0 if setup.lens is None else setup.lens.hiatus_mm
+    return setup.subject.distance_mm + hiatus - z_mm
+
+
+def imaging_lens(pair: LensPair, origin_mm: float) -> list[str]:
+    """Return both lenses; `origin_mm` is the object's z of the lens's own origin."""
+    return [_plano_convex(pair, pair.faces[k : k + 2], origin_mm) for k in (0, 2)]
+
+
+def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
+    radius = 0.5 * pair.aperture_mm
+    curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
+    # The sphere's centre stands 1 / c behind its vertex, in the lens's z, against the object's.
+    centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
+    ends = [origin_mm - face.z_mm for face in (curved, flat)]
+    solid = block(
+        "intersection",
+        f"cylinder {{ {vector((0, 0, ends[0]))}, {vector((0, 0, ends[1]))}, {number(radius)} open {BLACK} }}",
+        f"sphere {{ {vector((0, 0, centre))}, {number(1.0 / abs(curved.curvature))} {GLASS} }}",
+        f"plane {{ {vector((0, 0, math.copysign(1.0, ends[1] - ends[0])))}, "
+        f"{number(ends[1] * math.copysign(1.0, ends[1] - ends[0]))} {GLASS} }}",
+        f"interior {{ ior {number(pair.index)} }} no_shadow",
+    )
+    stop = f"disc {{ {vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)} {BLACK} no_shadow }}"
+    return f"{solid}\n{stop}"
+
+
+def lenslets(setup: Setup) -> str:
+    """Return the array over all that the camera sees: one lenslet, and a loop that repeats it.
+
+    The prism is along z, its flat end on the camera's side or the object's.
+    """
+    array = setup.array
+    vertex = object_from_lens(setup, -setup.array_distance_mm if setup.lens is not None else 0.0)
+    # +1 where the glass lies beyond the vertices' plane, seen from the object.
+    side = 1.0 if setup.plano_to_camera else -1.0
+    depth = array.thickness_mm
+    centre = -array.radius_mm if setup.concave else array.radius_mm
+    # A hollow lenslet's rims stand out from its middle.
+    front = -array.sag_mm if setup.concave else 0.0
+    cell = _prism(setup, side * front, side * depth)
+    sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
+    body = f"difference {{ {cell} {sphere}" if setup.concave else f"intersection {{ {sphere} {cell}"
+    lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
+    rows = lattice_rows(setup)
+    p = array.pitch_mm
+    step_x, step_y = (0.5 * p, HALF_SQRT3 * p) if array.grid == "hex" else (0.0, p)
+    frame = PanelFrame.of(setup.captured)
+    place = np.eye(4)
+    place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
+    place[:3, 3] = *frame.offset_mm, vertex
+    starts = ", ".join(str(first) for _, first, _ in rows)
+    ends = ", ".join(str(last) for _, _, last in rows)
+    return "\n".join(
+        [
+            lenslet,
+            f"#declare L_first = array[{len(rows)}] {{ {starts} }}",
+            f"#declare L_last = array[{len(rows)}] {{ {ends} }}",
+            f"#for (Row, 0, {len(rows) - 1})",
+            "  #for (Column, L_first[Row], L_last[Row])",
+            f"    object {{ L_lenslet translate <Column * {number(p)} + (Row + {rows[0][0]}) * {number(step_x)}, "
+            f"(Row + {rows[0][0]}) * {number(step_y)}, 0> {matrix(place)} }}",
+            "  #end",
+            "#end",
+        ]
+    )
+
+
+def _prism(setup: Setup, near: float, far: float) -> str:
+    array = setup.array
+    half = 0.5 * array.pitch_mm
+    low, high = min(near, far), max(near, far)
+    if array.grid == "square":
+        return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
+    corners = [
+        (2.0 * half / math.sqrt(3.0) * math.cos(turn), 2.0 * half / math.sqrt(3.0) * math.sin(turn))
+        for turn in np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
+    ]
+    # A prism stands along y; the matrix lays it along z.
+    points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
+    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, 7, {points}"
+    return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
+
+
+def lattice_rows(setup: Setup) -> list[tuple[int, int, int]]:
+    """Return (row j, first i, last i) of the lenslets that cover the window, `SPARE_LENSLETS` more all round."""
+    panel, array = setup.display.panel, setup.array
+    frame = PanelFrame.of(setup.captured)
+    spare = (SPARE_LENSLETS + 0.5) * array.pitch_mm
+    lattice = Lattice(array.grid, array.pitch_mm)
+    # Half the window's diagonal holds it whatever its turn.
+    reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
+    count = math.ceil(reach / array.row_pitch_mm)
+    found = []
+    for j in range(-count, count + 1):
+        i = np.arange(-2 * count, 2 * count + 1)
+        x, y = frame.panel_from_array(*lattice.centre(i.astype(float), np.full(len(i), float(j))))
+        seen = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
+        if seen.any():
+            found.append((j, int(i[seen].min()), int(i[seen].max())))
+    return found

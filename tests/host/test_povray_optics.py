@@ -1,0 +1,207 @@
+"""Camera, lenslets and imaging lens in POV-Ray: its pictures through them against ours, and what it cannot have."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from lippmann.bench.peers import Rows, around, compare, near_seams
+from lippmann.bench.seed import Timed, findings, lenslets_in, with_window
+from lippmann.capture.rays import CaptureSource
+from lippmann.capture.setup import load_setup
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+from lippmann.povray.export import write_folder
+from lippmann.povray.optics import lattice_rows, setup_view
+from lippmann.render.renderer import Settings, render
+from lippmann.render.scene import load_scene, placement_beside
+from scene_cases import write_scene
+from test_povray_scene import ball, card, diffuse, light
+
+SMALL_PX = 120
+
+
+@pytest.fixture(scope="module")
+def spots(mi, tmp_path_factory):
+    """A picture of random colours, coarse enough to be told apart through a lenslet."""
+    folder = tmp_path_factory.mktemp("spots")
+    rng = np.random.default_rng(5)
+    mi.Bitmap(rng.integers(0, 256, (9, 9, 3)).astype(np.uint8)).write(str(folder / "spots.png"))
+    return folder
+
+
+def small(name, repository, **changes):
+    """A shipped set-up with a small window, its array changed."""
+    setup = load_setup(repository / f"scenes/setups/{name}.toml")
+    setup = with_window(setup, SMALL_PX, setup.array.pitch_mm)
+    array = dataclasses.replace(setup.array, **changes)
+    display = dataclasses.replace(setup.display, array=dataclasses.replace(setup.display.array, **changes))
+    return dataclasses.replace(setup, array=array, display=display)
+
+
+@pytest.fixture
+def repository(request):
+    return request.config.rootpath
+
+
+#: Set-ups: square, hexagonal, hollow, without a lens; turned, off the axis, thick, turned round.
+CASES = [
+    ("fig8a", {}),
+    ("fig8d", {"rotation_deg": 7.0, "offset_mm": (0.31, -0.22)}),
+    ("hex", {"rotation_deg": -20.0, "offset_mm": (0.4, 0.9)}),
+    ("concave", {}),
+    ("plain", {"thickness_mm": 1.3}),
+    ("plain", {"plano_side": "viewer", "thickness_mm": 0.9}),
+]
+
+
+@pytest.mark.parametrize(("name", "changes"), CASES, ids=[f"{name}-{k}" for k, (name, _) in enumerate(CASES)])
+def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository, name, changes):
+    """Spheres before a coloured card: the colour of a pixel tells where its ray went, of 81 places and more."""
+    setup = small(name, repository, **changes)
+    half = 90.0 if setup.lens is not None else 60.0
+    picture = (
+        '<bsdf type="twosided"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">'
+        f'<string name="filename" value="{spots / "spots.png"}"/></texture></bsdf></bsdf>'
+    )
+    parts = [
+        light((0.0, 300.0, 600.0), (4e5, 4e5, 4e5)),
+        card(picture, -40.0, half),
+        ball(-12.0, 20.0, 9.0),
+        card(diffuse((0.1, 0.2, 0.7)), -300.0, 3000.0),
+    ]
+    path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 60\nfar_mm = -300")
+    scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+    theirs, _ = write_folder(mi, scene, setup_view(setup), tmp_path / "pov").render()
+    source = CaptureSource(setup, 1, "chief", 0, "llvm")
+    ours = render(mi, scene, source, Settings()).radiance
+    assert (ours > 0.0).any(axis=-1).mean() > 0.5
+    assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
+    difference, _ = compare(theirs, ours, around(mi, scene, source), setup)
+    print(difference)
+    assert difference.median <= 0.5
+    assert difference.differing < 0.05
+    # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
+    assert difference.unexplained < 0.001
+    # Noise is measured in rows of the picture: with one sample those rows themselves.
+    rows = render(mi, scene, Rows(source, 8), Settings()).radiance
+    np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
+
+
+def test_the_array_covers_the_window(repository):
+    """Every lenslet whose cell the window touches is there, whatever its turn."""
+    for name, changes in CASES:
+        setup = small(name, repository, **changes)
+        rows = {j: (first, last) for j, first, last in lattice_rows(setup)}
+        frame, lattice = PanelFrame.of(setup.captured), Lattice(setup.array.grid, setup.array.pitch_mm)
+        v, u = np.mgrid[0 : SMALL_PX + 1, 0 : SMALL_PX + 1].astype(float)
+        points = frame.array_from_panel(*frame.panel_from_pixel(u.ravel(), v.ravel()))
+        i, j, _, _ = lattice.locate(NumpyBackend(), *points)
+        for a, b in set(zip(i.astype(int).tolist(), j.astype(int).tolist(), strict=True)):
+            assert rows[b][0] <= a <= rows[b][1]
+        # And no more than some around it.
+        assert (
+            sum(last - first + 1 for first, last in rows.values())
+            < len(set(zip(i, j, strict=True))) + 12 * len(rows) + 90
+        )
+
+
+def test_an_ideal_lens_and_a_sensor_are_refused(repository):
+    with pytest.raises(InputError, match="ideal thin lens"):
+        setup_view(load_setup(repository / "scenes/setups/thin.toml"))
+    with pytest.raises(InputError, match="no sensor"):
+        setup_view(load_setup(repository / "scenes/setups/pickup.toml"))
+
+
+def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch):
+    monkeypatch.chdir(repository)
+    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
+    common = ["export", "povray", str(scene), "-o", str(tmp_path / "pov"), "--json"]
+    assert run([*common, "--setup", "scenes/setups/fig8a.toml"]) == 0
+    result = json.loads(capfd.readouterr().out)
+    assert "optics.inc" in result["files"]
+    assert (result["width_px"], result["spare_rows"]) == (2400, 0)
+    assert run(common) == 2
+    assert "one of --display and --setup" in capfd.readouterr().err
+    assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--display", "scenes/displays/paper-square.toml"]) == 2
+
+
+# --- the benchmark's and the comparison's arithmetic ----------------------------------------------
+
+
+def test_lenslets_in_the_window(repository):
+    """The paper's own number (equation 5): 102^2 = 10404; and a window of 720 px at 9 mm: 30.48 / 9 = 3.4, 4^2."""
+    display = load_display(repository / "scenes/displays/paper-square.toml")
+    assert lenslets_in(display) == 10404
+    setup = with_window(load_setup(repository / "scenes/setups/fig8a.toml"), 720, 9.0)
+    assert lenslets_in(setup.display) == 16
+    # Lenslets of one shape: f-number and thickness scale along.
+    assert setup.array.focal_length_mm / setup.array.pitch_mm == pytest.approx(3.3)
+    assert setup.array.thickness_mm == pytest.approx(setup.array.sag_mm)
+
+
+def timed(tracer, grid, window, pitch, antialias, cpu):
+    return Timed(tracer, grid, window, pitch, 1, antialias, cpu, cpu, cpu)
+
+
+def test_what_the_sweep_says():
+    rows = [
+        timed("lippmann", "none", 720, float("nan"), True, 1.0),
+        timed("lippmann", "square", 720, 1.0, False, 2.2),
+        timed("lippmann", "square", 720, 9.0, False, 2.0),
+        timed("lippmann", "hex", 720, 1.0, False, 2.42),
+        timed("lippmann", "square", 720, 1.0, True, 4.4),
+        timed("POV-Ray", "square", 720, 1.0, False, 30.0),
+        timed("POV-Ray", "square", 720, 9.0, False, 10.0),
+    ]
+    found = findings(rows)
+    assert found.growth == {720: pytest.approx(1.1)}
+    assert found.povray_growth == {720: pytest.approx(3.0)}
+    assert found.hex_share == pytest.approx(0.1)
+    assert found.plain_share == pytest.approx(-0.5)
+    assert found.povray_hex_share is None
+
+
+def test_differences_are_told_apart(repository):
+    """An edge shifted by one pixel is displaced; one by two is not; a seam is where a lenslet ends."""
+    setup = small("fig8a", repository)
+    panel = setup.display.panel
+    step = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
+    step[:, 61:] = 1.0
+    shifted = np.roll(step, 1, axis=1)
+    shifted[:, 0] = 0.0
+    seams = near_seams(setup)
+    pitch = setup.array.pitch_mm / panel.pixel_pitch_mm
+    # A band of two pixels for each lenslet and axis.
+    assert seams.mean() == pytest.approx(1.0 - (1.0 - 2.0 / pitch) ** 2, abs=0.03)
+    one, where = compare(shifted, step, step[None], setup)
+    assert one.differing == pytest.approx(1.0 / panel.width_px)
+    assert where[:, 61].min() == pytest.approx(255.0)
+    assert (one.displaced, one.unexplained) == (1.0, 0.0)
+    two, _ = compare(np.roll(shifted, 1, axis=1), step, step[None], setup)
+    assert two.displaced < 1.0
+    assert two.unexplained + two.seams * two.differing == pytest.approx((1.0 - two.displaced) * two.differing, abs=0.02)
+
+
+def test_bench_seed_quick(mi, capfd, repository, monkeypatch, tmp_path):
+    """The whole benchmark on small windows: rows, findings, report, plot."""
+    monkeypatch.chdir(repository)
+    assert run(["bench", "seed", "--quick", "--report", str(tmp_path), "--json"]) == 0
+    result = json.loads(capfd.readouterr().out)
+    tracers = {(row["tracer"], row["grid"], row["antialias"]) for row in result["rows"]}
+    assert tracers == {
+        (tracer, grid, antialias)
+        for tracer in ("lippmann", "POV-Ray")
+        for grid, antialias in (("none", True), ("square", False), ("square", True))
+    }
+    assert all(row["cpu_seconds"] > 0.0 for row in result["rows"])
+    base = {row["tracer"]: row["cpu_seconds"] for row in result["rows"] if row["grid"] == "none"}
+    for row in result["rows"]:
+        assert row["relative"] == pytest.approx(row["cpu_seconds"] / base[row["tracer"]])
+    assert set(result["findings"]["growth"]) == {"48"}
+    assert {path.name for path in tmp_path.iterdir()} == {"seed.md", "seed.csv", "seed.png"}
+    assert "![t_R" in (tmp_path / "seed.md").read_text()
