@@ -15,6 +15,10 @@ class DeviceError(LippmannError):
     exit_code = 1
 
 
+class NoBoardError(DeviceError):
+    """No board answers, perhaps only for a while: no port, a lost line, or silence."""
+
+
 class InputError(LippmannError):
     """A file, a key or an argument is wrong."""
 
@@ -35,3 +39,8 @@ def input_error(where: str, what: str, remedy: str) -> InputError:
 def device_error(where: str, what: str, remedy: str) -> DeviceError:
     """Return the error `where: what; remedy`, folded into one line."""
     return DeviceError(" ".join(f"{where}: {what}; {remedy}".split()))
+
+
+def no_board_error(where: str, what: str, remedy: str) -> NoBoardError:
+    """Return the error `where: what; remedy`, folded into one line."""
+    return NoBoardError(" ".join(f"{where}: {what}; {remedy}".split()))

@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 import zlib
-from collections import Counter
+from collections import Counter, deque
 from types import SimpleNamespace
 
 import numpy as np
@@ -72,12 +72,14 @@ def qoi_pixels(data, count):
 class ModelBoard:
     """Serves TCP (`url`), or a pty; the state outlives connections, and ends with `power_cycle`."""
 
-    def __init__(self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, latency_s=0.0):
+    def __init__(self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, latency_s=0.0, delay_s=0.0):
         self.width, self.height, self.identity = width, height, identity
         self.columns = -(-width // 32)
         self.tiles = self.columns * -(-height // 32)
         self.version = 1
+        #: Work on each request, and how long replies are on their way, s.
         self.latency_s = latency_s
+        self.delay_s = delay_s
         #: Every frame shown, the blank one at reset not counted.
         self.shown = []
         #: Good TILE packets by tile, requests carried out by type, and by status.
@@ -145,17 +147,21 @@ class ModelBoard:
         os.close(self._slave)
 
     def _talk(self, line):
+        answers = deque()
         while not self._ended.is_set():
-            if self.stalled.is_set() or not select.select([line], [], [], 0.02)[0]:
-                time.sleep(0.001)
-                continue
+            ready = not self.stalled.is_set() and select.select([line], [], [], 0.002 if answers else 0.02)[0]
             try:
-                data = os.read(line, 4096)
-                if not data:
-                    return
-                answer = self.take(data)
-                while answer:
-                    answer = answer[os.write(line, answer) :]
+                if ready:
+                    data = os.read(line, 4096)
+                    if not data:
+                        return
+                    answers.append((time.monotonic() + self.delay_s, self.take(data)))
+                elif not answers:
+                    time.sleep(0.001)
+                while answers and answers[0][0] <= time.monotonic():
+                    answer = answers.popleft()[1]
+                    while answer:
+                        answer = answer[os.write(line, answer) :]
             except OSError:
                 return
 

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import DeviceError, InputError, NoBoardError
 from lippmann.link.board import BACK, FRONT, Board
 from lippmann.link.faults import Proxy
 from lippmann.link.packets import Kind, packed
 from lippmann.link.round_trip import RoundTrip
-from lippmann.link.stream import send_frame
+from lippmann.link.stream import Sent, send_frame
 from model_board import ModelBoard
 from scene_cases import generator
 
@@ -220,6 +220,18 @@ def test_late_tiles_of_another_frame_do_no_harm():
     np.testing.assert_array_equal(model.shown, [first, second])
 
 
+def test_a_good_line_that_is_slow_at_times_is_given_its_time():
+    """Every second reply comes a third of a second later: only late replies tell that it is worth the wait."""
+    with joined(width=320, height=96) as (model, board):
+        image = noise(model)
+        model.on_packet = lambda model, number: setattr(model, "delay_s", 0.01 if number % 2 else 0.3)
+        sent = send_frame(board, image, window_bytes=3000)
+    print(f"{sent.resends} of {sent.tiles} tiles sent again in {sent.seconds:.2f} s")
+    # The first time-outs are too short. Without the late replies each of the tiles is sent twice.
+    assert sent.resends <= sent.tiles / 5
+    np.testing.assert_array_equal(model.shown, [image])
+
+
 # --- resume -----------------------------------------------------------------------------------------
 
 
@@ -247,6 +259,29 @@ def test_resume_after_a_replug(share):
     np.testing.assert_array_equal(model.shown, [image])
     # Good packets that the board got for the same tile.
     assert sum(count - 1 for count in model.tile_writes.values()) <= 1
+
+
+def test_what_a_frame_took_is_summed_over_a_loss_of_the_line():
+    with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
+        image = noise(model)
+        sent = Sent()
+        written = 0
+        with Board.open(line.url, FAST_BAUD) as board:
+            before = board.line.written
+            with pytest.raises(NoBoardError, match="line is lost"):
+                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent)
+            written += board.line.written - before
+        assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70
+        assert (sent.rounds, sent.resends) == (1, 0)
+        with Board.open(line.url, FAST_BAUD) as board:
+            before = board.line.written
+            assert send_frame(board, image, sent=sent) is sent
+            written += board.line.written - before
+    assert (sent.tiles, sent.skipped, sent.rounds, sent.unchanged) == (70, 0, 2, False)
+    assert sent.wire_bytes == written
+    # What was on its way when the line went is sent again, unless the board has it.
+    assert sent.sends == 70 + sent.resends
+    assert sum(model.tile_writes.values()) <= sent.sends
 
 
 @pytest.mark.parametrize("before", [0, 1])

@@ -42,9 +42,12 @@ class Vector(click.ParamType[tuple[float, ...]]):
 
 
 class Finite(click.ParamType[float]):
-    """A finite number."""
+    """A finite number, perhaps not below another."""
 
     name = "float"
+
+    def __init__(self, least: float = -math.inf) -> None:
+        self.least = least
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Parse a number and refuse nan and inf."""
@@ -54,6 +57,8 @@ class Finite(click.ParamType[float]):
             number = math.nan
         if not math.isfinite(number):
             self.fail(f"'{value}' is not a finite number", param, ctx)
+        if number < self.least:
+            self.fail(f"{value} is less than {self.least:g}", param, ctx)
         return number
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from lippmann.cli.common import emit, json_option
+from lippmann.cli.common import Finite, emit, json_option
 from lippmann.cli.line import baud_option
 from lippmann.display import Transfer, load_display
 from lippmann.errors import InputError, input_error
@@ -19,7 +19,7 @@ from lippmann.link.frames import Target, load_frame
 @click.option("--port", metavar="URL", help="A board that drives the same panel's array, asked which it is.")
 @baud_option
 @click.option("--monitor", type=click.IntRange(0), default=0, show_default=True, help="Its number, from 0.")
-@click.option("--seconds", type=click.FloatRange(0.0), help="How long; else until Escape or q.")
+@click.option("--seconds", type=Finite(0.0), help="How long; else until Escape or q.")
 @click.option("--force", is_flag=True, help="Show an image that was rendered for another display, or names none.")
 @json_option
 def command(

@@ -23,4 +23,4 @@ def chosen_port(port: str | None, baud: int) -> str:
     DeviceError
         When none is named and not just one answers.
     """
-    return port or find_board(baud=baud).url
+    return find_board(baud=baud).url if port is None else port

@@ -8,10 +8,10 @@ from typing import Any, get_args
 
 import click
 
-from lippmann.cli.common import emit, json_option, log, progress_bar
+from lippmann.cli.common import Finite, emit, json_option, log, progress_bar
 from lippmann.cli.line import baud_option, chosen_port, port_option
 from lippmann.display import Transfer
-from lippmann.errors import DeviceError, device_error
+from lippmann.errors import DeviceError, NoBoardError, device_error
 from lippmann.link.board import Board, Hello
 from lippmann.link.frames import load_frame
 from lippmann.link.registers import REGISTERS
@@ -31,7 +31,7 @@ RETRY_S = 0.5
 )
 @click.option("--force", is_flag=True, help="Stream an image that was rendered for another display, or names none.")
 @click.option(
-    "--resume", "resume_s", type=click.FloatRange(0.0), default=0.0, metavar="SECONDS",
+    "--resume", "resume_s", type=Finite(0.0), default=0.0, metavar="SECONDS",
     help="When the line is lost, wait so long for the board and go on from what it holds.",
 )  # fmt: skip
 @click.option("--verify", is_flag=True, help="Ask the board for the CRC-32 of the frame that left for the panel.")
@@ -61,20 +61,27 @@ def command(
         frames = [load_frame(image, hello, transfer, force=force) for image in images]
         results = []
         for image, frame in zip(images, frames, strict=True):
+            sent = Sent()
+            result: dict[str, Any] = {}
+            arrived = -1
             with progress_bar(f"streaming {image}", as_json) as progress:
                 while True:
                     try:
-                        sent = send_frame(board, frame, progress)
+                        send_frame(board, frame, progress, sent=sent)
+                        if verify:
+                            result["verified"] = _verified(board, sent)
                         break
-                    except DeviceError as error:
+                    except NoBoardError as error:
                         if not resume_s:
                             raise
+                        if len(sent.arrived) == arrived:
+                            # It would be lost at the same place for ever.
+                            raise NoBoardError(f"{error} (lost before, and no tile more has arrived since)") from None
+                        arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
                         board = _again(url, baud, hello, resume_s)
-            results.append({"image": image, **_told(sent)})
-            if verify:
-                results[-1]["verified"] = _verified(board, sent)
+            results.append({"image": image, **_told(sent), **result})
     finally:
         board.close()
 
@@ -90,18 +97,20 @@ def _opened(url: str, baud: int, seconds: float) -> Board:
 
     Raises
     ------
-    DeviceError
+    NoBoardError
         When it does not answer in time.
+    DeviceError
+        When it is one that cannot be talked to.
     """
     until = time.monotonic() + seconds
     while True:
         try:
             return Board.open(url, baud)
-        except DeviceError as error:
+        except NoBoardError as error:
             if time.monotonic() >= until:
                 if not seconds:
                     raise
-                raise DeviceError(
+                raise NoBoardError(
                     f"{error} (waited {seconds:g} s; the same command goes on from what it holds)"
                 ) from None
         time.sleep(RETRY_S)
@@ -116,9 +125,11 @@ def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
         When it does not answer in time, or another one does.
     """
     board = _opened(url, baud, seconds)
-    if (board.info.identity, board.info.width, board.info.height) != (hello.identity, hello.width, hello.height):
+    try:
+        board.must_be(hello)
+    except DeviceError:
         board.close()
-        raise device_error(url, "another board answers now", "stream to it anew, with an image for its display")
+        raise
     return board
 
 

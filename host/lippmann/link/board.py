@@ -11,7 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
+from lippmann.errors import (
+    DeviceError,
+    InputError,
+    LippmannError,
+    NoBoardError,
+    device_error,
+    input_error,
+    no_board_error,
+)
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
@@ -193,6 +201,20 @@ class Board:
         self.info = hello
         return hello
 
+    def must_be(self, before: Hello) -> None:
+        """Refuse a board that drives another display than one that was greeted before.
+
+        Raises
+        ------
+        DeviceError
+            When it does.
+        """
+        if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
+            raise self._error(
+                "another board answers than before",
+                "stream to it anew, with an image that was rendered for its display",
+            )
+
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return words from a byte address on, a multiple of 4.
 
@@ -313,18 +335,23 @@ class Board:
         self._seq = (self._seq + 1) & 0xFFFF
         return self._seq
 
-    def silence(self) -> DeviceError:
+    def silence(self) -> NoBoardError:
         """Return the error of a board that does not answer, with what the line tells of the cause."""
         counts = self.line.reader.counts
         if counts.accepted:
-            return self._error(f"the board has not answered for {self.patience_s:g} s", "check its power and the cable")
+            return no_board_error(
+                self.line.url, f"the board has not answered for {self.patience_s:g} s", "check its power and the cable"
+            )
         if counts.bytes:
-            return self._error(
+            return no_board_error(
+                self.line.url,
                 f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate than "
                 f"{self.line.baud}",
                 "give the board's rate",
             )
-        return self._error("nothing answers", "check the board's power, the cable, the port and the baud rate")
+        return no_board_error(
+            self.line.url, "nothing answers", "check the board's power, the cable, the port and the baud rate"
+        )
 
     def refusal(self, kind: int, status: int) -> LippmannError:
         """Return the error of a status other than OK."""

@@ -15,7 +15,7 @@ from types import TracebackType
 import serial
 from serial.tools import list_ports
 
-from lippmann.errors import DeviceError, InputError, device_error, input_error
+from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 from lippmann.link.packets import DELIMITER, Packet, PacketReader
 
 #: Bits on the line for each byte: start, eight, stop.
@@ -42,8 +42,10 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
     ------
     InputError
         For a URL or a baud rate that cannot be.
-    DeviceError
+    NoBoardError
         When the port is missing, busy, forbidden, refused, or none.
+    DeviceError
+        When it does not run at this rate.
     """
     if not url:
         raise InputError("an empty port; give a device, or socket://HOST:PORT")
@@ -64,7 +66,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
     return port
 
 
-def _refusal(url: str, error: serial.SerialException) -> DeviceError | InputError:
+def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputError:
     """Say why a port did not open, and what helps."""
     # pyserial keeps a socket's own error as the context of its exception only.
     cause: BaseException | None = error
@@ -73,9 +75,9 @@ def _refusal(url: str, error: serial.SerialException) -> DeviceError | InputErro
     if isinstance(cause, TypeError | ValueError | KeyError):
         return input_error(url, "is no address", "give socket://HOST:PORT")
     if isinstance(cause, socket.gaierror):
-        return device_error(url, "no such host", "check the name, or use 127.0.0.1")
+        return no_board_error(url, "no such host", "check the name, or use 127.0.0.1")
     if isinstance(cause, TimeoutError):
-        return device_error(url, "the host does not answer", "check its address and the network")
+        return no_board_error(url, "the host does not answer", "check its address and the network")
     missing = "no such port", "plug the board in, or name another: " + (", ".join(ports()) or "this machine has none")
     forbidden = "no permission", f"join the group that owns it: sudo usermod -aG {_group(url)} $USER, then log in again"
     busy = "the port is busy", "close the other program that uses it"
@@ -93,7 +95,7 @@ def _refusal(url: str, error: serial.SerialException) -> DeviceError | InputErro
         cause.errno or 0 if isinstance(cause, OSError) else 0,
         (f"is no port that can be used ({error})", "give a serial device, a pty, or socket://HOST:PORT"),
     )
-    return device_error(url, what, remedy)
+    return no_board_error(url, what, remedy)
 
 
 def _group(path: str) -> str:
@@ -176,7 +178,7 @@ class Line:
 
         Raises
         ------
-        DeviceError
+        NoBoardError
             When the line is lost.
         """
         if self._broken:
@@ -203,7 +205,7 @@ class Line:
 
         Raises
         ------
-        DeviceError
+        NoBoardError
             When the line is lost.
         """
         end = time.monotonic() + wait_s
@@ -234,9 +236,9 @@ class Line:
             raise self._lost(error) from None
         self._waiting.extend(self.reader.feed(data))
 
-    def _lost(self, error: Exception) -> DeviceError:
+    def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith("socket://") and not self.reader.counts.bytes:
-            return device_error(
+            return no_board_error(
                 self.url, "it hung up before it said anything", "close another program that talks to the board"
             )
-        return device_error(self.url, f"the line is lost ({error})", "plug the board in again; what it holds is kept")
+        return no_board_error(self.url, f"the line is lost ({error})", "plug the board in again; what it holds is kept")

@@ -41,13 +41,13 @@ class Sent:
     tiles
         Tiles of the frame.
     skipped
-        Those that the board held already.
+        Those that it held before.
     raw, solid, qoi, copied
         Those that arrived, by coding.
     sends
         TILE packets written, and of them
     resends
-        those for a tile that had been sent in this call before.
+        those for a tile that had been sent before.
     rounds
         1, and one more each time that the frame was mended or begun anew.
     unchanged
@@ -59,10 +59,12 @@ class Sent:
     image_bytes
         Bytes of the image's pixels.
     seconds
-        From the first request to the frame's display.
+        From the first request to the frame's display; when the line was lost, without the time that it was away.
+    known, arrived
+        Numbers of the tiles that were sent, and that arrived; no fields.
     """
 
-    crc: int
+    crc: int = 0
     epoch: int = 0
     tiles: int = 0
     skipped: int = 0
@@ -79,6 +81,10 @@ class Sent:
     image_bytes: int = 0
     seconds: float = 0.0
 
+    def __post_init__(self) -> None:
+        self.known: set[int] = set()
+        self.arrived: set[int] = set()
+
     @property
     def rate(self) -> float:
         """Bytes of the image a second."""
@@ -90,7 +96,13 @@ class Sent:
         return self.wire_bytes / self.payload_bytes - 1.0 if self.payload_bytes else 0.0
 
 
-def send_frame(board: Board, image: Pixels, progress: Progress | None = None, window_bytes: int = WINDOW_BYTES) -> Sent:
+def send_frame(
+    board: Board,
+    image: Pixels,
+    progress: Progress | None = None,
+    window_bytes: int = WINDOW_BYTES,
+    sent: Sent | None = None,
+) -> Sent:
     """Bring an image to the panel.
 
     The board is asked what it holds, so nothing is sent that it has: after a loss of the line, call again with the same
@@ -104,13 +116,17 @@ def send_frame(board: Board, image: Pixels, progress: Progress | None = None, wi
         Called as tiles arrive.
     window_bytes
         Bytes on their way at most.
+    sent
+        What the same image took until the line was lost; this call adds to it, when it fails too.
 
     Raises
     ------
     InputError
         When the image is not as large as the panel.
+    NoBoardError
+        When the line is lost, or the board falls silent.
     DeviceError
-        When the line is lost, or the board falls silent, refuses tiles, or another took its place.
+        When the board refuses tiles, or another took its place.
     """
     grid = board.info.grid
     if image.shape != (grid.height, grid.width, 3) or image.dtype != np.uint8:
@@ -121,22 +137,29 @@ def send_frame(board: Board, image: Pixels, progress: Progress | None = None, wi
     begun = time.monotonic()
     written = board.line.written
     crcs = grid.crcs(image)
-    sent = Sent(frame_crc(image), tiles=grid.count, image_bytes=image.size)
-    _show(board, image, crcs, sent, progress, window_bytes)
-    sent.wire_bytes = board.line.written - written
-    sent.seconds = time.monotonic() - begun
+    sent = sent or Sent()
+    sent.crc, sent.tiles, sent.image_bytes = frame_crc(image), grid.count, image.size
+    try:
+        _show(board, image, crcs, sent, progress, window_bytes)
+    finally:
+        sent.wire_bytes += board.line.written - written
+        sent.seconds += time.monotonic() - begun
+    sent.skipped = sent.tiles - len(sent.known)
     return sent
 
 
 def _show(board: Board, image: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
     """Send what the board lacks and present it, until it shows the frame."""
     status = Status.OK
-    known: set[int] = set()
-    for sent.rounds in range(1, MAX_ROUNDS + 1):
+    for _ in range(MAX_ROUNDS):
         if status == Status.STALE_EPOCH:
-            _greet_again(board)
+            # It was reset, and may be another one.
+            before = board.info
+            board.hello()
+            board.must_be(before)
         back = board.tiles(BACK)
         front = board.tiles(FRONT)
+        sent.rounds += 1
         if back.epoch != front.epoch:
             status = Status.STALE_EPOCH
             continue
@@ -144,8 +167,7 @@ def _show(board: Board, image: Pixels, crcs: Crcs, sent: Sent, progress: Progres
         in_front = (front.crcs == crcs) & (crcs != 0)
         if in_front.all():
             sent.epoch = front.epoch
-            sent.unchanged = sent.rounds == 1
-            sent.skipped = sent.tiles - len(known)
+            sent.unchanged = sent.unchanged or sent.rounds == 1
             if progress:
                 progress(sent.tiles, sent.tiles)
             return
@@ -154,26 +176,17 @@ def _show(board: Board, image: Pixels, crcs: Crcs, sent: Sent, progress: Progres
             # All tiles seem right, yet one is not: two contents of a tile share a CRC.
             missing = np.arange(sent.tiles)
             in_front[:] = False
-        sender = _Sender(board, image, front.epoch, in_front, sent, window_bytes, known)
+        sender = _Sender(board, image, front.epoch, in_front, sent, window_bytes)
         status = sender.run(missing.tolist(), progress)
         if status == Status.OK:
             status, sent.epoch = board.present(front.epoch, sent.crc)
         if status == Status.OK:
-            sent.skipped = sent.tiles - len(known)
             return
     raise device_error(
         board.line.url,
         f"the board took the frame {MAX_ROUNDS} times and never held it whole",
         "check its power, and that no other program uses it",
     )
-
-
-def _greet_again(board: Board) -> None:
-    """Begin a new session with a board that was reset, unless it is another one."""
-    before = board.info
-    now = board.hello()
-    if (now.identity, now.width, now.height) != (before.identity, before.width, before.height):
-        raise device_error(board.line.url, "another board answers than before", "begin again")
 
 
 @dataclass
@@ -201,7 +214,6 @@ class _Sender:
         in_front: np.ndarray[tuple[int], np.dtype[np.bool_]],
         sent: Sent,
         window_bytes: int,
-        known: set[int],
     ) -> None:
         self._board = board
         self._image = image
@@ -209,8 +221,6 @@ class _Sender:
         self._in_front = in_front
         self._sent = sent
         self._window_bytes = window_bytes
-        # Tiles sent in this call, in earlier rounds too.
-        self._known = known
         self._queue: deque[int] = deque()
         self._arrived: set[int] = set()
         self._refused: set[int] = set()
@@ -271,8 +281,8 @@ class _Sender:
         # A number that comes round again belongs to the new packet.
         self._lost.pop(seq, None)
         self._sent.sends += 1
-        self._sent.resends += tile in self._known
-        self._known.add(tile)
+        self._sent.resends += tile in self._sent.known
+        self._sent.known.add(tile)
         taken = self._board.line.send(packet, min(SEND_S, self._board.patience_s))
         self._flights[seq] = _Flight(tile, coded, len(packet))
         self._bytes += len(packet)
@@ -291,11 +301,12 @@ class _Sender:
             self._give_up(earlier)
             flight = self._flights.pop(reply.seq)
             self._bytes -= flight.length
-            self._round_trip.sample(time.monotonic() - flight.time)
         elif reply.seq in self._lost:
             flight = self._lost.pop(reply.seq)
         else:
             return None
+        # Late or not, it answers one send: a line that is slower than thought is known by the first late reply.
+        self._round_trip.sample(time.monotonic() - flight.time)
         status = reply.body[0]
         if status == Status.OK and reply.body[1:] == TILE_REPLY.pack(flight.tile):
             self._arrive(flight)
@@ -313,6 +324,7 @@ class _Sender:
             return
         self._arrived.add(flight.tile)
         sent = self._sent
+        sent.arrived.add(flight.tile)
         sent.payload_bytes += len(flight.coded.data)
         match flight.coded.coding:
             case Coding.RAW:

@@ -1,0 +1,166 @@
+"""`lippmann stream` against the model board: when it waits for the board again, and when it ends."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.images import decode, write_picture
+from lippmann.link.board import Board
+from lippmann.link.faults import Proxy
+from lippmann.link.registers import REGISTERS
+from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, ModelBoard, RefusedError
+from scene_cases import generator
+
+SEED = 4507
+DISPLAY, FRAMES, SHOWN_CRC = (REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """A board that is silent for half a second counts as gone."""
+    opened = Board.open
+    monkeypatch.setattr(Board, "open", lambda url, baud: opened(url, 12_000_000, 0.5))
+
+
+@pytest.fixture
+def picture(tmp_path):
+    def make(model):
+        image = generator(SEED).integers(0, 256, (model.height, model.width, 3), np.uint8)
+        path = tmp_path / "image.png"
+        write_picture(path, decode(image / 255.0, "srgb"), {"identity": f"{model.identity:016x}"})
+        return str(path), image
+
+    return make
+
+
+def refuse(status):
+    def answer(_):
+        raise RefusedError(status)
+
+    return answer
+
+
+def test_a_lost_line_is_waited_for_and_the_frame_verified(picture, capsys):
+    with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
+        path, image = picture(model)
+        pulled = []
+
+        def pull(model, _):
+            if not pulled and model.tile_writes.total() == 20:
+                pulled.append(1)
+                line.unplug()
+            # The panel goes on by itself.
+            model.registers[FRAMES] += 1
+            model.registers[SHOWN_CRC] = model.last_crc or 0
+
+        model.on_packet = pull
+        model.registers[DISPLAY] = 0xFF
+        words = ["stream", path, "--port", line.url, "--verify", "--resume", "20", "--json"]
+        assert run(words) == 0
+    out, err = capsys.readouterr()
+    assert pulled
+    assert "looking for the board for 20 s" in err
+    frame = json.loads(out.splitlines()[-1])["frames"][0]
+    assert (frame["tiles"], frame["rounds"], frame["verified"], frame["unchanged"]) == (70, 2, True, False)
+    assert frame["sends"] == 70 - frame["skipped"] + frame["resends"]
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+def test_a_line_that_is_lost_while_the_frame_is_verified_is_waited_for_too(picture, capsys):
+    with ModelBoard(96, 72) as model, Proxy(model.url, SEED) as line:
+        path, image = picture(model)
+        pulled = []
+
+        def pull(model, _):
+            if not pulled and model.shown:
+                pulled.append(1)
+                line.unplug()
+            model.registers[FRAMES] += 1
+            model.registers[SHOWN_CRC] = model.last_crc or 0
+
+        model.on_packet = pull
+        assert run(["stream", path, "--port", line.url, "--verify", "--resume", "20", "--json"]) == 0
+    frame = json.loads(capsys.readouterr().out.splitlines()[-1])["frames"][0]
+    assert (frame["sends"], frame["verified"], frame["unchanged"]) == (9, True, False)
+    np.testing.assert_array_equal(model.shown, [image])
+
+
+@pytest.mark.parametrize("kind", ["tile", "present", "optics"])
+def test_a_board_that_refuses_is_not_asked_for_ever(kind, picture, capsys):
+    with ModelBoard() as model:
+        path, _ = picture(model)
+        if kind == "tile":
+            model._tile = refuse(BAD_TILE)
+        else:
+            model._present = refuse(CRC_DIFFERS if kind == "present" else OPTICS)
+        assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
+    err = capsys.readouterr().err
+    assert {"tile": "refuses TILE", "present": "8 times", "optics": "refuses PRESENT"}[kind] in err
+    assert "looking for the board" not in err
+    assert len(err.splitlines()) == 1
+    assert model.executed[1] == 1 or kind == "present"
+    assert model.shown == []
+
+
+def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(picture, capsys):
+    with ModelBoard() as model:
+        path, _ = picture(model)
+        shown = model._present
+
+        def present(body):
+            model.mute = True
+            return shown(body[:2])  # malformed: nothing is shown
+
+        model._present = present
+        model.on_packet = lambda model, _: setattr(model, "mute", False)
+        assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
+    *logs, end = capsys.readouterr().err.splitlines()
+    assert len(logs) == 1
+    assert "looking for the board" in logs[0]
+    assert "not answered" in end
+    assert "no tile more" in end
+    assert set(model.tile_writes.values()) == {1}
+    assert model.shown == []
+
+
+def test_a_board_that_does_not_come_back_is_waited_for_so_long(picture, capsys):
+    with ModelBoard(320, 200) as model:
+        path, _ = picture(model)
+        model.on_packet = lambda model, _: model.tile_writes.total() >= 5 and model._ended.set()
+        begun = time.monotonic()
+        assert run(["stream", path, "--port", model.url, "--resume", "1"]) == 1
+        assert 1.0 <= time.monotonic() - begun < 10.0
+    assert "waited 1 s; the same command goes on from what it holds" in capsys.readouterr().err
+
+
+def test_another_board_that_comes_back_is_refused(picture, capsys):
+    with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
+        path, _ = picture(model)
+
+        def swap(model, _):
+            if model.tile_writes.total() == 20:
+                model.power_cycle()
+                model.tile_writes.clear()
+                model.identity += 1
+                line.unplug()
+
+        model.on_packet = swap
+        assert run(["stream", path, "--port", line.url, "--resume", "20"]) == 1
+    assert "another board answers than before" in capsys.readouterr().err.splitlines()[-1]
+    assert model.shown == []
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1", "soon"])
+def test_a_time_to_wait_that_is_none_is_refused(seconds, capsys):
+    assert run(["stream", "image.png", "--port", "socket://127.0.0.1:1", "--resume", seconds]) == 2
+    assert "--resume" in capsys.readouterr().err
+
+
+def test_an_empty_port_is_refused(picture, capsys):
+    with ModelBoard() as model:
+        path, _ = picture(model)
+    for words in (["stream", path], ["board", "info"], ["board", "read", "display"]):
+        assert run([*words, "--port", ""]) == 2
+        assert "an empty port" in capsys.readouterr().err
