@@ -5,8 +5,9 @@
 /// Packets come and go as streams of bytes without their CRC (docs/reference/protocol.md). Nothing
 /// is executed before its packet has passed its CRC: packet_fifo gives out whole good ones only.
 /// Words of a WRITE and rays of a TRACE are collected before the first is used, so that a request
-/// of a wrong length does nothing. WRITE and SIGN are executed once: a request with the type and
-/// the number of the one executed last is only answered again.
+/// of a wrong length does nothing, and a WRITE to words that cannot be written neither. WRITE and
+/// SIGN are executed once, in the order of their numbers (modulo 65536): the one executed last is
+/// only answered again, an older one is refused.
 ///
 /// A request is read a byte a clock. Replies begin when it is executed.
 module dispatcher #(
@@ -86,7 +87,7 @@ module dispatcher #(
 
   typedef enum logic [4:0] {
     AtType, AtNumberLow, AtNumberHigh, AtArguments, AtWords, AtTile, Swallow, Execute,
-    HelloBuild, ReadAsk, ReadWait, WriteAsk, WriteWait, TileWait, PresentWait, TableWait,
+    HelloBuild, ReadAsk, ReadWait, WriteCheck, WriteAsk, WriteWait, TileWait, PresentWait, TableWait,
     SourceWait, ApplyWait, StatusAsk, StatusWait, RayFetch, RayOffer, RayWait, SignWait, Answer,
     Words
   } state_e;
@@ -139,13 +140,23 @@ module dispatcher #(
   end
 
   // ---- what was executed last ----
+  // It is forgotten before so many numbers have gone by that newer ones would seem older.
   logic executed_q;
   request_e executed_type_q;
-  logic [15:0] executed_number_q;
+  logic [15:0] executed_number_q, newest_q, newest, after;
+  logic forget;
   status_e executed_status_q;
-  logic once, repeated;  // at most once; said again
+  logic [31:0] nonce_q;         // of the session
+  logic once, repeated, older;  // at most once; said again; said before the one executed last
   assign once = type_q == RequestWrite || type_q == RequestSign;
-  assign repeated = executed_q && executed_type_q == type_q && executed_number_q == number_q;
+  assign after = number_q - executed_number_q;
+  assign repeated = executed_q && executed_type_q == type_q && after == '0;
+  assign older = executed_q && !repeated && (after == '0 || after >= 16'h8000);
+  always_comb begin
+    newest = newest_q;
+    if (16'(number_q - newest_q) < 16'h8000) newest = number_q;
+    forget = 16'(newest - executed_number_q) >= 16'h8000;
+  end
 
   // ---- ranges ----
   // A range of registers is there when it begins and ends in one block.
@@ -250,7 +261,8 @@ module dispatcher #(
       executed_type_q <= RequestHello;
       {status_q, executed_status_q} <= {StatusOk, StatusOk};
       {number_q, arguments_q, argument_q, words_q, byte_q, at_q} <= '0;
-      {executed_q, executed_number_q, stream_word_q, left_q, build_q} <= '0;
+      {executed_q, executed_number_q, newest_q, nonce_q} <= '0;
+      {stream_word_q, left_q, build_q} <= '0;
       {tile_empty_o, exit_word_q, exit_q, ray_o, pause_q} <= '0;
       {bus_start_o, bus_write_o, bus_at_o, bus_word_o} <= '0;
       {tile_start_o, stale_o, tile_bad_o, present_start_o, sign_start_o} <= '0;
@@ -340,13 +352,20 @@ module dispatcher #(
             status_q <= StatusLength;
           end else if (once && repeated) begin
             status_q <= executed_status_q;
+          end else if (once && older) begin
+            status_q <= StatusStale;
+            stale_o <= 1'b1;
           end else begin
             case (type_q)
               RequestHello: begin
-                executed_q <= 1'b0;
                 if (arguments_q[0] != ProtocolVersion) begin
                   status_q <= StatusVersion;
                 end else begin
+                  if (long_word != nonce_q) begin
+                    executed_q <= 1'b0;
+                    newest_q <= number_q;
+                    nonce_q <= long_word;
+                  end
                   {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b0, AtBuild};
                   state_q <= HelloBuild;
                 end
@@ -357,8 +376,7 @@ module dispatcher #(
               end
               RequestWrite: begin
                 if (!addresses_ok) status_q <= StatusAddress;
-                else state_q <= WriteAsk;
-                pause_q <= 2'd1;
+                else state_q <= WriteCheck;
               end
               RequestPresent: begin
                 present_start_o <= 1'b1;
@@ -380,6 +398,17 @@ module dispatcher #(
         HelloBuild: if (bus_done_i) begin
           build_q <= bus_word_i;
           state_q <= Answer;
+        end
+        WriteCheck: begin
+          at_q <= at_q + 1'b1;
+          if (!board_map_pkg::writable(first[9:0] + {at_q[7:0], 2'd0})) begin
+            status_q <= StatusAddress;
+            state_q <= Answer;
+          end else if (at_q + 1'b1 == words_q) begin
+            at_q <= '0;
+            pause_q <= 2'd1;
+            state_q <= WriteAsk;
+          end
         end
         WriteAsk: if (pause_q == '0) begin
           {bus_start_o, bus_write_o, bus_at_o} <= {1'b1, 1'b1, first[9:0] + {at_q[7:0], 2'd0}};
@@ -435,9 +464,13 @@ module dispatcher #(
 
         // ---- the reply ----
         Answer: if (!reply_busy) begin
-          if (once && status_q != StatusLength) begin
-            {executed_q, executed_type_q, executed_number_q} <= {1'b1, type_q, number_q};
+          newest_q <= newest;
+          if (once && status_q != StatusLength && !older) begin
+            executed_q <= 16'(newest - number_q) < 16'h8000;
+            {executed_type_q, executed_number_q} <= {type_q, number_q};
             executed_status_q <= status_q;
+          end else if (forget) begin
+            executed_q <= 1'b0;
           end
           at_q <= '0;
           pause_q <= 2'd3;

@@ -6,7 +6,7 @@
 /// begins and ends with horizontal sync, both high. Whole frames only: at the beginning of vertical
 /// sync, and never else, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and
 /// front_o the other buffer), and brightness_i and pattern_i are copied. Reset begins a frame, from
-/// buffer 0.
+/// buffer 0; until the first swap pixels are black, for what the store holds then is no frame.
 ///
 /// Each of r, g, b leaves as floor(p (brightness + 1) / 256). Pixel and sync signals are aligned;
 /// frame_start_o goes with the first pixel. Two clocks after the last one shown_crc_o is the CRC-32
@@ -94,19 +94,20 @@ module scan_out #(
   assign {de_o, hsync_o, vsync_o} = {active_q[Latency], hsync_q[Latency], vsync_q[Latency]};
 
   // ---- between two frames ----
-  logic frame_end;
+  logic frame_end, shown_q;
   logic [7:0] brightness_q;
   pattern_t pattern_q;
   assign frame_end = vsync_q[Read] && !vsync_q[Read+1];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {front_o, swapped_o} <= '0;
+      {front_o, swapped_o, shown_q} <= '0;
       brightness_q <= '1;
       pattern_q <= '0;
     end else begin
       swapped_o <= frame_end && swap_i;
       if (frame_end) begin
         front_o <= front_o ^ swap_i;
+        shown_q <= shown_q || swap_i;
         brightness_q <= brightness_i;
         pattern_q <= pattern_i;
       end
@@ -123,7 +124,8 @@ module scan_out #(
   always_ff @(posedge clk_i) begin
     if (frame_end) read_at_o <= '0;
     else if (active_q[Read]) read_at_o <= read_at_o + 1'b1;
-    rgb_q <= pattern_q.kind == PatternOff ? read_rgb_i : pattern_rgb;
+    if (pattern_q.kind != PatternOff) rgb_q <= pattern_rgb;
+    else rgb_q <= shown_q ? read_rgb_i : '0;
   end
 
   function automatic logic [7:0] dimmed(logic [7:0] value, logic [7:0] brightness);

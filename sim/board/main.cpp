@@ -1,12 +1,13 @@
 // The virtual board: the RTL under Verilator, on a pty or on TCP (loopback only).
 //
 //   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]
-//         [--trace FILE --trace-from CLOCK --trace-to CLOCK]
+//         [--host-step N] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
 //
 // Built by lippmann.sim.virtual_board. A board with ByteLink takes bytes as fast as it can; one
-// without has wires, and --step sets the bits a clock in 1 / 65536. The ready file, in JSON, tells
-// where to connect; it is there only while the board runs. SIGTERM and SIGINT end the board,
-// SIGUSR1 resets it. The last line on stdout tells in JSON what it did. Exit codes as lippmann's.
+// without has wires, and --step sets the bits a clock in 1 / 65536, --host-step those of its far
+// end where they differ. The ready file, in JSON, tells where to connect; it is there only while
+// the board runs. SIGTERM and SIGINT end the board, SIGUSR1 resets it. The last line on stdout
+// tells in JSON what it did. Exit codes as lippmann's.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -40,7 +41,7 @@ std::atomic<bool> reset{false};
 struct Options {
   std::string line = "tcp", ready, capture, trace;
   int port = 0;
-  uint32_t step = 0;
+  uint32_t step = 0, host_step = 0;
   uint64_t identity = 0;
   int64_t trace_from = 0, trace_to = INT64_MAX;
 };
@@ -50,6 +51,7 @@ Options parse(int count, char** words) {
       {"line", required_argument, nullptr, 'l'},       {"port", required_argument, nullptr, 'p'},
       {"identity", required_argument, nullptr, 'i'},   {"ready", required_argument, nullptr, 'r'},
       {"capture", required_argument, nullptr, 'c'},    {"step", required_argument, nullptr, 's'},
+      {"host-step", required_argument, nullptr, 'h'},
       {"trace", required_argument, nullptr, 't'},      {"trace-from", required_argument, nullptr, 'f'},
       {"trace-to", required_argument, nullptr, 'e'},   {nullptr, 0, nullptr, 0}};
   Options options;
@@ -61,12 +63,14 @@ Options parse(int count, char** words) {
       case 'r': options.ready = optarg; break;
       case 'c': options.capture = optarg; break;
       case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
+      case 'h': options.host_step = static_cast<uint32_t>(std::stoul(optarg)); break;
       case 't': options.trace = optarg; break;
       case 'f': options.trace_from = std::stoll(optarg); break;
       case 'e': options.trace_to = std::stoll(optarg); break;
       default: throw std::invalid_argument("unknown option");
     }
   }
+  if (options.host_step == 0) options.host_step = options.step;
   if (options.line != "pty" && options.line != "tcp") throw std::invalid_argument("--line: pty or tcp");
   if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x2000))
     throw std::invalid_argument("--step: 1 to 8192 (a bit takes 8 clocks or more)");
@@ -90,7 +94,7 @@ void announce(const Options& options, const Line& line) {
 
 class Board {
  public:
-  explicit Board(const Options& options) : options_(options), line_(options.line, options.port), uart_(options.step),
+  explicit Board(const Options& options) : options_(options), line_(options.line, options.port), uart_(options.host_step),
       screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.identity_i = options.identity;
     top_.step_i = static_cast<uint16_t>(options.step);

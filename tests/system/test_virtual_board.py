@@ -95,7 +95,7 @@ def wait_for(folder: Path, image: np.ndarray) -> None:
 
 
 def assert_only(folder: Path, images) -> None:
-    """Nothing but these frames, whole, was ever scanned out, and black before the first."""
+    """Nothing but these frames, whole, was ever scanned out, and black before the first after a reset."""
     allowed = {image.tobytes() for image in images} | {bytes(3 * WIDTH * HEIGHT)}
     frames = captured(folder)
     assert all(frame in allowed for frame in frames), f"{sum(f not in allowed for f in frames)} torn or wrong frames"
@@ -380,6 +380,23 @@ def test_a_wrong_baud_rate_is_told_and_harms_nothing(virtual):
     assert_only(virtual.folder, [image])
 
 
+@pytest.mark.parametrize(
+    ("port", "host_baud"),
+    [
+        ("tcp", 9_000_000),
+        *(pytest.param(p, b, marks=pytest.mark.full) for p in ("tcp", "pty") for b in (12_000_000, 16_500_000)),
+    ],
+)
+def test_bits_at_a_wrong_rate_harm_nothing(tmp_path, port, host_baud):
+    """The far end of the wires sends and samples at another rate than the board's UART."""
+    with virtual_board.running(small(), port=port, baud=BAUD, host_baud=host_baud, capture=tmp_path) as board:
+        begun = time.monotonic()
+        with pytest.raises(DeviceError, match=r"baud rate"):
+            Board.open(board.url, patience_s=10.0)
+        assert time.monotonic() - begun < 40
+        assert not [frame for frame in captured(tmp_path) if any(frame)]
+
+
 def test_the_whole_loop():
     image = random_image(15)
     loop = run_on_virtual_board(small(), image, (5, 60), (10, 20))
@@ -452,9 +469,9 @@ def test_waveforms_of_a_window(tmp_path):
 
 
 def test_a_power_cycle_in_the_middle(virtual):
-    image = random_image(8)
+    before, image = random_image(9), random_image(8)
     with Board.open(virtual.url) as board:
-        send_frame(board, random_image(9))
+        send_frame(board, before)
         seen = []
 
         def progress(done, total):
@@ -469,6 +486,7 @@ def test_a_power_cycle_in_the_middle(virtual):
         board.hello()
         send_frame(board, image)
     wait_for(virtual.folder, image)
+    assert_only(virtual.folder, [before, image])
 
 
 def test_an_interrupted_frame_goes_on_from_what_the_board_holds(quick):

@@ -31,6 +31,7 @@ class _Map:
     constants: Path
     tables: Path
     preface: str
+    base: int  # on the board
 
 
 OPTICS = _Map(
@@ -41,6 +42,7 @@ OPTICS = _Map(
     "32-bit words at byte addresses on an APB4 bus; an address that holds nothing, or an access that a register does "
     "not know, answers with an error. Signed fields are two's complement; F is the build's number of fraction bits. "
     "[optics-block.md](optics-block.md) says when commands take effect.",
+    0x200,
 )
 BOARD = _Map(
     "board_registers",
@@ -50,6 +52,7 @@ BOARD = _Map(
     "32-bit words at byte addresses, read and written by the packets READ and WRITE of [the protocol](protocol.md). "
     "The [optics block's registers](registers.md) are on the same board from address `0x200` on. Signed fields are "
     "two's complement.",
+    0x000,
 )
 
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
@@ -99,10 +102,12 @@ def generate(top: Path, into: Path) -> list[Path]:
     try:
         compiler = _compiler(top / SOURCE)
         files = []
+        writable: set[int] = set()
         for part in (OPTICS, BOARD):
             files += _rtl(compiler.elaborate(part.block), into)
             whole = compiler.elaborate(part.name).top
             registers = list(_registers(whole))
+            writable |= _writable(part, registers)
             for path, text in (
                 (part.constants, _formatted(_constants(part, whole, registers))),
                 (part.tables, _tables(part, whole, registers)),
@@ -111,6 +116,8 @@ def generate(top: Path, into: Path) -> list[Path]:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_text(text)
                 files.append(path)
+        files.append(RTL / "board_map_pkg.sv")
+        (into / files[-1]).write_text(_board_map(writable))
     except RDLCompileError:
         raise InputError(f"{SOURCE} is wrong: see the messages above") from None
     return files
@@ -260,6 +267,28 @@ def _constants(part: _Map, top: Any, registers: list[_Register]) -> str:
         lines.append("}),")
     lines.append("}\n")
     return "\n".join(lines)
+
+
+def _writable(part: _Map, registers: list[_Register]) -> set[int]:
+    """Return the board's addresses of words that can be written."""
+    return {
+        part.base + register.address + 4 * entry
+        for register in registers
+        if "write" in register.access
+        for entry in range(register.entries)
+    }
+
+
+def _board_map(writable: set[int]) -> str:
+    """Return the package that tells which words can be written, as ranges of addresses."""
+    firsts = sorted(at for at in writable if at - 4 not in writable)
+    lasts = sorted(at for at in writable if at + 4 not in writable)
+    ranges = ",\n      ".join(f"[10'h{first:03X}:10'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
+    return (
+        f"// {_BY}\n/// Which words of the board can be written, byte addresses.\npackage board_map_pkg;\n"
+        f"  function automatic logic writable(logic [9:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
+        "  endfunction\nendpackage\n"
+    )
 
 
 def _formatted(text: str) -> str:

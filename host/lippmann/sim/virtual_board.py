@@ -127,6 +127,7 @@ def start(
     port: Port = "tcp",
     tcp_port: int = 0,
     baud: int | None = None,
+    host_baud: int | None = None,
     clock_hz: int = CLOCK_HZ,
     fraction_bits: int = COMPACT,
     capture: Path | None = None,
@@ -144,6 +145,8 @@ def start(
         A pty, or TCP on loopback at a port (0: any that is free).
     baud
         A bit line of this rate; None: a byte line.
+    host_baud
+        Rate of a bit line's far end, where it is another: a cable with a wrong setting.
     clock_hz
         Clock that the board says it has, and that the rate is made from.
     fraction_bits
@@ -171,6 +174,8 @@ def start(
             str(program), "--line", port, "--port", str(tcp_port), "--identity", display.identity,
             "--ready", str(told), "--step", str(step),
         ]  # fmt: skip
+        if host_baud is not None:
+            command += ["--host-step", str(step_of(host_baud, clock_hz))]
         if capture is not None:
             command += ["--capture", str(capture)]
         if trace is not None:

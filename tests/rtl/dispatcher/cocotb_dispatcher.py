@@ -88,6 +88,8 @@ async def replies_by_hand(dut):
     bad = next(bytes([k]) for k in range(256) if not rules.tile_is_good(1, 0, bytes([k])))
     last = reference.tiles.to_bytes(2, "little").hex()
     ray = tuple(range(1, 5))
+    edge = next(at for _, at in rules.WRITABLE if rules.can_read(at) and at not in (rules.SOURCE, 0x3FC))
+    edge = edge.to_bytes(2, "little").hex()
     by_hand = [
         ("01 0201 01 0d0c0b0a", f"81 0201 00 01 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
          + build.to_bytes(4, "little").hex()),
@@ -124,7 +126,14 @@ async def replies_by_hand(dut):
         ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
         ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
         ("03 0c00 0003 01000000", "83 0c00 00"),
-        ("08 0b00", "88 0b00 09"),
+        ("08 0b00", "88 0b00 04"),
+        ("08 0d00", "88 0d00 09"),
+        # All words or none: the second, which is fixed, keeps the first from being written.
+        ("03 0e00 fc03 0a000000", "83 0e00 00"),
+        (f"03 0f00 {edge} 0b000000 0c000000", "83 0f00 03"),
+        (f"03 1000 {edge} 0d000000", "83 1000 00"),
+        (f"03 0f00 {edge} 0b000000", "83 0f00 04"),
+        (f"02 1100 {edge} 01", "82 1100 00 0d000000"),
     ]  # fmt: skip
     requests = [bytes.fromhex(asked) for asked, _ in by_hand]
     wanted = [bytes.fromhex(said) for _, said in by_hand]
@@ -156,42 +165,56 @@ async def the_longest_of_each(dut):
 @cocotb.test()
 async def executes_once(dut):
     monitor, reference = await start(dut, slow=5)
-    write = request(WRITE, 7, struct.pack("<HI", 0x304, 1))
-    other = request(WRITE, 8, struct.pack("<HI", 0x304, 2))
-    none = request(WRITE, 7, struct.pack("<H", 0x304))
-    hello = request(HELLO, 7, struct.pack("<BI", 1, 0))
-    sign = request(SIGN, 7)
-    refuse = request(WRITE, 9, struct.pack("<HI", rules.WINDOW, 1))
-    read = request(READ, 7, struct.pack("<HB", 0x304, 1))
+
+    def write(number, word=1):
+        return request(WRITE, number, struct.pack("<HI", 0x304, word))
+
+    def hello(nonce, version=1):
+        return request(HELLO, 9, struct.pack("<BI", version, nonce))
+
+    def read(number):
+        return request(READ, number, struct.pack("<HB", 0x304, 1))
 
     async def done(*requests):
         before = len(monitor.log)
-        await ask(monitor, reference, *requests)
-        return [what[0] for what in monitor.log[before:]]
+        statuses = await ask(monitor, reference, *requests)
+        return [what[0] for what in monitor.log[before:]], statuses
 
-    assert await done(write, write, write) == ["write"]
-    assert await done(other, other, read, other) == ["write"]
-    assert await done(write) == ["write"]
+    assert await done(write(7), write(7), write(7)) == (["write"], [OK, OK, OK])
+    assert await done(write(8), write(8), read(7), write(8)) == (["write"], [OK] * 4)
+    # An old one that comes late does not undo a newer one.
+    assert await done(write(7, 5), write(8)) == ([], [STALE, OK])
     # What was refused for its length was not executed, and is not remembered.
-    assert await done(none, write) == []
-    assert await done(hello, write) == ["write"]
-    assert await done(request(HELLO, 0, struct.pack("<BI", 2, 0)), write) == ["write"]
-    assert await done(sign, sign, read, sign) == ["frame"]
-    # Both the type and the number count.
-    assert await done(write, sign, sign) == ["write", "frame"]
+    assert await done(request(WRITE, 9, struct.pack("<H", 0x304)), write(8)) == ([], [LENGTH, OK])
+    # A new session begins with a new nonce only, in a version that both speak.
+    assert await done(hello(5), write(8)) == (["write"], [OK, OK])
+    assert await done(hello(5), write(7)) == ([], [OK, STALE])
+    assert await done(hello(6, version=2), write(7)) == ([], [8, STALE])
+    assert await done(request(SIGN, 9), request(SIGN, 9), read(7), request(SIGN, 9)) == (["frame"], [OK] * 4)
+    # The number says how old it is, whatever the type.
+    assert await done(write(9), write(10), request(SIGN, 9)) == (["write"], [STALE, OK, STALE])
     # One that the optics refused was executed too.
-    assert await done(refuse, sign, sign) == ["write", "frame"]
-    assert await ask(monitor, reference, sign, sign) == [OPTICS, OPTICS]
+    refuse = request(WRITE, 11, struct.pack("<HI", rules.WINDOW, 1))
+    assert await done(refuse, request(SIGN, 12), request(SIGN, 12)) == (["write", "frame"], [OK, OPTICS, OPTICS])
+    # Numbers come round; those of other requests count too, so that none seems old that is not.
+    for number in range(12, 0x20010, 0x1FFF):
+        await ask(monitor, reference, read(number % (1 << 16)))
+    assert await done(write(0x0009), write(0x0008)) == (["write"], [OK, STALE])
+    for number in range(0x0009, 0x10000, 0x1FFF):
+        assert (await done(write(number), write(number)))[1] == [OK, OK]
+    assert await done(write(0x0003), write(0xFFFE)) == (["write"], [OK, STALE])
 
 
 @cocotb.test()
 async def a_frame_is_refused_and_then_not(dut):
     monitor, reference = await start(dut, slow=20)
-    for k in range(30):
+    for k in range(0, 90, 3):
         refused = random.getrandbits(1)
         wish = request(WRITE, k, struct.pack("<HI", rules.WINDOW, refused))
-        behind = random.choice([request(SIGN, 1000 + k), request(TRACE, k, bytes(16)), request(READ, k, b"\0\2\1")])
-        assert (await ask(monitor, reference, wish, request(SIGN, k), behind))[1] == (OPTICS if refused else OK)
+        behind = random.choice(
+            [request(SIGN, k + 2), request(TRACE, k + 2, bytes(16)), request(READ, k + 2, b"\0\2\1")]
+        )
+        assert (await ask(monitor, reference, wish, request(SIGN, k + 1), behind))[1] == (OPTICS if refused else OK)
 
 
 @cocotb.test()
@@ -240,8 +263,8 @@ async def forgets_all_at_reset(dut):
 async def coverage_is_complete(dut):
     seen = Coverage("dispatcher", f"{WIDTH}x{HEIGHT}")
     statuses = {
-        HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
-        TILES: (0, 2, 7), TRACE: (0, 2), SIGN: (0, 2, 9), 0x33: (1,),
+        HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3, 4), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
+        TILES: (0, 2, 7), TRACE: (0, 2), SIGN: (0, 2, 4, 9), 0x33: (1,),
     }  # fmt: skip
     for kind, which in statuses.items():
         for status in which:

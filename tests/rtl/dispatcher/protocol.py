@@ -22,12 +22,17 @@ class Reference:
         self.frames = self.stale = self.tile_bad = 0
         self.executed: tuple[int, int] | None = None
         self.executed_status = OK
+        self.newest = self.nonce = 0
         #: What was done, in order; the source is looked at when rays come.
         self.log: list[tuple] = []
 
     def reply(self, packet: bytes) -> bytes:
         kind, number = struct.unpack("<BH", packet[:3])
         status, rest = self._execute(kind, number, packet[3:])
+        if (number - self.newest) % (1 << 16) < 1 << 15:
+            self.newest = number
+        if self.executed and (self.newest - self.executed[1]) % (1 << 16) >= 1 << 15:
+            self.executed = None
         return struct.pack("<BHB", kind | 0x80, number, status) + (rest if status == OK else b"")
 
     def _execute(self, kind: int, number: int, body: bytes) -> tuple[int, bytes]:
@@ -35,12 +40,17 @@ class Reference:
             return UNKNOWN, b""
         if not self._length_is_right(kind, body):
             return LENGTH, b""
+        if kind == HELLO:
+            return self._hello(number, body)
         if kind not in (WRITE, SIGN):
             return {
-                HELLO: self._hello, READ: self._read, TILE: self._tile, PRESENT: self._present, TILES: self._tiles,
+                READ: self._read, TILE: self._tile, PRESENT: self._present, TILES: self._tiles,
                 TRACE: self._trace,
             }[kind](body)  # fmt: skip
         if self.executed != (kind, number):
+            if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) < 1 << 15:
+                self.stale += 1
+                return STALE, b""
             self.executed = (kind, number)
             self.executed_status = self._write(body) if kind == WRITE else self._sign()
         return self.executed_status, struct.pack("<II", *rules.signature(self.frames)) if kind == SIGN else b""
@@ -57,9 +67,10 @@ class Reference:
             return size % 16 == 0 and 1 <= size // 16 <= 64
         return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, SIGN: 0}[kind]
 
-    def _hello(self, body: bytes) -> tuple[int, bytes]:
+    def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
         version, nonce = struct.unpack("<BI", body)
-        self.executed = None
+        if version == 1 and nonce != self.nonce:
+            self.nonce, self.newest, self.executed = nonce, number, None
         build = self.registers[rules.BUILD]
         told = (1, nonce, self.identity, self.width, self.height, 32, 3200, self.clock_hz, self.epoch, build)
         return (OK if version == 1 else VERSION), struct.pack("<BIQHHBHIHI", *told)
@@ -79,16 +90,14 @@ class Reference:
         first, *words = struct.unpack(f"<H{len(body) // 4}I", body)
         if not self._range_is_there(first, len(words)):
             return ADDRESS
-        status = OK
+        if not all(rules.can_write(first + 4 * k) for k in range(len(words))):
+            return ADDRESS
         for k, word in enumerate(words):
             at = first + 4 * k
             if at != rules.SOURCE:
                 self.log.append(("write", at, word))
-            if rules.can_write(at):
-                self.registers[at] = word
-            else:
-                status = ADDRESS
-        return status
+            self.registers[at] = word
+        return OK
 
     def _tile(self, body: bytes) -> tuple[int, bytes]:
         epoch, tile, coding = struct.unpack("<HHB", body[:5])

@@ -37,6 +37,11 @@ def read(_: Reference) -> bytes:
 def write(_: Reference) -> bytes:
     # Nor what they are told to do.
     first, count = addresses(never=rules.CONTROL)
+    if random.random() < 0.8:
+        # Words that can be written, or one more.
+        low, last = random.choice([pair for pair in rules.WRITABLE if pair[0] != rules.CONTROL])
+        first = random.randrange(low, last + 4, 4)
+        count = random.randint(1, min(64, (last - first) // 4 + random.choice([1, 1, 1, 2])))
     return struct.pack(f"<H{count}I", first, *(random.getrandbits(32) for _ in range(count)))
 
 
@@ -94,10 +99,11 @@ def bad_length(kind: int, body: bytes) -> bytes:
 def traffic(reference: Reference, count: int) -> Iterator[tuple[bytes, bytes]]:
     """Requests, each with its reply."""
     sent: list[bytes] = []
+    number = random.getrandbits(16)
     for _ in range(count):
         kind = random.choice(KINDS)
-        # Few numbers, so that some meet again in other requests.
-        number = random.choice([0, 1, 0x100, 0xFFFF])
+        # Mostly a newer one; some come again, late, or after many that were lost.
+        number = (number + random.choice([1] * 8 + [0, -1, 5, -5, 0x7FFF, 0x8000, -0x7FFF])) % (1 << 16)
         chance = random.random()
         if chance < 0.15 and sent:
             packet = random.choice(sent[-3:])

@@ -22,8 +22,12 @@ def can_read(at: int) -> bool:
     return at in (BUILD, STATUS, SOURCE, WINDOW) or (at != CONTROL and _hash(1, at) % 8 != 0)
 
 
+#: First and last of the words that can be written, from the tables in docs/reference.
+WRITABLE = ((0x018, 0x01C), (0x20C, 0x20C), (0x214, 0x214), (0x240, 0x2B4), (0x2C0, 0x2D0), (0x300, 0x3FC))
+
+
 def can_write(at: int) -> bool:
-    return at in (CONTROL, SOURCE, WINDOW) or (at not in (BUILD, STATUS) and _hash(2, at) % 8 != 0)
+    return any(first <= at <= last for first, last in WRITABLE)
 
 
 def at_reset() -> dict[int, int]:

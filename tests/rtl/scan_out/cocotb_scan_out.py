@@ -23,6 +23,7 @@ class Bench:
 
     async def reset(self):
         dut = self.dut
+        self.shown = False  # no buffer was swapped in
         dut.rst_ni.value = 0
         for _ in range(3):
             await self.edge
@@ -59,7 +60,7 @@ class Bench:
 
     def picture(self, front, brightness, kind):
         """Pixels that must leave, 24-bit words (height, width)."""
-        pixels = self.store[front]
+        pixels = self.store[front] * self.shown
         if kind == CHECKER:
             white = (np.arange(HEIGHT)[:, None] // 32 + np.arange(WIDTH) // 32) % 2
             pixels = np.repeat(255 * white[..., None], 3, 2)
@@ -92,7 +93,7 @@ class Bench:
                 if out >> 28 & 1:
                     assert (LINES - y) * LINE - x == 3
                     self.release = random.randint(1, 3)  # before the next frame may ask again
-                    swapped, front = True, 1 - front
+                    swapped, front, self.shown = True, 1 - front, True
                 self.release -= 1
                 if self.release == 0:
                     dut.swap_i.value = 0
@@ -114,7 +115,8 @@ async def every_clock(dut):
     front, brightness, kind = 0, 255, OFF
     for turn in range(14):
         picture = bench.picture(front, brightness, kind)
-        if (brightness, kind) == (255, OFF):
+        seen.point("black before the first swap", not bench.shown and kind == OFF)
+        if (brightness, kind) == (255, OFF) and bench.shown:
             assert (picture == bench.store[front]).all()
             seen.point("the store, byte for byte", 1)
         swap = random.getrandbits(1)
