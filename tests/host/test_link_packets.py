@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,3 +139,12 @@ def test_time_out_follows_the_round_trip():
     for _ in range(99):
         time.sample(1e-4)
     assert time.time_out_s == SHORTEST_S
+
+
+def test_the_example_of_the_protocols_page():
+    text = (Path(__file__).parents[2] / "docs/reference/protocol.md").read_text()
+    lines = text.split("For example,")[1].split("\n\n")[1].splitlines()
+    ask, asked, reply, replied = (bytes.fromhex(line) for line in lines)
+    assert (by_zlib(2, 5, b"\0\0\1"), by_zlib(0x82, 5, b"\0BPIL")) == (ask, reply)
+    assert asked == packed(2, 5, b"\0\0\1")
+    assert PacketReader().feed(replied) == [Packet(0x82, 5, b"\0BPIL")]

@@ -188,7 +188,9 @@ REGISTERS: dict[str, Register] = {
         1,
         "read",
         {
-            "count": Field(0, 32, 0x0, False, "", "", "Requests refused: of another epoch."),
+            "count": Field(
+                0, 32, 0x0, False, "", "", "Requests refused: of another epoch, or older than one executed."
+            ),
         },
     ),
     "counters_tile_bad": Register(
