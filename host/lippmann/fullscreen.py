@@ -11,9 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import DeviceError, InputError
+from lippmann.quiet import quiet_libraries
 
 Pixels = npt.NDArray[np.uint8]
 
+#: Drivers of SDL that show nothing to anybody, which it takes where there is no desktop.
+BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Seconds between two looks at the keyboard.
 LOOK_S = 0.05
 
@@ -99,8 +102,14 @@ def _pygame() -> Any:
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
     import pygame
 
+    remedy = "run it in a graphical session, such as with DISPLAY=:0"
     try:
-        pygame.display.init()
+        with quiet_libraries():
+            pygame.display.init()
     except pygame.error as error:
-        raise DeviceError(f"no desktop ({error}); run it in a graphical session, such as with DISPLAY=:0") from None
+        raise DeviceError(f"no desktop ({error}); {remedy}") from None
+    driver = pygame.display.get_driver()
+    if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
+        pygame.display.quit()
+        raise DeviceError(f"no desktop (SDL has only its driver '{driver}', which shows nothing); {remedy}")
     return pygame

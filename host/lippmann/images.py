@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+import re
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, MissingLibraryError, input_error
+from lippmann.quiet import quiet_libraries
 
 #: Formats and what they hold.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
@@ -28,6 +31,8 @@ MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
 #: Most channels of an image: colours and alpha.
 MAX_CHANNELS = 4
+#: Most bytes of texts in a PNG that may be compressed: each can swell a thousandfold, and all are read at once.
+MAX_TEXT_BYTES = 1 << 18
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
 
@@ -177,10 +182,30 @@ def write_picture(
         out = oiio.ImageOutput.create(str(partial))
         if out is None:
             raise input_error(str(path), oiio.geterror(), "choose another extension")
-        good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
-        trouble = out.geterror()
-        if not out.close() or not good:
+        with quiet_libraries():
+            good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
+            trouble = _first_line(out.geterror(), partial)
+            good = out.close() and good
+        # OpenImageIO takes no notice when a PNG is cut short by a full disk.
+        if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, pixels, kind):
+            good, trouble = False, "not all of it arrived on the disk"
+        if not good:
             raise input_error(str(path), f"cannot be written ({trouble})", "free space or choose another place")
+
+
+def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
+    """Tell whether a file holds these pixels."""
+    with quiet_libraries():
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            oiio.geterror()  # else it prints it at exit
+            return False
+        try:
+            found = source.read_image(kind)
+            source.geterror()
+            return found is not None and np.array_equal(found, pixels)
+        finally:
+            source.close()
 
 
 def entries_as_attributes(spec: Any, entries: Mapping[str, str]) -> None:
@@ -189,7 +214,11 @@ def entries_as_attributes(spec: Any, entries: Mapping[str, str]) -> None:
         spec.attribute(PREFIX + key, value)
 
 
-def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Picture:
+def read_picture(
+    path: str | Path,
+    limit: tuple[int, int] | None = None,
+    accept: Callable[[Mapping[str, str]], None] | None = None,
+) -> Picture:
     """Read a picture as linear radiance.
 
     Parameters
@@ -198,6 +227,8 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
         An image file that OpenImageIO reads.
     limit
         (width, height) that the picture must have; checked before its pixels are read.
+    accept
+        Called with the metadata before the pixels are read; raises for a picture that is not wanted.
 
     Raises
     ------
@@ -209,30 +240,40 @@ def read_picture(path: str | Path, limit: tuple[int, int] | None = None) -> Pict
     if not path.is_file():
         raise input_error(str(path), "no such image", "render it first: lippmann render")
     try:
-        return _read(oiio, path, limit)
+        with quiet_libraries():
+            return _read(oiio, path, limit, accept)
     except UnicodeDecodeError:  # OpenImageIO quotes a broken header
         raise input_error(str(path), "is broken", "render it again") from None
 
 
-def _read(oiio: Any, path: Path, limit: tuple[int, int] | None) -> Picture:
+def _read(
+    oiio: Any,
+    path: Path,
+    limit: tuple[int, int] | None,
+    accept: Callable[[Mapping[str, str]], None] | None,
+) -> Picture:
     """Read a file that is there; the rest of `read_picture`."""
+    _check_texts(path)
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise input_error(str(path), f"is no image ({oiio.geterror()})", "give an EXR, TIFF or PNG file")
+        trouble = oiio.geterror()
+        # OpenImageIO has limits of its own, before it tells the size.
+        if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
+            _check_size(path, (int(claim[1]), int(claim[2])), limit)
+        raise input_error(str(path), f"is no image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
     try:
         spec = source.spec()
-        if limit is not None and (spec.width, spec.height) != limit:
-            raise input_error(
-                str(path),
-                f"is {spec.width} x {spec.height} pixels, the panel {limit[0]} x {limit[1]}",
-                "render it for this display",
-            )
+        if limit is not None:
+            _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
             raise input_error(str(path), f"is no flat image of 1 to {MAX_CHANNELS} channels", "render it again")
         metadata = _metadata_of(spec)
+        if accept is not None:
+            accept(metadata)
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:
-            raise input_error(str(path), f"is truncated or broken ({source.geterror()})", "render it again")
+            trouble = _first_line(source.geterror(), path)
+            raise input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
     finally:
         source.close()
     values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
@@ -244,6 +285,32 @@ def _read(oiio: Any, path: Path, limit: tuple[int, int] | None) -> Picture:
     encoded = path.suffix.lower() not in LINEAR_SUFFIXES
     transfer = metadata.get("transfer", "srgb" if encoded else "linear")
     return Picture(decode(values, transfer), metadata)
+
+
+def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
+    """Refuse a picture of another size than the panel's."""
+    if size != limit:
+        what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
+        raise input_error(str(path), what, "render it for this display")
+
+
+def _check_texts(path: Path) -> None:
+    """Refuse a PNG with more texts than any picture needs, which would fill time and memory as it is opened."""
+    with path.open("rb") as stream:
+        if stream.read(8) != b"\x89PNG\r\n\x1a\n":
+            return
+        texts = 0
+        while len(head := stream.read(8)) == 8:
+            size, kind = struct.unpack(">I4s", head)
+            texts += size * (kind in (b"zTXt", b"iTXt"))
+            if texts > MAX_TEXT_BYTES:
+                raise input_error(str(path), f"holds more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
+            stream.seek(size + 4, os.SEEK_CUR)
+
+
+def _first_line(trouble: str, path: Path) -> str:
+    """Return the first of a library's lines of what went wrong with a file, whose name we tell ourselves."""
+    return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "it does not say why")
 
 
 def _metadata_of(spec: Any) -> dict[str, str]:

@@ -43,6 +43,30 @@ def test_without_a_desktop(monkeypatch):
         monitors()
 
 
+def test_a_driver_that_shows_nothing_is_refused(monkeypatch):
+    """Without a desktop SDL takes one of its blind drivers by itself."""
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(variable, raising=False)
+    width, height = 1024, 768
+    for call in (monitors, lambda: show(noise(width, height), 0, 0.0)):
+        with pytest.raises(DeviceError, match=r"no desktop.*graphical session"):
+            call()
+
+
+def test_libraries_print_no_line_of_their_own(capfd, monkeypatch):
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(DeviceError):
+        monitors()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("named", ["dummy", "offscreen", "nonsense,offscreen"])
+def test_a_driver_that_is_named_is_taken(monkeypatch, named):
+    monkeypatch.setenv("SDL_VIDEODRIVER", named)
+    assert monitors()
+
+
 def test_the_command(tmp_path, capsys):
     width, height = monitors()[0]
     toml = tmp_path / "d.toml"

@@ -2,12 +2,18 @@
 
 import math
 import os
+import struct
+import subprocess
+import sys
+import textwrap
+import zlib
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from lippmann.errors import InputError
 from lippmann.images import PREFIX, check_output, decode, encode, read_picture, replacing, write_picture
+from lippmann.link.frames import Target, load_frame
 from lippmann.sheet import FRAME_MS, write_animation, write_contact_sheet
 from PIL import Image
 from scene_cases import generator
@@ -186,6 +192,71 @@ def test_files_that_are_no_image_are_refused(tmp_path, name):
         read_picture(tmp_path)
 
 
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_libraries_print_no_line_of_their_own(tmp_path, suffix, capfd):
+    """libpng does; and of what a library says one line is told."""
+    path = tmp_path / f"a{suffix}"
+    write_picture(path, picture("quiet", height=64, width=64), META)
+    whole = path.read_bytes()
+    for share in (0.02, 0.5, 0.9):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError) as caught:
+            read_picture(path)
+        assert len(str(caught.value)) < len(str(path)) + 160
+    assert capfd.readouterr().err == ""
+
+
+def test_a_header_that_claims_too_much_is_told_as_a_size(tmp_path):
+    """OpenImageIO refuses 100000 x 100000 before it tells the size."""
+    path = tmp_path / "a.exr"
+    spec = oiio.ImageSpec(100_000, 100_000, 3, oiio.HALF)
+    spec.attribute("compression", "zip")
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    out.close()
+    with pytest.raises(InputError, match=r"is 100000 x 100000 pixels, the panel 17 x 13; render it"):
+        read_picture(path, limit=(17, 13))
+
+
+def png(width, height, *chunks):
+    """A PNG of 8 bits RGB after the standard: signature, IHDR, these chunks, IEND."""
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    made = [(b"IHDR", head), *chunks, (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in made
+    )
+
+
+def test_texts_that_swell_are_refused(tmp_path):
+    path = tmp_path / "a.png"
+    text = b"zTXt", b"key\0\0" + zlib.compress(bytes(7_000_000), 9)
+    pixels = b"IDAT", zlib.compress(bytes(4 * (1 + 3 * 4)))
+    path.write_bytes(png(4, 4, text, pixels))
+    assert read_picture(path).radiance.shape == (4, 4, 3)
+    # Six gigabytes of text.
+    path.write_bytes(png(4, 4, *[text] * 900, pixels))
+    with pytest.raises(InputError, match=r"texts; render it again"):
+        read_picture(path)
+
+
+def test_a_picture_that_is_not_wanted_is_not_read(tmp_path):
+    """The header is whole, the pixels are not: who refuses the header never comes to them."""
+    path = tmp_path / "a.png"
+    write_picture(path, picture("wanted", height=64, width=64), META)
+    path.write_bytes(path.read_bytes()[:-4000])
+    seen = []
+
+    def refuse(metadata):
+        seen.append(metadata["identity"])
+        raise InputError("not wanted")
+
+    with pytest.raises(InputError, match="not wanted"):
+        read_picture(path, accept=refuse)
+    assert seen == [META["identity"]]
+    with pytest.raises(InputError, match="rendered for display 79ee8471d40b2533"):
+        load_frame(path, Target(1, 64, 64))
+
+
 def test_a_picture_of_another_size_is_refused(tmp_path):
     write_picture(tmp_path / "a.exr", picture("size"), {})
     with pytest.raises(InputError, match=r"is 17 x 13 pixels, the panel 13 x 17"):
@@ -234,6 +305,36 @@ def test_a_failing_write_leaves_the_old_file_alone(tmp_path, monkeypatch, suffix
         message = None if failure == "interrupt" else r"cannot be written \(No space left"
     with pytest.raises(expected, match=message):
         write_picture(path, picture("new"), {"age": "new"})
+    assert path.read_bytes() == old
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_a_file_that_does_not_fit_is_told(tmp_path, suffix):
+    """The limit of a file's size stands for a full disk: a write comes back short, and then fails."""
+    script = """
+        import resource, sys
+        import numpy as np
+        from lippmann.errors import InputError
+        from lippmann.images import write_picture
+        light = np.random.default_rng(1).random((64, 64, 3)).astype(np.float32)
+        for limit in (0, 100, 4096, 10_000):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+            try:
+                write_picture(sys.argv[1], light, {})
+            except InputError as error:
+                print(error)
+    """
+    path = tmp_path / f"a{suffix}"
+    write_picture(path, picture("old"), {"age": "old"})
+    old = path.read_bytes()
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script), str(path)], capture_output=True, text=True, check=True
+    )
+    lines = done.stdout.splitlines()
+    assert len(lines) == 4, done.stdout
+    assert all("cannot be written (" in line and "free space" in line for line in lines), done.stdout
+    assert done.stderr == ""
     assert path.read_bytes() == old
     assert list(tmp_path.iterdir()) == [path]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,22 +46,25 @@ def load_frame(
     Raises
     ------
     InputError
-        When the file is missing, no picture, broken, of another size, or of another display. The size is checked
-        before any pixel is read.
+        When the file is missing, no picture, broken, of another size, or of another display. Size and display are
+        checked before any pixel is read.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
-    picture = read_picture(path, limit=(target.width, target.height))
     identity = f"{target.identity:016x}"
-    own = picture.metadata.get("identity")
-    if own != identity and not force:
-        what = f"was rendered for display {own}" if own else "names no display"
-        raise input_error(
-            str(path),
-            f"{what}, the panel belongs to {identity}",
-            "render it for this display, or stream it with --force",
-        )
+
+    def accept(metadata: Mapping[str, str]) -> None:
+        own = metadata.get("identity")
+        if own != identity and not force:
+            what = f"was rendered for display {own}" if own else "names no display"
+            raise input_error(
+                str(path),
+                f"{what}, the panel belongs to {identity}",
+                "render it for this display, or stream it with --force",
+            )
+
+    picture = read_picture(path, (target.width, target.height), accept)
     return panel_values(picture.radiance, transfer, bits)
 
 
