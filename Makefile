@@ -28,7 +28,7 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 	@touch $@
 	@echo "setup: ready"
 
-demo: $(READY) ## render and observe the fish into out/demo/
+demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
 test: lint ## lint, then the tests that take minutes at most (JOBS=2)

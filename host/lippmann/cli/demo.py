@@ -23,6 +23,7 @@ from lippmann.render.renderer import Settings, render_integral, render_view
 from lippmann.render.scene import load_scene
 from lippmann.render.variant import start_mitsuba
 from lippmann.sheet import write_animation, write_contact_sheet
+from lippmann.view.page import Direct, page_html
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
@@ -72,7 +73,10 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
     scanned = decode(loop.scanned / np.float32(255.0), panel.transfer).astype(np.float32)
     write_picture(out / "panel.png", scanned, metadata, panel.transfer, panel.bits)
 
-    views, direct = _looked_at(mi, scene, display, scanned, out, as_json)
+    directs, decibels = _looked_at(mi, scene, display, scanned, out, as_json)
+    page = page_html(display, scanned, "The fish, as the virtual board's panel shows it", directs)
+    with replacing(out / "index.html") as partial:
+        partial.write_text(page, encoding="utf-8")
     result = {
         "display": display.name,
         "render_seconds": rendered.seconds,
@@ -85,7 +89,7 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
         "bytes_differ": differ,
         "crc_equal": loop.shown_crc == loop.sent.crc,
         "clocks": loop.clocks,
-        "views": [{"eye_mm": eye, "psnr_db": psnr} for eye, psnr in zip(views, direct, strict=True)],
+        "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
     }
     with replacing(out / "demo.json") as partial:
         partial.write_text(json.dumps(result, indent=2) + "\n")
@@ -93,7 +97,7 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
         raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
 
     def text() -> None:
-        shares = ", ".join(f"{psnr:.1f}" for psnr in direct)
+        shares = ", ".join(f"{psnr:.1f}" for psnr in decibels)
         for what, where in (
             (f"rendered {panel.width_px} x {panel.height_px} pixels in {rendered.seconds:.1f} s", "fish.exr"),
             (f"the board traced {loop.check.rays} rays: every word is the integer twin's", ""),
@@ -101,8 +105,9 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
             ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
             (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
             ("the eye moves", "views.gif"),
+            ("look yourself: open it in a browser, and move the eye with the mouse", "index.html"),
         ):
-            click.echo(f"{what:<80}{out / where if where else ''}".rstrip())
+            click.echo(f"{what:<85}{out / where if where else ''}".rstrip())
 
     emit(result, as_json, text)
 
@@ -116,8 +121,11 @@ def _middle(size: int) -> tuple[int, int]:
 
 def _looked_at(
     mi: Any, scene: Any, display: Display, radiance: npt.NDArray[np.float32], out: Path, quiet: bool
-) -> tuple[list[tuple[float, float, float]], list[float]]:
-    """Write what eyes see of a panel, moving and beside the scene itself; return three eyes and their PSNR, dB."""
+) -> tuple[list[Direct], list[float]]:
+    """Write what eyes see of a panel, moving and beside the scene itself.
+
+    Return the direct renders of three eyes, and the PSNR of their views, dB.
+    """
     window = whole_window(display, VIEW_WIDTH_PX)
     eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
     views = []
@@ -138,4 +146,4 @@ def _looked_at(
         seen = observe(mi, radiance, display, Eye(eyes[k]), coarse, VIEW_SAMPLES).radiance
         itself = render_view(mi, scene, eyes[k], coarse, Settings(samples=VIEW_SAMPLES)).radiance
         decibels.append(psnr_db(seen, itself))
-    return [eyes[k] for k in chosen], decibels
+    return [Direct(eyes[k], radiance) for k, radiance in zip(chosen, direct, strict=True)], decibels
