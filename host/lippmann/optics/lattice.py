@@ -14,11 +14,7 @@ from lippmann.optics.backend import Arr, Backend
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
 
-#: Directions across the pairs of flats of a cell, and the step in (i, j) to the neighbour there.
-AXES: dict[Grid, tuple[tuple[float, float], ...]] = {
-    "square": ((1.0, 0.0), (0.0, 1.0)),
-    "hex": ((1.0, 0.0), (0.5, HALF_SQRT3), (-0.5, HALF_SQRT3)),
-}
+#: Step in (i, j) to the neighbour across each pair of flats of a cell.
 STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
     "square": ((1, 0), (0, 1)),
     "hex": ((1, 0), (0, 1), (-1, 1)),
@@ -27,21 +23,27 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """Square or hexagonal lattice with pitch p (mm), in the array's frame."""
+    """Square or hexagonal lattice with pitch p (mm), in the array's frame.
+
+    `half_sqrt3` is sqrt(3)/2 in as many digits as the numbers have that it is used with.
+    """
 
     grid: Grid
     pitch_mm: float
+    half_sqrt3: float = HALF_SQRT3
 
     @property
     def axes(self) -> tuple[tuple[float, float], ...]:
-        """Unit vectors across the flats."""
-        return AXES[self.grid]
+        """Unit vectors across the pairs of flats of a cell."""
+        if self.grid == "square":
+            return (1.0, 0.0), (0.0, 1.0)
+        return (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), given in the real format that is wanted, mm."""
         if self.grid == "square":
             return i * self.pitch_mm, j * self.pitch_mm
-        return (i + 0.5 * j) * self.pitch_mm, j * (HALF_SQRT3 * self.pitch_mm)
+        return (i + 0.5 * j) * self.pitch_mm, j * (self.half_sqrt3 * self.pitch_mm)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
         """Return the owner (i, j), whole numbers in x's format, and the point from its centre (mm)."""
@@ -52,7 +54,7 @@ class Lattice:
         else:
             # Corner of the lattice parallelogram that holds the point, then which of its four corners is
             # nearest: the bisectors of the corners are q = 1/2 and q = 1 along the cell's axes.
-            t = y * (1.0 / (HALF_SQRT3 * p))
+            t = y * (1.0 / (self.half_sqrt3 * p))
             u = x * (1.0 / p)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)

@@ -6,13 +6,14 @@ and call `rays_from_pixels` and `pixels_from_rays`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display import LENGTHS, Display
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.optics import exact, models
 from lippmann.optics.aim import Ray
@@ -29,6 +30,13 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 #: Squared cosine below which the fast engine traces a ray again in double precision: float32 turns a ray by about 0.2
 #: microradian over its cosine to the face's normal, which stays below 1 microradian above it.
 GRAZING_SQUARE = 0.15
+
+#: Farthest place from the array's centre that rays are followed to, in lenslets: their indices fit into 32 bits.
+FARTHEST_LENSLETS = 1 << 28
+#: A ray flatter than this never comes to the array: below it, what it is divided by may be 0 in float32.
+FLATTEST = 1e-30
+#: How far the length of a direction may be from 1: more than its own rounding makes of it.
+UNIT_ERROR = 1e-6
 
 Floats = npt.NDArray[np.float64]
 
@@ -111,12 +119,17 @@ def pixels_from_rays(
     ox, oy, oz = origin
     dx, dy, dz = direction
     z = system.last_face_mm if model in ("paraxial", "exact") else 0.0
-    heads_there = dz < 0.0
-    t = b.where(heads_there, (z - oz) / b.where(heads_there, dz, -1.0), 0.0)
+    heads_there = dz < -FLATTEST
+    safe_z = b.where(heads_there, dz, -1.0)
+    t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
+    # What meets the array's plane out of all proportion does not meet the array; nothing may be computed from it.
+    farthest = FARTHEST_LENSLETS * system.lattice.pitch_mm
+    heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
+    x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
+    safe_z = b.where(heads_there, safe_z, -1.0)
     i, j, x, y = system.lattice.locate(b, x, y)
     dx, dy = frame.turn_back(dx, dy)
-    safe_z = b.where(heads_there, dz, -1.0)
     x, y = b.real(x), b.real(y)
     ray = Ray(x, y, 0.0 * x + z, b.real(dx), b.real(dy), b.real(safe_z))
     if model == "exact":
@@ -209,12 +222,15 @@ def _check_model(model: str) -> None:
         raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
 
 
-def _columns(name: str, values: npt.ArrayLike, width: int) -> Floats:
+def _columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats:
+    """Return values as (N, width); refuse others, and those beyond `most`."""
     array = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
     if not np.isfinite(array).all():
         raise InputError(f"{name} holds values that are not finite; remove them")
+    if (np.abs(array) > most).any():
+        raise InputError(f"{name} holds values beyond {most:.6g}, where no lenslet stands; remove them")
     return array
 
 
@@ -249,16 +265,20 @@ def trace(
     Raises
     ------
     InputError
-        For wrong shapes, values that are not finite, an unknown model or engine; for a display that the formats of
-        twin and rtl cannot hold.
+        For wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model or engine; for a
+        display that the formats of twin and rtl cannot hold.
     MissingLibraryError
         When an engine lacks a library or a tool.
     """
     _check_model(model)
-    pixel = _columns("pixels", pixels, 2)
+    array, panel = display.array, display.panel
+    farthest = FARTHEST_LENSLETS * array.pitch_mm
+    if max(abs(x) for x in array.offset_mm) > farthest:
+        raise InputError(f"array.offset_mm is beyond {farthest:.6g}; bring the array nearer to the panel")
+    pixel = _columns("pixels", pixels, 2, farthest / panel.pixel_pitch_mm)
     chosen = None
     if aperture is not None:
-        chosen = _columns("aperture", aperture, 2)
+        chosen = _columns("aperture", aperture, 2, farthest)
         if len(chosen) != len(pixel):
             raise InputError(f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each")
     if engine in ("twin", "rtl"):
@@ -302,11 +322,14 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    Raises as `trace` does.
+    A ray flatter than `FLATTEST`, or that meets the array's plane beyond `FARTHEST_LENSLETS`, has missed. Raises as
+    `trace` does, and for directions that are not of length 1.
     """
     _check_model(model)
     b = backend_of(engine, device)
-    origin, way = _columns("origin_mm", origin_mm, 3), _columns("direction", direction, 3)
+    origin, way = _columns("origin_mm", origin_mm, 3, LENGTHS["at_most"]), _columns("direction", direction, 3, math.inf)
+    if (np.abs(np.linalg.norm(way, axis=1) - 1.0) > UNIT_ERROR).any():
+        raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
     if not len(origin):
         b = NumpyBackend()  # as above
     hits = pixels_from_rays(
