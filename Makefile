@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed report-link report-depth peers mutation scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed report-link report-depth report-hard peers mutation scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -70,6 +70,9 @@ report-depth: $(READY) ## depths and views of the founding paper's set-ups, into
 peers: $(READY) ## time and picture beside POV-Ray, and the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null
 	$(BIN)/lippmann bench seed --report docs/reports > /dev/null
+
+report-hard: $(READY) ## every engine on the hard cases, and what the formulas gain, into docs/reports
+	$(BIN)/lippmann bench hard --report docs/reports > /dev/null
 
 mutation: $(READY) ## put faults into the RTL and report how many are caught (half an hour)
 	$(BIN)/python -m lippmann.sim.mutation

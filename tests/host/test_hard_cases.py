@@ -45,7 +45,7 @@ half = pytest.mark.parametrize(("grid", "side"), [("square", "panel"), ("hex", "
 @half
 def test_golden_within_four_units_of_the_truth(grid, side):
     rows = check(grid, side, "golden", ["all"], 2)
-    assert sum(row.rays for row in rows) > 250
+    assert sum(row.rays for row in rows) > 200
     assert sum(row.status_differs for row in rows) < 0.2 * sum(row.rays for row in rows)
     # What the cases are for is there: grazing and tangent rays that one rounding turns 10^5 times as far.
     assert max(row.condition for row in rows) > 1e5
@@ -64,7 +64,7 @@ FAST_CASES = ("grazing-launch", "total-reflection", "tangent", "huge-panels")
 @pytest.mark.parametrize(("grid", "side"), [("square", "viewer"), ("hex", "panel")])
 def test_fast_within_two_microradian(grid, side):
     rows = check(grid, side, "fast", FAST_CASES, 24)
-    assert sum(row.conditioned for row in rows) > 40
+    assert sum(row.conditioned for row in rows) > 20
 
 
 @pytest.mark.full

@@ -20,6 +20,8 @@ COMMANDS = (
     "inspect",
     "fit",
     "trace",
+    "vectors",
+    "regress",
     "render",
     "capture",
     "observe",
@@ -55,7 +57,7 @@ class _Commands(click.Group):
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
-    Exit codes: 0 ok, 1 device, 2 usage or bad input, 3 environment, 130 interrupted.
+    Exit codes: 0 ok, 1 device, 2 usage or bad input, 3 environment, 4 rays judged wrong, 130 interrupted.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

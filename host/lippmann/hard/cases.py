@@ -185,13 +185,14 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 def _flips(
     display: Display, random: np.random.Generator, count: int, has: Callable[[Any], Any], reach: float = 1.5
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels and two aims each, (M, 2), M <= count, between which rays begin to have something."""
+    """Return pixels, the last aims without something, and aims well inside of those; (M, 2) each, M <= count."""
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
     mixed = ~has(trace(display, pixels, inner)) & has(trace(display, pixels, outer))
     chosen = np.flatnonzero(mixed)[:count]
-    return onset(display, pixels[chosen], inner[chosen], outer[chosen], has)
+    pixels, inner = pixels[chosen], inner[chosen]
+    return pixels, onset(display, pixels, inner, outer[chosen], has), inner
 
 
 def _having(status: Status) -> Callable[[Any], Any]:
@@ -215,14 +216,9 @@ def total_reflection(display: Display, random: np.random.Generator, count: int) 
 def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays that leave the last face ever flatter: down to 10^-15 of the way from the onset of total reflection."""
     dense = changed(steep(display), index=1.9)
-    many = 400 * count
-    pixels = pixels_at(dense, random_aims(dense, random, many))[0]
-    inner, outer = random_aims(dense, random, many), random_aims(dense, random, many, 1.5)
-    pixels_, last, _ = onset(dense, pixels, inner, outer, _reflected)
-    matched = np.array([np.flatnonzero((pixels == p).all(axis=1))[0] for p in pixels_[:count]], np.int64)
-    back = 10.0 ** random.uniform(-15.0, -1.0, (len(matched), 1))
-    aims = last[: len(matched)] + back * (inner[matched] - last[: len(matched)])
-    yield Out("grazing-exit", dense, pixels_[: len(matched)], aims)
+    pixels, last, inner = _flips(dense, random, count, _reflected)
+    back = 10.0 ** random.uniform(-15.0, -1.0, (len(pixels), 1))
+    yield Out("grazing-exit", dense, pixels, last + back * (inner - last))
 
 
 @_case

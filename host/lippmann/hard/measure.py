@@ -30,14 +30,16 @@ from lippmann.hard.digits import (
 )
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.status import gets_through
-from lippmann.optics.trace import Engine, Hits, Rays, trace, trace_to_panel
+from lippmann.optics.trace import Engine, Hits, Model, Rays, trace, trace_to_panel
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 #: Golden's bound in units of a ray's condition, and the band beside an edge where a ray may have either fate: so many
-#: units of the last place of one input.
+#: units of the last place of one input, which are a float32's for the fast engine.
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
+#: A float32's last place in a float64's.
+FLOAT32_ULP = 1 << 29
 #: The fast engine's bound on rays that are conditioned: those that one rounding of a float32 at the start, half a pitch
 #: from the lenslet's centre, turns by less than a quarter of the bound.
 FAST_URAD, CONDITIONED_URAD = 2.0, 0.5
@@ -88,11 +90,11 @@ class TrueOut:
         true = true_rays(Numbers.of(rays.display), rays.pixels, rays.aperture)
         return cls(rays, true, condition(rays.display, rays.pixels, rays.aperture, true))
 
-    def on_edge(self, some: Bools) -> Bools:
-        """Tell which of some rays are within `EDGE_ULPS` of another fate."""
+    def on_edge(self, some: Bools, ulps: int) -> Bools:
+        """Tell which of some rays are within so many units of the last place of an input of another fate."""
         rays, true = self.set, TrueRays(*(column[some] for column in self.true))
         aims = None if rays.aperture is None else rays.aperture[some]
-        return on_edge(rays.display, rays.pixels[some], aims, true, EDGE_ULPS)
+        return on_edge(rays.display, rays.pixels[some], aims, true, ulps)
 
 
 @dataclass(frozen=True)
@@ -109,10 +111,10 @@ class TrueBack:
         true = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
         return cls(rays, true, hit_condition(rays.display, rays.origin_mm, rays.direction, true))
 
-    def on_edge(self, some: Bools) -> Bools:
+    def on_edge(self, some: Bools, ulps: int) -> Bools:
         """As `TrueOut.on_edge`."""
         rays, true = self.set, TrueHits(*(column[some] for column in self.true))
-        return hit_on_edge(rays.display, rays.origin_mm[some], rays.direction[some], true, EDGE_ULPS)
+        return hit_on_edge(rays.display, rays.origin_mm[some], rays.direction[some], true, ulps)
 
 
 def truth_of(rays: Out | Back) -> TrueOut | TrueBack:
@@ -155,7 +157,7 @@ def _measure_back(known: TrueBack, engine: Engine, device: str) -> Row:
     if engine == "golden":
         return _row(known, got, same, np.ones_like(same), apart / known.condition, "units", GOLDEN_UNITS)
     # A float32's roundings are 2^29 times a float64's.
-    conditioned = known.condition * 2.0**29 * 1e3 <= 0.25 * FAST_UM
+    conditioned = known.condition * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM
     return _row(known, got, same & gets_through(known.true.status), conditioned, apart * 1e3, "micrometre", FAST_UM)
 
 
@@ -165,7 +167,8 @@ def _row(
     true, rays = known.true, known.set
     engine = {"units": "golden"}.get(unit, "fast")
     other = ~_same(got, true)
-    outside = int((~known.on_edge(other)).sum()) if other.any() and engine == "golden" else 0
+    ulps = EDGE_ULPS if engine == "golden" else EDGE_ULPS * FLOAT32_ULP
+    outside = int((~known.on_edge(other, ulps)).sum()) if other.any() else 0
     counted = same & conditioned
     worst = float(error[counted].max(initial=0.0))
     values = (got.direction, got.local_mm) if isinstance(got, Rays) else (got.pixel,)
@@ -203,14 +206,16 @@ class FixedCase:
     kept: Bools
 
 
-def fixed_words(rays: Out, fraction_bits: int, walk: int | None = None) -> tuple[FixedCase | None, str]:
+def fixed_words(
+    rays: Out, fraction_bits: int, walk: int | None = None, model: Model = "exact"
+) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when it is refused whole, and the reason of the last refusal.
 
     Aims that the words do not hold are left out; then those outside their own cell, when the registers refuse the rest.
     """
     display, array = rays.display, rays.display.array
     aims = rays.aperture if rays.aperture is not None else np.zeros_like(rays.pixels)
-    build = Build.of(display, "exact", fraction_bits, True, walk)
+    build = Build.of(display, model, fraction_bits, True, walk)
     near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""
@@ -219,7 +224,7 @@ def fixed_words(rays: Out, fraction_bits: int, walk: int | None = None) -> tuple
             continue
         reach = float(np.hypot(*aims[kept].T).max())
         try:
-            registers = configuration(display, build, "exact", reach)
+            registers = configuration(display, build, model, reach)
             u, v = words_of_pixels(display, rays.pixels[kept])
         except InputError as error:
             why = str(error)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lippmann.display import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
+from lippmann.optics.system import System
 from lippmann.optics.trace import Rays, trace
 
 Floats = npt.NDArray[np.float64]
@@ -42,8 +43,6 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     The second array (N, 2) is the centre of the cell that each point lies in, from that lenslet's, mm: what aims of
     these pixels are measured from.
     """
-    from lippmann.optics.system import System
-
     system = System.of(display)
     i, j, _, _ = system.lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
     own = np.stack(system.lattice.centre(i, j), axis=1)
@@ -52,34 +51,29 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     return np.stack(system.frame.pixel_from_panel(*at), axis=1), own
 
 
-def onset(
-    display: Display, pixels: Floats, inner: Floats, outer: Floats, has: Callable[[Rays], Bools]
-) -> tuple[Floats, Floats, Floats]:
-    """Find, between aims `inner` and `outer` of the same pixels, where golden rays begin to have something.
+def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: Callable[[Rays], Bools]) -> Floats:
+    """Find where, from aims `inner` to `outer` of the same pixels, golden rays begin to have something.
 
     Parameters
     ----------
     display
         The display.
     pixels, inner, outer
-        (N, 2) each; those where `has` is not false inside and true outside are left out.
+        (N, 2) each; `has` is false of the rays to `inner` and true of those to `outer`.
     has
         What is looked for, of rays.
 
     Returns
     -------
-    pixels, without, with_
-        (M, 2) each: the pixels left, the last aims without it and the first with it, some units of the last place
-        apart.
+    aims
+        (N, 2), the last ones without it, to a rounding.
     """
-    good = ~has(trace(display, pixels, inner)) & has(trace(display, pixels, outer))
-    pixels, inner, outer = pixels[good], inner[good], outer[good]
     low, high = np.zeros(len(pixels)), np.ones(len(pixels))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         found = has(trace(display, pixels, inner + middle[:, None] * (outer - inner)))
         low, high = np.where(found, low, middle), np.where(found, middle, high)
-    return pixels, inner + low[:, None] * (outer - inner), inner + high[:, None] * (outer - inner)
+    return np.asarray(inner + low[:, None] * (outer - inner))
 
 
 def around(aims: Floats) -> Floats:

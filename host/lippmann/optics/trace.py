@@ -35,8 +35,8 @@ GRAZING_SQUARE = 0.15
 FARTHEST_LENSLETS = 1 << 28
 #: A ray flatter than this never comes to the array: below it, what it is divided by may be 0 in float32.
 FLATTEST = 1e-30
-#: How far the length of a direction may be from 1: more than its own rounding makes of it.
-UNIT_ERROR = 1e-6
+#: How far the length of a direction may be from 1: small steps aside of a unit vector pass, slopes do not.
+UNIT_ERROR = 1e-3
 
 Floats = npt.NDArray[np.float64]
 

@@ -1,0 +1,85 @@
+"""`lippmann regress`: judges the rays of somebody else's tracer."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import cast
+
+import click
+
+from lippmann.cli.common import Finite, display_option, emit, json_option
+from lippmann.display import load_display
+from lippmann.errors import input_error
+from lippmann.fixed.trace import WIDEST
+from lippmann.fixed.words import FRACTIONS
+from lippmann.optics.trace import MODELS, Model
+
+#: Exit code when rays were judged and found wrong: nothing failed, so it is none of the failures' codes.
+FOUND_WRONG = 4
+
+
+@click.command("regress")
+@display_option
+@click.option("--rays", "rays_path", required=True, metavar="FILE", help="Rays to judge: .npz, .csv or .mem.")
+@click.option("--inputs", "inputs_path", metavar="FILE", help="Of a .mem: its inputs; else inputs.mem beside it.")
+@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@click.option(
+    "--fraction-bits",
+    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
+    default=WIDEST,
+    show_default=True,
+    help="Word length of a .csv or .mem.",
+)
+@click.option("--tolerance-urad", type=Finite(), default=2.0, show_default=True, help="Of directions in an .npz.")
+@click.option("--tolerance-nm", type=Finite(), default=50.0, show_default=True, help="Of points in an .npz.")
+@json_option
+def command(
+    display_path: str,
+    rays_path: str,
+    inputs_path: str | None,
+    model: str,
+    fraction_bits: int,
+    tolerance_urad: float,
+    tolerance_nm: float,
+    as_json: bool,
+) -> int:
+    """Judge foreign rays against golden (.npz) or the RTL's twin, bit for bit (.csv, .mem), and name what is wrong.
+
+    Exit code 0: every ray is right; 4: some are wrong.
+
+    Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
+    """
+    from lippmann.hard.foreign import read_foreign
+    from lippmann.hard.judge import judge
+
+    for name, value in (("--tolerance-urad", tolerance_urad), ("--tolerance-nm", tolerance_nm)):
+        if value <= 0.0:
+            raise input_error(name, f"{value:g} is not positive", "give a positive number")
+    display = load_display(display_path)
+    inputs = None if inputs_path is None else Path(inputs_path)
+    foreign = read_foreign(Path(rays_path), display, cast(Model, model), fraction_bits, inputs)
+    verdict = judge(foreign, display, cast(Model, model), tolerance_urad, tolerance_nm)
+    result = {
+        **dataclasses.asdict(verdict),
+        "right": verdict.right,
+        "display": display.name,
+        "identity": display.identity,
+        "model": model,
+    }
+
+    def text() -> None:
+        for entry in verdict.compared:
+            click.echo(
+                f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
+                f"largest difference {entry.worst:.3g} {entry.unit}"
+            )
+        if verdict.right:
+            click.echo(f"{verdict.rays} rays right ({verdict.on_edge} of them within the tolerance of an edge)")
+        else:
+            why = verdict.fault or "no single fault explains them"
+            click.echo(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")
+            click.echo(f"stage: {verdict.stage}; {why}")
+
+    emit(result, as_json, text)
+    return 0 if verdict.right else FOUND_WRONG

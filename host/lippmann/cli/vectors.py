@@ -1,0 +1,79 @@
+"""`lippmann vectors`: hard rays with the truth, for whoever regresses his own design."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import cast
+
+import click
+
+from lippmann.cli.common import display_option, emit, json_option, log, seed_option
+from lippmann.display import load_display
+from lippmann.fixed.trace import WIDEST
+from lippmann.fixed.words import FRACTIONS
+from lippmann.machine import provenance
+from lippmann.optics.trace import MODELS, Model
+
+
+@click.command("vectors")
+@display_option
+@click.option("--case", default="all", show_default=True, help="Name of a hard case, or all.")
+@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@click.option(
+    "--fraction-bits",
+    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
+    default=WIDEST,
+    show_default=True,
+    help="Word length of the fixed-point files.",
+)
+@click.option("--count", type=click.IntRange(1, 10_000), default=24, show_default=True, help="Rays of each set, about.")
+@seed_option
+@click.option("-o", "output", required=True, metavar="FOLDER", help="A new folder.")
+@json_option
+def command(
+    display_path: str,
+    case: str,
+    model: str,
+    fraction_bits: int,
+    count: int,
+    seed: int,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Write hard rays, their truth in 50 digits, and the RTL's words of them, as .npz, .csv and $readmemh files.
+
+    Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
+    """
+    from lippmann.hard.vectors import write_vectors
+
+    display = load_display(display_path)
+    said = (
+        f"lippmann vectors --display {shlex.quote(display_path)} --case {case} --model {model} "
+        f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
+    )
+    entries = write_vectors(
+        Path(output),
+        display,
+        case,
+        cast(Model, model),
+        fraction_bits,
+        seed,
+        count,
+        provenance(said, ("numpy", "mpmath")),
+        (lambda _: None) if as_json else log,
+    )
+    result = {
+        "output": output,
+        "sets": len(entries),
+        "rays": sum(entry["rays"] for entry in entries),
+        "words": sum(entry["words"] for entry in entries),
+        "refused": {entry["set"]: entry["refused"] for entry in entries if entry["refused"]},
+    }
+    emit(
+        result,
+        as_json,
+        lambda: click.echo(
+            f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words"
+        ),
+    )

@@ -1,0 +1,336 @@
+"""Judges foreign rays: how many are wrong, at which step of the ray, and by which fault.
+
+Reals are held to golden. A ray may be off by the tolerance, and by what inputs that are off by the tolerance make of
+it, so that no rounding is taken for a fault however badly a ray is conditioned. Words are held to the twin, every bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.hard.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
+from lippmann.hard.foreign import Foreign, Words
+from lippmann.hard.search import Floats
+from lippmann.optics.trace import Model
+
+Bools = npt.NDArray[np.bool_]
+
+#: Rays that a diagnosis looks at, and that a fit does.
+SAMPLE, FIT_SAMPLE = 1500, 300
+#: Share of the rays that a variant must give for it to be the fault.
+EXPLAINED = 0.97
+#: Units of the last place that words of a real design may be off golden, for the variants: those of the widest aims.
+WORD_UNITS = 64.0
+#: A design whose words are at most so far from the twin's rounds otherwise; it does not trace otherwise.
+ROUNDING_WORDS = 8
+#: Fields that are whole numbers.
+WHOLE = ("home", "lenslet", "status")
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One array of the file: the step that makes it, rays compared and wrong, the largest difference and its unit."""
+
+    field: str
+    stage: str
+    compared: int
+    wrong: int
+    worst: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of foreign rays.
+
+    `rays` in the file; `on_edge` not judged in full, for their fate turns within the tolerance; `wrong` are wrong in
+    some array. `stage` is the first step that is wrong (None: all is right), `fault` what explains the rays (None:
+    nothing does), `explained` the share of them that it gives. `first_wrong` is the number of a ray.
+    """
+
+    rays: int
+    on_edge: int
+    wrong: int
+    first_wrong: int | None
+    stage: str | None
+    fault: str | None
+    explained: float
+    compared: tuple[Compared, ...]
+
+    @property
+    def right(self) -> bool:
+        """Whether no ray is wrong."""
+        return not self.wrong
+
+
+@dataclass(frozen=True)
+class _Allowed:
+    """What golden gives, and how far from it a ray may be: arrays by name; `edge` (N,) fates that turn within it."""
+
+    rays: Arrays
+    by_field: dict[str, Floats]
+    edge: Bools
+
+
+def judge(
+    foreign: Foreign, display: Display, model: Model, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0
+) -> Verdict:
+    """Judge foreign rays.
+
+    Parameters
+    ----------
+    foreign
+        The rays.
+    display, model
+        What they are to be of.
+    tolerance_urad, tolerance_nm
+        How far directions and points may be off. Of words, no bit may be.
+    """
+    given = Given(display, foreign.pixels, foreign.aperture, model)
+    if foreign.words is not None:
+        return _judge_words(foreign, foreign.words, given)
+    allowed = _allowed(given, tolerance_urad * 1e-6, tolerance_nm * 1e-6)
+    wrong_by = {name: _wrong(name, values, allowed) for name, values in foreign.fields.items()}
+    wrong: Bools = np.any(list(wrong_by.values()), axis=0)
+    ties = _ties(given)
+    tied_wrong = (
+        ties & (foreign.fields["lenslet"] != allowed.rays["lenslet"]).any(axis=1)
+        if ("lenslet" in foreign.fields)
+        else np.zeros_like(ties)
+    )
+    compared = tuple(_compared(name, values, allowed, wrong_by[name]) for name, values in foreign.fields.items())
+    if not wrong.any() and tied_wrong.sum() > 2 and tied_wrong.sum() == ties.sum():
+        fault = "cells closed on their other side (tie rule): every point on an edge has the other owner"
+        return _verdict(allowed.edge, tied_wrong, "lenslet", fault, 1.0, compared)
+    if not wrong.any():
+        return _verdict(allowed.edge, wrong, None, None, 0.0, compared)
+    return _verdict(allowed.edge, wrong, *_diagnosed(foreign.fields, given, allowed, wrong_by, wrong), compared)
+
+
+def _verdict(
+    edge: Bools, wrong: Bools, stage: str | None, fault: str | None, explained: float, compared: tuple[Compared, ...]
+) -> Verdict:
+    first = int(np.argmax(wrong)) if wrong.any() else None
+    return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, stage, fault, explained, compared)
+
+
+def _allowed(given: Given, turn: float, shift_mm: float) -> _Allowed:
+    """Trace golden, and once more with each input displaced by the tolerance either way."""
+    rays = golden(given)
+    n = len(given.pixels)
+    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
+    edge = np.zeros(n, bool)
+    for k in range(2):
+        for sign in (-shift_mm, shift_mm):
+            step = sign * np.eye(2)[k]
+            for moved in (
+                Given(given.display, given.pixels + step / given.display.panel.pixel_pitch_mm, given.aims, given.model),
+                Given(given.display, given.pixels, given.aims + step, given.model),
+            ):
+                other = golden(moved)
+                edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
+                for name, far in most.items():
+                    np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
+    fixed = {name: np.full(n, 2.0 * shift_mm) for name in ("panel_mm", "start_mm", "near_mm", "centre_mm")}
+    by_field = {**fixed, **{name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}}
+    return _Allowed(rays, by_field, edge)
+
+
+def _far(name: str, values: Floats, wanted: Floats) -> Floats:
+    """Return how far values are from what is wanted, (N,): a length, or 0 and 1 for whole numbers; never NaN."""
+    if name in WHOLE:
+        return np.asarray((values != wanted).any(axis=1), np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        far = np.linalg.norm(values - wanted, axis=1)
+    return np.where(np.isfinite(far), far, np.inf)
+
+
+def _wrong(name: str, values: Floats, allowed: _Allowed) -> Bools:
+    """Tell which rays of an array are wrong; those on an edge never are, but where they are not numbers."""
+    far = _far(name, values, allowed.rays[name])
+    limit = allowed.by_field.get(name, np.zeros(len(far)))
+    return np.asarray((far > limit) & ~(allowed.edge & np.isfinite(far) & (name not in ("panel_mm",))))
+
+
+def _compared(name: str, values: Floats, allowed: _Allowed, wrong: Bools) -> Compared:
+    unit, scale = {"direction": ("microradian", 1e6)}.get(name, ("nm", 1e6))
+    if name in WHOLE:
+        unit, scale = "rays", 1.0
+    far = _far(name, values, allowed.rays[name])
+    worst = float(far[~allowed.edge].max(initial=0.0)) * scale
+    return Compared(name, STAGE_OF[name], len(wrong), int(wrong.sum()), worst, unit)
+
+
+def _ties(given: Given) -> Bools:
+    """Tell which panel points are exactly on an edge of their cell that only one of two neighbours owns."""
+    start = golden(given)["start_mm"]
+    half = 0.5 * given.display.array.pitch_mm
+    columns = start if given.display.array.grid == "square" else start[:, :1]
+    return np.asarray((columns == -half).any(axis=1))
+
+
+def _diagnosed(
+    fields: Arrays, given: Given, allowed: _Allowed, wrong_by: dict[str, Bools], wrong: Bools
+) -> tuple[str, str | None, float]:
+    """Return stage, fault and share explained of rays that are wrong."""
+    first = min((STAGE_OF[name] for name, bad in wrong_by.items() if bad.any()), key=STAGES.index)
+    if first == "status":
+        return first, _codes(fields["status"], allowed.rays["status"], wrong), 1.0
+    wraps = _wrapped(fields["direction"], allowed, wrong_by["direction"])
+    if wraps:
+        return "exit", "a component of the direction wrapped where it should saturate at 1", 1.0
+    if first == "exit":
+        bent = fields["direction"]
+        length = np.linalg.norm(bent, axis=1)
+        unit = bent / np.where(length > 0.0, length, 1.0)[:, None]
+        if not _wrong("direction", unit, allowed).any():
+            return "exit", "direction not normalised: it is right but for its length", 1.0
+    everywhere = _best(fields, given, allowed, np.arange(len(wrong)), wrong)
+    return everywhere or _stale(fields, given, allowed, wrong) or (first, None, 0.0)
+
+
+def _stale(fields: Arrays, given: Given, allowed: _Allowed, wrong: Bools) -> tuple[str, str, float] | None:
+    """Explain rays that are wrong up to some ray and right from there on: what was written before took effect late."""
+    run = np.flatnonzero(wrong)
+    last = int(run[-1])
+    if last + 1 >= len(wrong) or len(run) < 0.5 * (last + 1):
+        return None
+    part = _best(fields, given, allowed, np.arange(last + 1), wrong)
+    if part is None:
+        return None
+    return part[0], f"stale register: rays 0 to {last} are of an earlier configuration ({part[1]})", part[2]
+
+
+def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str:
+    pairs, counts = np.unique(np.stack([wanted[wrong, 0], got[wrong, 0]]), axis=1, return_counts=True)
+    said = ", ".join(f"{int(b)} for {int(a)} ({n} rays)" for (a, b), n in zip(pairs.T, counts, strict=True))
+    return f"wrong status code: {said}"
+
+
+def _wrapped(direction: Floats, allowed: _Allowed, wrong: Bools) -> bool:
+    """Tell whether every wrong direction is right but for a component that is 2 off."""
+    apart = (direction - allowed.rays["direction"])[wrong]
+    turns = np.round(apart / 2.0)
+    rest = np.linalg.norm(apart - 2.0 * turns, axis=1)
+    # A component of size 1 whose sign is wrong is 2 off as well: that is no wrap where others are not as near to 1.
+    return bool(
+        wrong.any()
+        and (np.abs(turns).sum(axis=1) == 1.0).all()
+        and (rest < 1e-3).all()
+        and not wrong[np.abs(allowed.rays["direction"]).max(axis=1) < 1.0 - 1e-3].any()
+        and (~wrong).any()
+    )
+
+
+def _best(
+    fields: Arrays, given: Given, allowed: _Allowed, index: npt.NDArray[np.intp], wrong: Bools
+) -> tuple[str, str, float] | None:
+    """Return stage, name and share of the variant that gives most of some rays, if it gives nearly all."""
+    random = np.random.default_rng(0)
+    bad = index[wrong[index]]
+    some = np.sort(random.permutation(bad)[:SAMPLE])
+    good = random.permutation(index[~wrong[index] & ~allowed.edge[index]])[: SAMPLE // 3]
+    chosen = np.concatenate([some, good])
+    part = given.some(chosen)
+    values = {name: array[chosen] for name, array in fields.items()}
+    limits = {name: limit[chosen] for name, limit in allowed.by_field.items()}
+
+    def best_of(found: Iterable[Variant]) -> tuple[float, Variant] | None:
+        best = None
+        for variant in found:
+            share = _share(variant, part, values, limits, len(some))
+            if best is None or share > best[0]:
+                best = share, variant
+        return best if best is not None and best[0] >= EXPLAINED else None
+
+    found = best_of(variants(given.display))
+    if found is None:
+        few = random.permutation(bad)[:FIT_SAMPLE]
+        found = best_of(fitted(given.some(few), fields["direction"][few]))
+    return None if found is None else (found[1].stage, found[1].name, found[0])
+
+
+def _share(variant: Variant, given: Given, values: Arrays, limits: dict[str, Floats], bad: int) -> float:
+    """Return the share of rays that a variant gives: of the wrong ones, or of all, whichever is less."""
+    rays = variant.predict(given)
+    right = np.ones(len(given.pixels), bool)
+    for name, array in values.items():
+        if name not in variant.silent:
+            far = _far(name, array, rays[name])
+            right &= far <= 4.0 * limits.get(name, np.zeros(len(far)))
+    return float(min(right.mean(), right[:bad].mean()))
+
+
+# --- words ------------------------------------------------------------------------------------------------------
+
+
+def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
+    twin = ray_pipeline(*words.inputs, words.registers, words.build)
+    stages = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
+    wrong_by = {name: a != b for name, a, b in zip(FixedRays._fields, words.outputs, twin, strict=True)}
+    wrong: Bools = np.any(list(wrong_by.values()), axis=0)
+    compared = tuple(
+        Compared(
+            name,
+            stages.get(name, "exit"),
+            len(wrong),
+            int(wrong_by[name].sum()),
+            float(np.abs(got - wanted).max(initial=0)),
+            "units of the last place" if name not in ("i", "j", "status") else "rays",
+        )
+        for name, got, wanted in zip(FixedRays._fields, words.outputs, twin, strict=True)
+    )
+    unit = 2.0 ** -(words.build.fraction_bits + 1)
+    allowed = _allowed(given, WORD_UNITS * unit, WORD_UNITS * unit * given.display.array.radius_mm)
+    if not wrong.any():
+        return _verdict(np.zeros_like(wrong), wrong, None, None, 0.0, compared)
+    first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
+    lenslets = wrong_by["i"] | wrong_by["j"]
+    reals = [name for name in FixedRays._fields if name not in ("i", "j", "status")]
+    apart = np.stack([getattr(words.outputs, name) - getattr(twin, name) for name in reals])
+    if first == "status":
+        fault = _codes(words.outputs.status[:, None], twin.status[:, None], wrong)
+        return _verdict(np.zeros_like(wrong), wrong, first, fault, 1.0, compared)
+    if not lenslets.any():
+        said = _rounding(apart, twin, reals, words.build.near)
+        if said:
+            return _verdict(np.zeros_like(wrong), wrong, first, said, 1.0, compared)
+    ties = lenslets & (allowed.edge | _ties(given))
+    if (ties == wrong).all():
+        fault = "cells closed on their other side (tie rule): points on an edge have the other owner"
+        return _verdict(np.zeros_like(wrong), wrong, "lenslet", fault, 1.0, compared)
+    fields = {name: values for name, values in foreign.fields.items() if name != "origin_mm"}
+    real_wrong = {name: _wrong(name, values, allowed) for name, values in fields.items()}
+    any_wrong: Bools = np.any(list(real_wrong.values()), axis=0)
+    if not any_wrong.any():
+        fault = "words differ by less than golden tells apart: rounding, or the tie rule"
+        return _verdict(np.zeros_like(wrong), wrong, first, fault, 0.0, compared)
+    stage, name, share = _diagnosed(fields, given, allowed, real_wrong, any_wrong)
+    return _verdict(np.zeros_like(wrong), wrong, stage, name, share, compared)
+
+
+def _rounding(apart: npt.NDArray[np.int64], twin: FixedRays, names: list[str], near: int) -> str | None:
+    """Say what rounds or overflows otherwise, from differences (6, N) of words; None when it is more than that."""
+    span = 1 << near
+    wraps = np.abs(apart) >= span - ROUNDING_WORDS
+    if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
+        found = ", ".join(name for name, row in zip(names, wraps, strict=True) if row.any())
+        return f"a word wrapped where it should saturate: {found}"
+    if (np.abs(apart) > ROUNDING_WORDS).any():
+        return None
+    sign = np.stack([np.sign(getattr(twin, name)) for name in names])
+    off = apart != 0
+    mean, inward = float(apart[off].mean()), float((apart * -sign)[off].mean())
+    found = ", ".join(name for name, row in zip(names, off, strict=True) if row.any())
+    if mean < -0.9:
+        return f"truncation for rounding (downward): {found}"
+    if inward > 0.9:
+        return f"truncation for rounding (towards zero): {found}"
+    return f"rounded otherwise, at most {int(np.abs(apart).max())} units of the last place: {found}"

@@ -1,0 +1,238 @@
+"""`lippmann regress`: rays of a tracer written elsewhere, right and with a fault planted, and words with others."""
+
+import csv
+import dataclasses
+import json
+
+import faulty_tracer
+import lippmann
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.fixed import leave_dome
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import wrapped
+from lippmann.hard.cases import Out, changed, hard_sets
+from lippmann.hard.foreign import Foreign
+from lippmann.hard.judge import judge
+from lippmann.hard.measure import fixed_words
+from lippmann.hard.search import random_aims, random_pixels
+from lippmann.hard.vectors import INPUTS, display_text
+from lippmann.sim.tools import repository
+from optics_cases import display_of
+
+SEED = 64
+
+
+def display_for(grid):
+    return display_of(
+        grid, "panel", pitch=1.0, radius=1.2, index=1.52, thickness=1.5, gap=0.7, rotation=9.0, offset=(0.31, -0.17),
+        width_px=640, height_px=400, pixel_pitch=0.05,
+    )  # fmt: skip
+
+
+def rays_for(display, count=600):
+    random = np.random.default_rng(SEED)
+    return random_pixels(display, random, count), random_aims(display, random, count)
+
+
+def judged(display, arrays):
+    fields = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
+    fields["status"] = fields["status"][:, None]
+    return judge(Foreign(fields.pop("pixel"), fields.pop("aperture_mm"), fields), display, "exact")
+
+
+#: Planted fault: step that must be named, a word of what is said.
+FAULTS = {
+    "x sign": ("panel", "x flipped"),
+    "y flipped": ("panel", "y flipped"),
+    "axis swap": ("panel", "swapped"),
+    "half pixel": ("panel", "half a pixel"),
+    "pixel pitch wrong": ("panel", "panel.pixel_pitch_mm is 0.050025"),
+    "missing offset": ("panel", "offset_mm left out"),
+    "rotation sense": ("panel", "sense of rotation_deg"),
+    "degrees for radians": ("panel", "taken for radians"),
+    "off-by-one lenslet": ("lenslet", "off by one: (+1, +0)"),
+    "neighbour's lenslet": ("lenslet", "neighbour's lenslet traced: (+1, +0)"),
+    "aperture plane": ("aim", "aperture plane without the index"),
+    "wrong index": ("first face", "array.index is 1.4585 for 1.52"),
+    "gap wrong": ("first face", "gap_mm is 0.7125 for 0.7"),
+    "radius for focal length": ("dome", "focal length taken for the radius"),
+    "normalisation missing": ("exit", "not normalised"),
+    "direction sign": ("exit", "sign of the direction's x"),
+    "wrong status code": ("status", "1 for 2"),
+}
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_a_right_tracer_is_right(grid):
+    """Which also says that golden and the tracer of this folder agree within the tolerance."""
+    display = display_for(grid)
+    verdict = judged(display, faulty_tracer.trace(display, *rays_for(display)))
+    assert verdict.right, verdict
+    assert verdict.on_edge < 10
+    assert len(verdict.compared) == 7
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_are_named(fault):
+    display = display_for("square")
+    if fault == "wrong status code":
+        display = changed(display, radius_mm=0.72, index=1.8, gap_mm=0.5)
+    # Steps that the file does not have do not help.
+    arrays = faulty_tracer.trace(display, *rays_for(display), fault)
+    del arrays["panel_mm"]
+    verdict = judged(display, arrays)
+    print(verdict)
+    stage, says = FAULTS[fault]
+    assert verdict.stage == stage
+    assert says in verdict.fault
+    assert verdict.explained >= 0.97
+    assert verdict.wrong > 20
+
+
+def test_hexagonal_rows():
+    display = display_for("hex")
+    verdict = judged(display, faulty_tracer.trace(display, *rays_for(display), "hex rows swapped"))
+    assert (verdict.stage, verdict.fault) == ("lenslet", "hexagonal rows moved the other way")
+
+
+def test_plano_side():
+    display = display_for("square")
+    pixels, aims = rays_for(display)
+    rays = lippmann.trace(changed(display, plano_side="viewer"), pixels, aims)
+    arrays = {"pixel": pixels, "aperture_mm": aims, "direction": rays.direction, "status": rays.status}
+    verdict = judged(display, arrays)
+    assert (verdict.stage, verdict.fault) == ("first face", "plano_side turned over")
+
+
+def test_stale_register():
+    """The first rays of a frame are still traced with the last frame's index."""
+    display = display_for("square")
+    pixels, aims = rays_for(display)
+    arrays, old = (faulty_tracer.trace(display, pixels, aims, fault) for fault in ("", "wrong index"))
+    late = {name: np.concatenate([old[name][:130], array[130:]]) for name, array in arrays.items()}
+    verdict = judged(display, late)
+    assert verdict.stage == "first face"
+    assert "stale register: rays 0 to 129" in verdict.fault
+    assert "array.index is 1.4585" in verdict.fault
+
+
+def test_tie_rule():
+    display = display_of("square", "panel", pixel_pitch=0.0625)
+    (rays,) = hard_sets(display, "cell-ties", SEED, 36)
+    assert isinstance(rays, Out)
+    aims = np.zeros_like(rays.pixels)
+    assert judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims)).right
+    verdict = judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims, "tie rule"))
+    assert verdict.stage == "lenslet"
+    assert "tie rule" in verdict.fault
+
+
+def test_saturated_value_wrapped():
+    display = display_for("square")
+    pixels, aims = rays_for(display)
+    (chief,) = hard_sets(display, "chief-ray", SEED, 10)
+    pixels, aims = np.concatenate([pixels, chief.pixels]), np.concatenate([aims, np.zeros_like(chief.pixels)])
+    verdict = judged(display, faulty_tracer.trace(display, pixels, aims, "saturated value wrapped"))
+    assert verdict.stage == "exit"
+    assert "wrapped" in verdict.fault
+
+
+def test_what_no_fault_explains_still_has_a_step():
+    display = display_for("square")
+    arrays = faulty_tracer.trace(display, *rays_for(display))
+    arrays["direction"][::7] += np.random.default_rng(SEED).normal(0, 1e-3, arrays["direction"][::7].shape)
+    verdict = judged(display, arrays)
+    assert (verdict.stage, verdict.fault) == ("exit", None)
+    assert verdict.first_wrong == 0
+    arrays["direction"][3] = np.nan
+    assert not judged(display, arrays).right
+
+
+def test_not_a_number_is_wrong_even_on_an_edge():
+    display = display_of("square", "panel", pixel_pitch=0.0625)
+    (rays,) = hard_sets(display, "cell-ties", SEED, 36)
+    arrays = faulty_tracer.trace(rays.display, rays.pixels, np.zeros_like(rays.pixels))
+    arrays["direction"][5] = np.nan
+    assert judged(rays.display, arrays).wrong == 1
+
+
+# --- words --------------------------------------------------------------------------------------------------------
+
+
+def words_for(display, fraction_bits=16):
+    pixels, aims = rays_for(display, 400)
+    (chief,) = hard_sets(display, "chief-ray", SEED, 10)
+    rays = Out("words", display, np.concatenate([pixels, chief.pixels]), np.concatenate([aims, 0 * chief.pixels]))
+    case, why = fixed_words(rays, fraction_bits)
+    assert case is not None, why
+    return case
+
+
+def write_words(path, case, out):
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow([*INPUTS, *FixedRays._fields])
+        writer.writerows(zip(*case.words, *out, strict=True))
+
+
+@pytest.fixture
+def written(tmp_path):
+    """A display file, and a function that judges words through the command line."""
+    display = display_for("square")
+    (tmp_path / "display.toml").write_text(display_text(display))
+    case = words_for(display)
+
+    def judge_words(out, capsys):
+        write_words(tmp_path / "rays.csv", case, out)
+        code = run(["regress", "--display", str(tmp_path / "display.toml"), "--rays", str(tmp_path / "rays.csv"),
+                    "--fraction-bits", "16", "--json"])  # fmt: skip
+        return code, json.loads(capsys.readouterr().out)
+
+    return case, judge_words
+
+
+def test_right_words(written, capsys):
+    case, judge_words = written
+    code, said = judge_words(ray_pipeline(*case.words, case.registers, case.build), capsys)
+    assert (code, said["wrong"], said["stage"]) == (0, 0, None)
+
+
+def test_truncation_for_rounding(written, capsys, monkeypatch):
+    """The last rounding of the direction left out: floor(x) for floor(x + 1/2)."""
+    case, judge_words = written
+    monkeypatch.setattr(leave_dome, "guarded", lambda x: x >> 3)
+    out = ray_pipeline(*case.words, case.registers, case.build)
+    monkeypatch.undo()
+    code, said = judge_words(out, capsys)
+    assert code == 4
+    assert said["stage"] == "exit"
+    assert said["fault"].startswith("truncation for rounding (downward): dx, dy, dz")
+
+
+def test_wrapped_word(written, capsys, monkeypatch):
+    case, judge_words = written
+    monkeypatch.setattr(leave_dome, "saturate", wrapped)
+    out = ray_pipeline(*case.words, case.registers, case.build)
+    monkeypatch.undo()
+    code, said = judge_words(out, capsys)
+    assert code == 4
+    assert said["stage"] == "exit"
+    assert "wrapped where it should saturate: dz" in said["fault"]
+
+
+def test_wrong_register(written, capsys):
+    case, judge_words = written
+    wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})
+    code, said = judge_words(ray_pipeline(*case.words, wrong, case.build), capsys)
+    assert code == 4
+    assert said["stage"] in ("panel", "lenslet")
+
+
+def test_the_how_to_lists_the_faults():
+    page = (repository() / "docs/how-to/regress.md").read_text()
+    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) >= 20
+    for stage, says in FAULTS.values():
+        assert any(row[1] == stage and says in row[2] for row in rows), says

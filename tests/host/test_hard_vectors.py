@@ -1,0 +1,136 @@
+"""`lippmann vectors`: what it writes is read back, by hand and by `lippmann regress`; and what regress refuses."""
+
+import json
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.hard.cases import changed
+from lippmann.hard.vectors import display_text, memory_lines, output_widths, words_of_memory
+from lippmann.optics.trace import trace
+from lippmann.sim.tools import repository
+
+SQUARE = str(repository() / "scenes/displays/paper-square.toml")
+HEX = str(repository() / "scenes/displays/paper-hex.toml")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Vectors of a few cases, one folder each."""
+    top = tmp_path_factory.mktemp("vectors")
+    for case in ("cell-edges", "indices", "far-origins"):
+        assert run(["vectors", "--display", HEX, "--case", case, "--count", "6", "--fraction-bits", "16",
+                    "-o", str(top / case), "--json"]) == 0  # fmt: skip
+    return top
+
+
+def test_header_says_what_is_there(folder):
+    header = json.loads((folder / "indices/vectors.json").read_text())
+    assert header["fraction_bits"] == 16
+    assert "lippmann vectors --display" in header["command"]
+    sets = {entry["set"]: entry for entry in header["sets"]}
+    assert sets["indices-2.4"]["words"] == 0
+    assert "register index" in sets["indices-2.4"]["refused"]
+    assert sets["indices-2.2"]["words"] == 6
+    assert not (folder / "indices/indices-2.4/expected.mem").exists()
+    assert [word["bits"] for word in header["words"]["expected.mem"]] == [12, 12, 20, 20, 20, 18, 18, 18, 3]
+
+
+def test_display_is_read_back_to_the_bit(folder):
+    for entry in json.loads((folder / "indices/vectors.json").read_text())["sets"]:
+        assert load_display(folder / "indices" / entry["set"] / "display.toml").identity == entry["identity"]
+    display = load_display(SQUARE)
+    odd = changed(display, rotation_deg=1 / 3, offset_mm=(1e-300, -2.5), radius_mm=10.0 / 7.0)
+    (folder / "odd.toml").write_text(display_text(odd))
+    again = load_display(folder / "odd.toml")
+    assert (again.panel, again.array, again.gap_mm) == (odd.panel, odd.array, odd.gap_mm)
+
+
+def test_arrays_are_golden_s_to_a_rounding(folder):
+    place = folder / "cell-edges/cell-edges-aims"
+    with np.load(place / "rays.npz") as rays:
+        got = trace(load_display(place / "display.toml"), rays["pixel"], rays["aperture_mm"])
+        same = got.status == rays["status"]
+        assert same.sum() >= 5
+        assert (np.abs(got.direction - rays["direction"]).max(axis=1) <= 4 * rays["turn_unit"])[same].all()
+        assert set(rays.files) >= {"origin_mm", "centre_mm", "lenslet", "shift_unit_mm", "panel_mm", "home", "near_mm"}
+
+
+def test_memory_files_by_hand(folder):
+    """Bits written out: u in the most significant place, two's complement."""
+    place = folder / "cell-edges/cell-edges-aims"
+    lines = (place / "inputs.mem").read_text().split()
+    with (place / "words.csv").open() as stream:
+        heading, first = stream.readline().split(","), [int(word) for word in stream.readline().split(",")]
+    u, v, a, b = first[:4]
+    bits = "".join(format(word & (2**width - 1), f"0{width}b") for word, width in ((u, 18), (v, 18), (a, 18), (b, 18)))
+    assert int(lines[0], 16) == int(bits, 2)
+    assert len(lines[0]) == 18
+    assert heading[4:7] == ["i", "j", "x"]
+    registers = (place / "registers.mem").read_text().splitlines()
+    assert [line.split(" // ")[1] for line in registers][:2] == ["x_from_u", "x_from_v"]
+    assert all(len(line.split()[0]) == 16 for line in registers)
+
+
+def test_words_survive_a_memory_file(tmp_path):
+    widths = output_widths(Build(23, "square", aims=True))
+    random = np.random.default_rng(9)
+    words = [random.integers(-(1 << (w - 1)), 1 << (w - 1), 50) for w in widths[:-1]] + [random.integers(0, 5, 50)]
+    (tmp_path / "x.mem").write_text("// rays\n" + "\n".join(memory_lines(tuple(words), widths)))
+    for wrote, read in zip(words, words_of_memory(tmp_path / "x.mem", widths), strict=True):
+        np.testing.assert_array_equal(wrote, read)
+    assert len(FixedRays._fields) == len(widths)
+
+
+@pytest.mark.parametrize("file", ["rays.npz", "words.csv", "expected.mem"])
+def test_vectors_pass_their_own_judge(folder, file, capsys):
+    place = folder / "cell-edges/cell-edges-aims"
+    code = run(["regress", "--display", str(place / "display.toml"), "--rays", str(place / file),
+                "--fraction-bits", "16", "--json"])  # fmt: skip
+    assert (code, json.loads(capsys.readouterr().out)["wrong"]) == (0, 0)
+
+
+def test_traced_rays_pass_and_others_do_not(tmp_path, capsys):
+    rays = str(tmp_path / "rays.npz")
+    arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]
+    assert run(arguments) == 0
+    assert run(["regress", "--display", SQUARE, "--rays", rays]) == 0
+    assert "500 rays right" in capsys.readouterr().out
+    assert run(["regress", "--display", HEX, "--rays", rays]) == 4
+    assert "stage: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("rays.npz", "no zip", "cannot be read"),
+        ("rays.csv", "u,v\n1,2\n", "no columns"),
+        ("rays.csv", "u,v,i,j,x,y,z,dx,dy,dz,status\n1,2,3\n", "no whole number"),
+        ("rays.mem", "xyz\n", "no such file"),
+        ("rays.txt", "", "unknown extension"),
+    ],
+)
+def test_files_that_cannot_be_judged_are_bad_input(tmp_path, capsys, name, text, says):
+    (tmp_path / name).write_text(text)
+    assert run(["regress", "--display", SQUARE, "--rays", str(tmp_path / name)]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_arrays_of_wrong_shape_are_bad_input(tmp_path, capsys):
+    np.savez(tmp_path / "rays.npz", pixel=np.zeros((3, 2)), direction=np.zeros((2, 3)))
+    assert run(["regress", "--display", SQUARE, "--rays", str(tmp_path / "rays.npz")]) == 2
+    assert "direction has shape (2, 3); give (3, 3)" in capsys.readouterr().err
+
+
+def test_vectors_refuse_what_is_there_and_leave_nothing_half_written(tmp_path, capsys):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/file").write_text("mine")
+    arguments = ["vectors", "--display", SQUARE, "--count", "2"]
+    assert run([*arguments, "-o", str(tmp_path / "full")]) == 2
+    assert run([*arguments, "-o", str(tmp_path / "no/where")]) == 2
+    assert run([*arguments, "--case", "nosuch", "-o", str(tmp_path / "new")]) == 2
+    assert "unknown case 'nosuch'; choose from all, chief-ray" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["full"]

@@ -1,0 +1,79 @@
+"""RTL against twin on the hard cases, and with registers at their largest and smallest words: 0 LSB.
+
+The host never writes slopes beyond 60 degrees or a negative half cell (`lippmann.fixed.configuration` refuses them):
+for these the words are not defined, and RTL and twin may differ. What it does write goes to the ends of their ranges in
+the case register-limits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
+from lippmann.hard.cases import Out, changed, hard_sets
+from lippmann.hard.measure import fixed_words
+from lippmann.sim.harness import harness
+from lippmann.sim.random_cases import configured_display, random_rays
+from lippmann.sim.tools import repository
+from test_batch import BUILDS, SEED, assert_equal, name
+
+#: Builds of the batch test whose rays have aims; they are compiled already.
+AIMED = [build for build in BUILDS if build.aims and build.model == "exact"]
+
+
+@pytest.mark.parametrize("build", AIMED, ids=name)
+def test_rtl_equals_twin_on_hard_cases(build):
+    print(f"seed {SEED}")
+    base = load_display(repository() / f"scenes/displays/paper-{build.grid}.toml")
+    side = "viewer" if build.viewer else "panel"
+    base = changed(base, plano_side=side, gap_mm=base.array.focal_length_mm if build.viewer else base.gap_mm)
+    compared = 0
+    for rays in hard_sets(base, "all", SEED, 24):
+        case = fixed_words(rays, build.fraction_bits, build.walk)[0] if isinstance(rays, Out) else None
+        if case is not None:
+            assert case.build == build
+            twin = ray_pipeline(*case.words, case.registers, build)
+            assert_equal(harness(build).trace(*case.words, case.registers), twin)
+            compared += len(twin.status)
+    assert compared > 500
+
+
+def extremes(random: np.random.Generator, registers: Configuration, build: Build) -> Configuration:
+    """Some registers at their largest or smallest word, whether or not a display could ask for them."""
+    values = {}
+    for field in dataclasses.fields(Configuration):
+        if random.random() < 0.3 and not field.name.startswith("slope_"):
+            bits = width(field.name, build)
+            ends = [(1 << (bits - 1)) - 1, 0, 1]
+            ends += [] if field.name == "cell_half" else [-1, -(1 << (bits - 1))]
+            values[field.name] = int(random.choice(ends))
+    return dataclasses.replace(registers, **values)
+
+
+def width(register: str, build: Build) -> int:
+    """Bits of a register, as docs/reference/registers.md lists them."""
+    near = build.near
+    widths = {"index": near + 1, "depth_rest": build.fraction_bits + 9}
+    far = ("index_square", "index_inverse_square", "depth", "exit_z")
+    if register in ("x_offset", "y_offset"):
+        return OFFSET_BITS
+    if "_from_" in register:
+        return SLOPE_BITS
+    return near + 2 if register in far else widths.get(register, near)
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=name)
+def test_rtl_equals_twin_with_registers_at_their_ends(build):
+    print(f"seed {SEED}")
+    random = np.random.default_rng([SEED, 6, *name(build).encode()])
+    for _ in range(30):
+        display, registers = configured_display(random, build, build.model)
+        registers = extremes(random, registers, build)
+        words = random_rays(random, display, build, 100)
+        assert_equal(harness(build).trace(*words, registers), ray_pipeline(*words, registers, build))
