@@ -13,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.cli import COMMANDS, run
+from lippmann.cli import COMMANDS, doctor, run
 from lippmann.errors import MissingLibraryError
 from lippmann.images import read_picture
+from lippmann.link.port import open_port
+from model_board import ModelBoard
 from PIL import Image
 from scene_cases import display_toml, focused_display, glowing_sphere, rgb, write_scene
 
@@ -166,6 +168,31 @@ def test_doctor(capfd):
     result = json.loads(out)
     assert code == (0 if result["ok"] else 3)
     assert {"python", "mitsuba", "OpenImageIO", "mitsuba on llvm"} <= {check["check"] for check in result["checks"]}
+
+
+def test_doctor_tells_why_a_port_cannot_be_used(capfd, monkeypatch):
+    monkeypatch.setattr(doctor, "free_memory_mb", lambda: 1e6)
+    master, slave = os.openpty()
+    busy = os.ttyname(slave)
+    with ModelBoard() as model, open_port(busy):
+        for url, code, told in (
+            (model.url, 0, "a board at 115200 baud"),
+            ("/dev/ttyNONE", 1, "no such port; plug"),
+            (busy, 1, "the port is busy; close the other program"),
+            ("gopher://there", 2, "is no port"),
+            ("", 2, "an empty port"),
+        ):
+            found, out, _ = lippmann(capfd, "doctor", "--port", url, "--json")
+            result = json.loads(out)
+            check = result["checks"][-1]
+            assert check["check"] == url
+            assert told in check["detail"]
+            assert (found, result["ok"], check["ok"]) == (code, code == 0, code == 0)
+    monkeypatch.setattr(doctor, "baud_of_board", lambda _: None)
+    found, out, _ = lippmann(capfd, "doctor", "--port", busy, "--json")
+    assert (found, json.loads(out)["checks"][-1]["detail"]) == (1, doctor.NO_ANSWER)
+    os.close(master)
+    os.close(slave)
 
 
 def test_doctor_tells_what_the_rtl_lacks(capfd, monkeypatch, tmp_path):

@@ -1,14 +1,18 @@
 """Requests to the model board, ports that are none, and boards that the host cannot talk to."""
 
 import errno
+import grp
 import os
 import pty
+import re
 import socket
+import stat
 import struct
 import threading
 import time
 import zlib
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,14 +305,33 @@ def test_a_file_is_no_port(tmp_path):
         one_line(error)
 
 
-def test_no_permission(monkeypatch):
+@pytest.mark.parametrize(
+    ("owner", "mode", "remedy"),
+    [
+        ("dialout", 0o660, r"join the group that owns it: sudo usermod -aG dialout \$USER"),
+        ("dialout", 0o666, r"join the group"),
+        ("dialout", 0o640, r"give it to a group of yours, by a rule of udev such as"),
+        ("dialout", 0o600, r"give it to a group of yours"),
+        ("root", 0o660, r"give it to a group of yours"),
+        (None, 0o660, r"give it to a group of yours"),
+    ],
+)
+def test_no_permission(monkeypatch, owner, mode, remedy):
     # Root may open anything: the refusal is pyserial's, made here.
     def refuse(url, **_):
         raise serial.SerialException(errno.EACCES, f"could not open port {url}: [Errno 13] Permission denied")
 
+    # A group of no name has no member.
+    group = {"dialout": grp.getgrnam("dialout").gr_gid, "root": 0, None: 987_654}[owner]
+    found = SimpleNamespace(st_gid=group, st_mode=stat.S_IFCHR | mode)
     monkeypatch.setattr(port_module.serial, "serial_for_url", refuse)
-    with pytest.raises(DeviceError, match=r"no permission; join the group.*usermod -aG \w+ \$USER"):
-        open_port("/dev/null")
+    monkeypatch.setattr(port_module.os, "stat", lambda _: found)
+    try:
+        open_port("/dev/ttyMADE-UP")
+    except DeviceError as error:
+        text = str(error)
+    monkeypatch.undo()
+    assert re.search("no permission; " + remedy, text)
 
 
 def test_a_port_that_goes_away():

@@ -1,16 +1,21 @@
 """`lippmann board` and `lippmann stream` as a person uses them: one board in the background, and bad input."""
 
 import json
+import os
+import signal
 import socket
 import subprocess
 import sys
+import time
 import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.images import encode, read_picture, write_picture
+from lippmann.sim import virtual_board
 
 ROOT = Path(__file__).parents[2]
 WIDTH, HEIGHT = 112, 80  # as the board of test_virtual_board, compiled once
@@ -118,6 +123,10 @@ def test_rays_are_those_of_the_twin(place, port):
     assert "no window" in refused(*check, "--region", "100,70,13,10")
     assert "not whole" in refused(*check, "--region", "0,0,1.5,1")
     assert "LEFT,TOP,WIDTH,HEIGHT" in refused(*check, "--region", "0,0,1")
+    for far in ("1e300,0,1,1", "0,0,1e300,1", "-1,0,1,1", "0,0,0,1"):
+        line = refused(*check, "--region", far)
+        assert "--region: is no window" in line
+        assert len(line) < 150
     other = ROOT / "scenes/displays/vga-square.toml"
     assert "the board drives display" in refused("board", "check", "--display", other, "--port", port)
 
@@ -134,6 +143,8 @@ def test_rays_are_those_of_the_twin(place, port):
         (("write", "display", "colour=1"), "display has no field colour"),
         (("write", "display", "brightness=1", "brightness=2"), "a field is there twice"),
         (("write", "display", "brightness=1", 2), "give words, or FIELD=VALUE"),
+        (("write", "display", "pattern=7"), "pattern=7: pattern 7 means nothing; choose from 0 off, 1 single_lens"),
+        (("write", "display", 0x6FF), "1791: pattern 6 means nothing"),
         (("write", "0x18", -1), "-1: is out of range"),
         (("setup", "--display", ROOT / "scenes/displays/vga-square.toml"), "--force"),
     ],
@@ -183,3 +194,93 @@ def test_no_board_is_a_device_error(place, tmp_path):
     assert "pty" in refused(
         "board", "start", "--display", place / "small.toml", "--line", "pty", "--tcp-port", 4000
     )  # fmt: skip
+
+
+def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_path, monkeypatch, capsys):
+    start = ["board", "start", "--display", str(place / "small.toml")]
+    monkeypatch.setattr(virtual_board, "compiled", lambda *_: pytest.fail("compiled"))
+    for words in ("10", "5"), ("5", "5"):
+        assert run([*start, "--trace", str(tmp_path / "a.fst"), "--trace-clocks", *words]) == 2
+        assert "--trace-clocks: " in capsys.readouterr().err
+    # Root may write anywhere: ask as one who may not.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):
+        assert run([*start, option, str(path)]) == 2
+        assert f"{option}: {tmp_path} cannot be written to" in capsys.readouterr().err
+
+
+def children(pid):
+    """Return the processes that a process started."""
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def alive(pid):
+    """Tell whether a process runs; one that nobody asked about after its end does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def wait_until(done, seconds=60.0):
+    until = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_what_ended_a_board_in_the_background_is_told(place, tmp_path):
+    ready = tmp_path / "board.json"
+    start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
+    for _ in range(2):
+        code, out, err = lippmann(*start, "--json")
+        assert code == 0, err
+        pid = json.loads(out)["pid"]
+        (board,) = children(pid)
+        os.kill(board, signal.SIGKILL)
+        wait_until(lambda pid=pid: not alive(pid))
+    # The second start told of the first.
+    assert "the board before had ended: the virtual board failed (signal 9)" in err
+    line = refused("board", "stop", "--ready", ready, code=1)
+    assert "had ended already: the virtual board failed (signal 9)" in line
+    assert "exit code 1" in line
+
+
+def test_a_frame_that_cannot_be_kept_ends_a_board_in_the_background_and_is_told(place, tmp_path):
+    ready, folder = tmp_path / "board.json", tmp_path / "screen"
+    # What stands in the way of the first frame's PNG.
+    (folder / "frame-00000001.png").mkdir(parents=True)
+    start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
+    code, out, told = lippmann(*start, "--capture", folder, "--json")
+    if code == 0:  # it ended after it could be reached
+        wait_until(lambda: not alive(json.loads(out)["pid"]))
+        code, _, told = lippmann("board", "stop", "--ready", ready)
+    assert code == 3
+    assert "frame-00000001.png: is a folder" in told
+    # The frame itself is there: the panel's bytes.
+    assert (folder / "frame-00000001.rgb").stat().st_size == 3 * WIDTH * HEIGHT
+    assert not ready.exists()
+
+
+def test_frames_of_another_panel_are_left_alone(place, tmp_path):
+    display = load_display(place / "small.toml")
+    (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))
+    (tmp_path / "frame-00000002.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT + 3))
+    assert virtual_board.keep_as_png(tmp_path, display) == [tmp_path / "frame-00000001.png"]
+    assert {path.name for path in tmp_path.iterdir()} == {"frame-00000001.png", "frame-00000002.rgb"}
+
+
+def test_a_start_that_is_ended_takes_the_board_with_it(place, tmp_path):
+    """A panel that no board was compiled for: while it waits for the compiler."""
+    (tmp_path / "odd.toml").write_text((place / "small.toml").read_text().replace(f"= {WIDTH}", f"= {WIDTH + 1}"))
+    ready = tmp_path / "board.json"
+    words = ("board", "start", "--display", tmp_path / "odd.toml", "--ready", ready, "--background")
+    with subprocess.Popen([sys.executable, "-m", "lippmann", *map(str, words)], stderr=subprocess.PIPE) as start:
+        wait_until(lambda: children(start.pid))
+        (board,) = children(start.pid)
+        wait_until(lambda: any(children(child) for child in children(board)) or children(board))
+        workers = children(board)
+        start.send_signal(signal.SIGTERM)
+        assert start.wait(60) == 130
+    wait_until(lambda: not any(map(alive, [board, *workers])))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["odd.toml"]

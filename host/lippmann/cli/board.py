@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import click
 from lippmann.cli import interrupts
 from lippmann.cli.common import Vector, display_option, emit, json_option, log
 from lippmann.cli.line import baud_option, chosen_port, port_option
-from lippmann.display import Display, load_display
+from lippmann.display import Display, Panel, load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, device_error, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, value_of, write
@@ -32,6 +32,10 @@ from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
 
 #: Seconds between two looks at a board that runs, and that it has to end.
 LOOK_S, STOP_SECONDS = 0.1, 10.0
+#: Errors by their exit code.
+ERRORS: dict[int, type[LippmannError]] = {
+    kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
+}
 
 
 @click.group("board")
@@ -78,16 +82,20 @@ def start_command(
 
     if line == "pty" and tcp_port:
         raise input_error("--tcp-port", "a pty has no port", "leave it out, or take --line tcp")
+    if trace_clocks[0] >= trace_clocks[1]:
+        raise input_error(
+            "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} are none", "give the first one first"
+        )
     display = load_display(display_path)
     folder = None if capture is None else Path(capture)
     _check_places(folder, ready, trace)
     log("starting the board; it is compiled where it is not yet (half a minute) ...")
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends it as Ctrl-C does
     if background:
         if ready is None:
             raise InputError("--background needs --ready FILE, by which `lippmann board stop` finds the board")
         _in_background(Path(ready), as_json)
         return
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends it as Ctrl-C does
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
         trace=None if trace is None else Path(trace), trace_clocks=trace_clocks,
@@ -96,26 +104,25 @@ def start_command(
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
         "width": display.panel.width_px, "height": display.panel.height_px, "line": "bits" if baud else "bytes",
     }  # fmt: skip
-    try:
+    done: dict[str, Any] = {}
+    with contextlib.ExitStack() as end:
         if ready is not None:
-            with replacing(Path(ready)) as partial:
-                partial.write_text(json.dumps(told) + "\n")
-        emit(told, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
-        sys.stdout.flush()
-        while board.process.poll() is None:
-            if folder is not None:
-                virtual_board.keep_as_png(folder, display)
-            time.sleep(LOOK_S)
-    except KeyboardInterrupt:
-        interrupts.clear()  # the usual end of this command
-    finally:
+            end.callback(_forget, Path(ready))
+        if folder is not None:
+            end.callback(virtual_board.keep_as_png, folder, display)
+        end.callback(lambda: done.update(board.stop()))
         try:
-            done = board.stop()
-        finally:
-            if folder is not None:
-                virtual_board.keep_as_png(folder, display)
-            if ready is not None and (own := _told(Path(ready))) is not None and own[0] == os.getpid():
-                Path(ready).unlink(missing_ok=True)
+            if ready is not None:
+                with replacing(Path(ready)) as partial:
+                    partial.write_text(json.dumps(told) + "\n")
+            emit(told, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
+            sys.stdout.flush()
+            while board.process.poll() is None:
+                if folder is not None:
+                    virtual_board.keep_as_png(folder, display)
+                time.sleep(LOOK_S)
+        except KeyboardInterrupt:
+            interrupts.clear()  # the usual end of this command
     log(
         f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
         f"{done['bytes_in']} bytes in, {done['bytes_out']} out"
@@ -123,11 +130,13 @@ def start_command(
 
 
 def _check_places(capture: Path | None, ready: str | None, trace: str | None) -> None:
-    """Refuse folders that are not there, and a ready file whose board runs."""
+    """Refuse folders that are not there or cannot be written to, and a ready file whose board runs."""
     places = {"--capture": capture, "--ready": ready and Path(ready).parent, "--trace": trace and Path(trace).parent}
     for option, place in places.items():
         if place and not Path(place).is_dir():
             raise input_error(option, f"no folder {place}", "make it first")
+        if place and not os.access(place, os.W_OK):
+            raise input_error(option, f"{place} cannot be written to", "choose another folder or change permissions")
     if ready is not None and (other := _running(Path(ready))) is not None:
         raise input_error("--ready", f"{ready} tells of a board that runs ({other[1]})", "end it, or name another file")
 
@@ -135,26 +144,50 @@ def _check_places(capture: Path | None, ready: str | None, trace: str | None) ->
 def _in_background(ready: Path, as_json: bool) -> None:
     """Run the same command without --background in a session of its own; return when its ready file is there."""
     ready.unlink(missing_ok=True)
-    words = [word for word in sys.argv[1:] if word not in ("--background", "--json")]
-    with tempfile.TemporaryFile() as told:
+    said = _log_of(ready)
+    if (failure := _failure(said)) is not None:
+        log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
+    # In JSON an error comes with its exit code, and is the last line.
+    words = [word for word in sys.argv[1:] if word not in ("--background", "--json")] + ["--json"]
+    with said.open("wb") as told:
         process = subprocess.Popen(
             [sys.executable, "-m", "lippmann", *words], stdin=subprocess.DEVNULL, stdout=told, stderr=told,
             start_new_session=True,
         )  # fmt: skip
-        try:
-            while not ready.exists():
-                if process.poll() is not None:
-                    told.seek(0)
-                    lines = told.read().decode(errors="replace").strip().splitlines() or ["no message"]
-                    kinds: dict[int, type[LippmannError]] = {2: InputError, 3: MissingLibraryError}
-                    raise kinds.get(process.returncode, DeviceError)(lines[-1].removeprefix("lippmann: "))
-                time.sleep(LOOK_S)
-        except KeyboardInterrupt:
-            os.killpg(process.pid, signal.SIGTERM)  # a session of its own: compilers and all
-            process.wait()
-            raise
+    try:
+        while not ready.exists():
+            if process.poll() is not None:
+                failure = _failure(said) or DeviceError(f"the board ended without a word ({process.returncode})")
+                said.unlink()
+                raise failure
+            time.sleep(LOOK_S)
+    except KeyboardInterrupt:
+        os.killpg(process.pid, signal.SIGTERM)  # a session of its own: compilers and all
+        process.wait()
+        said.unlink()
+        raise
     result = json.loads(ready.read_text())
     emit(result, as_json, lambda: click.echo(f"{result['url']} (lippmann board stop --ready {ready} ends it)"))
+
+
+def _log_of(ready: Path) -> Path:
+    """Return where a board in the background writes what it has to say."""
+    return Path(f"{ready}.log")
+
+
+def _failure(said: Path) -> LippmannError | None:
+    """Return the error that the last line of a board's log tells; None where there is none."""
+    try:
+        told = json.loads(said.read_text(errors="replace").splitlines()[-1])
+        return ERRORS.get(told["exit_code"], DeviceError)(told["error"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
+def _forget(ready: Path) -> None:
+    """Remove this process's ready file."""
+    if (told := _told(ready)) is not None and told[0] == os.getpid():
+        ready.unlink(missing_ok=True)
 
 
 def _told(ready: Path) -> tuple[int, str] | None:
@@ -187,12 +220,18 @@ def stop_command(ready: str, as_json: bool) -> None:
     Example: lippmann board stop --ready out/board.json
     """
     path = Path(ready)
-    if _told(path) is None:
+    said = _log_of(path)
+    told = _told(path)
+    failure = _failure(said)
+    if told is None and failure is None:
         raise input_error(ready, "tells of no board", "give the --ready file of `lippmann board start`")
     running = _running(path)
     if running is None:
-        path.unlink(missing_ok=True)
-        raise DeviceError(f"{ready}: its board had ended already; the file is removed")
+        if told is not None:
+            path.unlink(missing_ok=True)
+        if failure is None:
+            raise DeviceError(f"{ready}: its board had ended already and did not say why; the file is removed")
+        raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
     pid, url = running
     os.kill(pid, signal.SIGINT)
     until = time.monotonic() + STOP_SECONDS
@@ -200,6 +239,9 @@ def stop_command(ready: str, as_json: bool) -> None:
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {STOP_SECONDS:g} s; kill process {pid}")
         time.sleep(LOOK_S)
+    if (failure := _failure(said)) is not None:
+        raise failure
+    said.unlink(missing_ok=True)
     emit({"url": url, "pid": pid}, as_json, lambda: click.echo(f"{url}: ended"))
 
 
@@ -278,7 +320,7 @@ def check_command(
     """
     display = load_display(display_path)
     panel = display.panel
-    left, top, width, height = _whole(region) if region else (0, 0, panel.width_px, panel.height_px)
+    left, top, width, height = _window(region, panel) if region else (0, 0, panel.width_px, panel.height_px)
     with Board.open(chosen_port(port, baud), baud) as board:
         _same_display(board, display, display_path, "")
         check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
@@ -293,11 +335,17 @@ def check_command(
     emit(result, as_json, lambda: click.echo(f"{url}: {check.rays} rays are the twin's (CRC-32 {result['crc']})"))
 
 
-def _whole(numbers: tuple[float, ...]) -> tuple[int, ...]:
-    """Return a region's numbers, which must be whole."""
-    if any(number != int(number) for number in numbers):
+def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
+    """Return a region's numbers, which must be whole, and on the panel."""
+    left, top, width, height = region
+    size = panel.width_px, panel.height_px
+    if not (0 <= left <= left + width - 1 < size[0] and 0 <= top <= top + height - 1 < size[1]):
+        raise input_error(
+            "--region", f"is no window of a panel of {size[0]} x {size[1]} pixels", "give LEFT,TOP,WIDTH,HEIGHT"
+        )
+    if any(number != int(number) for number in region):
         raise input_error("--region", "a number is not whole", "give pixels: LEFT,TOP,WIDTH,HEIGHT")
-    return tuple(map(int, numbers))
+    return tuple(map(int, region))
 
 
 def _same_display(board: Board, display: Display, path: str, otherwise: str) -> None:
@@ -355,8 +403,13 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
     if known is not None and "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, 32, False) for value in values]
-    if known is not None and len(numbers) == 1 and numbers[0] & ~sum(_mask(field) for field in known.fields.values()):
-        raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(known.fields)}")
+    if known is not None and len(numbers) == 1:
+        if numbers[0] & ~sum(_mask(field) for field in known.fields.values()):
+            raise input_error(
+                values[0], f"{register} has no field in some of these bits", f"use {', '.join(known.fields)}"
+            )
+        for name, field in known.fields.items():
+            _check_named(values[0], name, field, numbers[0])
     with Board.open(chosen_port(port, baud), baud) as board:
         if known is not None and any(by_field):
             numbers = [_changed(register, known, values, board.read(address)[0])]
@@ -383,6 +436,14 @@ def _mask(field: Field) -> int:
     return ((1 << field.width) - 1) << field.low
 
 
+def _check_named(said: str, name: str, field: Field, word: int) -> None:
+    """Refuse a word whose field holds a value that means nothing; `said` is what the user wrote."""
+    value = (word & _mask(field)) >> field.low
+    if field.names and value not in dict(field.names):
+        listed = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
+        raise input_error(said, f"{name} {value} means nothing", f"choose from {listed}")
+
+
 def _number(said: str, text: str, width: int, signed: bool) -> int:
     """Return a number as the bits of a field; `said` is what the user wrote."""
     try:
@@ -406,4 +467,5 @@ def _changed(register: str, known: Register, values: tuple[str, ...], word: int)
             raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
         field = known.fields[name]
         word = word & ~_mask(field) | _number(value, number, field.width, field.signed) << field.low
+        _check_named(value, name, field, word)
     return word

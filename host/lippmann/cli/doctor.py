@@ -10,7 +10,7 @@ import click
 
 from lippmann import __version__
 from lippmann.cli.common import emit, json_option
-from lippmann.errors import LippmannError
+from lippmann.errors import DeviceError, LippmannError, MissingLibraryError
 from lippmann.link.port import port_trouble, ports
 from lippmann.link.search import baud_of_board
 from lippmann.machine import machine
@@ -33,6 +33,8 @@ PACKAGES = (
     "pygame-ce",
 )
 
+NO_ANSWER = "it opens, but no board answers at any rate; check the board's power and the cable"
+
 
 @click.command("doctor")
 @click.option("--port", metavar="URL", help="Ask this port for a board at each common baud rate (a second each).")
@@ -40,6 +42,8 @@ PACKAGES = (
 @click.pass_context
 def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
     """Check libraries, rendering, the RTL's tools and serial ports; exit 3 when something needed is missing.
+
+    With --port, exit 1 when no board is there that answers.
 
     Rendering and observing need none of the RTL's tools: without them only what simulates, synthesises or proves it
     fails, `trace --engine rtl` and the virtual board among it.
@@ -70,16 +74,14 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'not there: {tool.remedy}'}", needed=False)
     for url in ports():
         trouble = port_trouble(url)
-        check(url, trouble is None, "serial port, may be opened" if trouble is None else trouble, needed=False)
+        check(url, trouble is None, "serial port, may be opened" if trouble is None else str(trouble), needed=False)
+    code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
-        found = baud_of_board(port)
-        check(
-            port,
-            found is not None,
-            f"a board at {found} baud" if found else "no board answers at any rate",
-            needed=False,
-        )
-    good = all(c["ok"] for c in checks if c["needed"])
+        trouble = port_trouble(port)
+        found = None if trouble else baud_of_board(port)
+        check(port, found is not None, str(trouble or (f"a board at {found} baud" if found else NO_ANSWER)))
+        if found is None:
+            code = code or (trouble or DeviceError).exit_code
 
     def text() -> None:
         click.echo(f"lippmann {__version__} on {machine()}")
@@ -87,6 +89,5 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
             mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
             click.echo(f"{mark:<8}{c['check']:<20}{c['detail']}")
 
-    emit({"ok": good, "version": __version__, "machine": machine(), "checks": checks}, as_json, text)
-    if not good:
-        ctx.exit(3)
+    emit({"ok": not code, "version": __version__, "machine": machine(), "checks": checks}, as_json, text)
+    ctx.exit(code)

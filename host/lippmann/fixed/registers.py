@@ -9,7 +9,10 @@ from typing import NamedTuple
 
 
 class Field(NamedTuple):
-    """Bits `low` to `low + width - 1` of a register; `fraction` is the number of fraction bits, or its formula in F."""
+    """Bits `low` to `low + width - 1` of a register; `fraction` is the number of fraction bits, or its formula in F.
+
+    Where only some values mean anything, `names` holds those and their names.
+    """
 
     low: int
     width: int
@@ -18,6 +21,7 @@ class Field(NamedTuple):
     fraction: str
     unit: str
     description: str
+    names: tuple[tuple[int, str], ...] = ()
 
 
 class Register(NamedTuple):
@@ -54,8 +58,17 @@ REGISTERS: dict[str, Register] = {
         "read",
         {
             "fraction_bits": Field(0, 5, None, False, "", "", "F, 14 to 23."),
-            "grid": Field(5, 1, None, False, "", "", "Lattice. 0 square, 1 hex."),
-            "model": Field(6, 2, None, False, "", "", "Model of the lenslet. 0 pinhole, 1 paraxial, 2 exact."),
+            "grid": Field(5, 1, None, False, "", "", "Lattice. 0 square, 1 hex.", ((0, "square"), (1, "hex"))),
+            "model": Field(
+                6,
+                2,
+                None,
+                False,
+                "",
+                "",
+                "Model of the lenslet. 0 pinhole, 1 paraxial, 2 exact.",
+                ((0, "pinhole"), (1, "paraxial"), (2, "exact")),
+            ),
             "viewer": Field(8, 1, None, False, "", "", "Plano side to the viewer."),
             "aims": Field(9, 1, None, False, "", "", "Rays aim at aperture points; else chief rays only."),
             "walk": Field(10, 3, None, False, "", "", "Further domes tried."),
@@ -408,6 +421,7 @@ REGISTERS: dict[str, Register] = {
                 "",
                 "",
                 "What moves rays from the centres of pixel and lenslet. 0 off, 1 table, 2 lfsr.",
+                ((0, "off"), (1, "table"), (2, "lfsr")),
             ),
             "table_first": Field(
                 24, 6, 0x0, False, "", "entry", "Table entry of sample 0; behind entry 63 comes entry 0."

@@ -8,6 +8,7 @@ import grp
 import os
 import select
 import socket
+import stat
 import time
 from collections import deque
 from types import TracebackType
@@ -79,7 +80,7 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
     if isinstance(cause, TimeoutError):
         return no_board_error(url, "the host does not answer", "check its address and the network")
     missing = "no such port", "plug the board in, or name another: " + (", ".join(ports()) or "this machine has none")
-    forbidden = "no permission", f"join the group that owns it: sudo usermod -aG {_group(url)} $USER, then log in again"
+    forbidden = "no permission", _permission(url)
     busy = "the port is busy", "close the other program that uses it"
     known = {
         errno.ENOENT: missing,
@@ -98,11 +99,15 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
     return no_board_error(url, what, remedy)
 
 
-def _group(path: str) -> str:
-    """Return the name of the group that owns a device."""
+def _permission(path: str) -> str:
+    """Return how to get permission for a device: through its group, where that may read and write it."""
     with contextlib.suppress(OSError, KeyError):
-        return grp.getgrgid(os.stat(path).st_gid).gr_name
-    return "dialout"
+        found = os.stat(path)
+        allowed = stat.S_IRGRP | stat.S_IWGRP
+        if found.st_gid != 0 and found.st_mode & allowed == allowed:
+            group = grp.getgrgid(found.st_gid).gr_name
+            return f"join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
+    return 'give it to a group of yours, by a rule of udev such as GROUP="dialout", MODE="0660"'
 
 
 def ports() -> list[str]:
@@ -111,12 +116,12 @@ def ports() -> list[str]:
     return [port.device for port in found]
 
 
-def port_trouble(url: str) -> str | None:
+def port_trouble(url: str) -> DeviceError | InputError | None:
     """Return why a port cannot be opened, and what helps; None when it can."""
     try:
         open_port(url).close()
     except (DeviceError, InputError) as error:
-        return str(error)
+        return error
     return None
 
 

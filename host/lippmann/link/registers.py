@@ -75,6 +75,7 @@ REGISTERS: dict[str, Register] = {
                 "",
                 "",
                 "Test pattern, not the frame. 0 off, 1 single_lens, 2 lens_centres, 3 view_numbers, 4 checker, 5 ramp.",
+                ((0, "off"), (1, "single_lens"), (2, "lens_centres"), (3, "view_numbers"), (4, "checker"), (5, "ramp")),
             ),
         },
     ),

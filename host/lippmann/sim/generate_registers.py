@@ -69,6 +69,7 @@ class _Field:
     fraction: str
     unit: str
     description: str
+    names: tuple[tuple[int, str], ...]
 
 
 @dataclass(frozen=True)
@@ -194,9 +195,9 @@ def _field(node: Any) -> _Field:
     description = node.get_property("desc")
     if not description:
         raise InputError(f"{SOURCE}: field {node.get_path()} has no desc")
-    encode = node.get_property("encode")
-    if encode is not None:
-        description += f" {', '.join(f'{member.value} {member.name}' for member in encode)}."
+    names = tuple((member.value, member.name) for member in node.get_property("encode") or ())
+    if names:
+        description += f" {', '.join(f'{value} {name}' for value, name in names)}."
     return _Field(
         node.inst_name,
         node.low,
@@ -207,6 +208,7 @@ def _field(node: Any) -> _Field:
         node.get_property("fraction") or "",
         node.get_property("unit") or "",
         _line(description),
+        names,
     )
 
 
@@ -221,7 +223,10 @@ from typing import NamedTuple
 
 
 class Field(NamedTuple):
-    """Bits `low` to `low + width - 1` of a register; `fraction` is the number of fraction bits, or its formula in F."""
+    """Bits `low` to `low + width - 1` of a register; `fraction` is the number of fraction bits, or its formula in F.
+
+    Where only some values mean anything, `names` holds those and their names.
+    """
 
     low: int
     width: int
@@ -230,6 +235,7 @@ class Field(NamedTuple):
     fraction: str
     unit: str
     description: str
+    names: tuple[tuple[int, str], ...] = ()
 
 
 class Register(NamedTuple):
@@ -261,7 +267,7 @@ def _constants(part: _Map, top: Any, registers: list[_Register]) -> str:
         lines += [
             f"{field.name!r}: Field({field.low}, {field.width}, "
             f"{'None' if field.reset is None else hex(field.reset)}, {field.signed}, "
-            f"{field.fraction!r}, {field.unit!r}, {field.description!r}),"
+            f"{field.fraction!r}, {field.unit!r}, {field.description!r}{f', {field.names!r}' if field.names else ''}),"
             for field in register.fields
         ]
         lines.append("}),")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -218,14 +219,26 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
 
 
 def keep_as_png(folder: Path, display: Display) -> list[Path]:
-    """Turn the captured frames of a folder (frame-NUMBER.rgb) into PNG files that `lippmann observe` takes."""
+    """Turn the captured frames of a folder (frame-NUMBER.rgb) into PNG files that `lippmann observe` takes.
+
+    Raises
+    ------
+    CaptureError
+        When one cannot be written; the captured frame stays.
+    """
     panel = display.panel
+    shape = panel.height_px, panel.width_px, 3
     made = []
     for raw in sorted(folder.glob("frame-*.rgb")):
-        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(panel.height_px, panel.width_px, 3)
+        if raw.stat().st_size != math.prod(shape):
+            continue  # another board's, which it could not keep
+        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
         made.append(raw.with_suffix(".png"))
-        write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer)
+        try:
+            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer)
+        except InputError as error:
+            raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
     return made
 
