@@ -93,6 +93,18 @@ def test_vectors_pass_their_own_judge(folder, file, capsys):
     assert (code, json.loads(capsys.readouterr().out)["wrong"]) == (0, 0)
 
 
+@pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
+def test_vectors_of_the_simpler_models_pass(model, tmp_path, capsys):
+    folder = tmp_path / "vectors"
+    assert run(["vectors", "--display", HEX, "--case", "cell-edges", "--model", model, "--count", "4",
+                "-o", str(folder)]) == 0  # fmt: skip
+    for file in ("rays.npz", "words.csv", "expected.mem"):
+        place = folder / "cell-edges-aims"
+        code = run(["regress", "--display", str(place / "display.toml"), "--rays", str(place / file),
+                    "--model", model])  # fmt: skip
+        assert code == 0, capsys.readouterr().out
+
+
 def test_traced_rays_pass_and_others_do_not(tmp_path, capsys):
     rays = str(tmp_path / "rays.npz")
     arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]
