@@ -343,7 +343,8 @@ Left POV-Ray, in the middle Lippmann, right the map: a difference of {MAP_WHITE:
 POV-Ray anti-aliases with threshold 0.3; we take {times.samples} samples a pixel, the fewest tried that leave no more
 noise: the root mean square difference, in sRGB of 8 bits, from a picture of {REFERENCE_SAMPLES} samples, in one row of
 {EVERY_ROW}. CPU seconds are those of all threads, POV-Ray's with what it takes to read its files; wall-clock times
-depend on what else the machine does.
+depend on what else the machine does. POV-Ray's pictures are kept and not rendered again: they may be older than this
+page.
 
 {table(timed)}
 POV-Ray takes **{times.ratio:.0f} times** our CPU seconds; 100 times is the aim.

@@ -89,6 +89,8 @@ class Rendered:
         (height, width, 3) float32, linear RGB.
     seconds
         The render itself.
+    cpu_seconds
+        The same, of all threads.
     prepare_seconds
         Compilation before it.
     samples_traced
@@ -97,6 +99,7 @@ class Rendered:
 
     radiance: Image
     seconds: float
+    cpu_seconds: float
     prepare_seconds: float
     samples_traced: int
 
@@ -222,17 +225,18 @@ def render(
     # Compiles with a launch of the same programs over one tile.
     run(0, 1, 0)
     dr.sync_thread()
-    prepared = time.perf_counter()
+    prepared, cpu_before = time.perf_counter(), time.process_time()
     for number, first in enumerate(range(0, tiles, chunk_tiles)):
         count = min(chunk_tiles, tiles - first)
         run(first, count, number)
         dr.sync_thread()
         if progress is not None:
             progress(first + count, tiles)
-    finished = time.perf_counter()
+    finished, cpu_after = time.perf_counter(), time.process_time()
     return Rendered(
         radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
         seconds=finished - prepared,
+        cpu_seconds=cpu_after - cpu_before,
         prepare_seconds=prepared - started,
         samples_traced=width * height * samples * len(passes),
     )
