@@ -2,12 +2,11 @@
 
 /// Product of a signed word and a few unsigned bits: p(t) = a(t - Latency) * low(t - Latency).
 ///
-/// Cell = 0: in logic, digits of two bits, summed pairwise in a tree. Cell = 1: one hardware
-/// multiplier. Latency is optics_pkg::low_latency(Low), or more to match a sibling.
+/// In logic: digits of two bits, summed pairwise in a tree. Latency is optics_pkg::low_latency(Low),
+/// or more to match a sibling.
 module low_product #(
   parameter int Low = 2,                                // bits of the unsigned factor, 1 to 17
-  parameter int Latency = optics_pkg::low_latency(Low),
-  parameter bit Cell = 1'b0
+  parameter int Latency = optics_pkg::low_latency(Low)
 ) (
   input  logic                                      clk_i,
   input  logic signed [optics_pkg::MulBits-1:0]     a_i,
@@ -18,7 +17,7 @@ module low_product #(
 
   localparam int Wp = MulBits + Low;
   localparam int Digits = (Low + 1) / 2;
-  localparam int Own = Cell ? 3 : 1 + $clog2(Digits);
+  localparam int Own = 1 + $clog2(Digits);
 
   if (Low < 1 || Low > 17 || Latency < Own) begin : gen_illegal
     $fatal(1, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes");
@@ -27,13 +26,7 @@ module low_product #(
   logic signed [Wp-1:0] p;
   delay #(.Width(Wp), .Cycles(Latency - Own)) i_match (.clk_i, .d_i(p), .q_o(p_o));
 
-  if (Cell) begin : gen_cell
-    logic signed [2*MulBits-1:0] product;
-    mult18 i_cell (.clk_i, .a_i, .b_i($signed(MulBits'(low_i))), .p_o(product));
-    assign p = Wp'(product);
-    logic unused_sign;
-    assign unused_sign = ^product;
-  end else if (Digits == 1) begin : gen_digit
+  if (Digits == 1) begin : gen_digit
     // Modulo 2^Wp the product of a signed word is that of an unsigned one.
     logic [Wp-1:0] a;
     assign a = Wp'(a_i);

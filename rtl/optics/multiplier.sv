@@ -4,8 +4,8 @@
 ///
 /// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. The
 /// product of the upper parts comes from a multiplier cell, the cross terms from logic or from more
-/// cells (CrossCells: less logic, up to three times the multipliers), and al bl, below every place
-/// that is kept, is left out:
+/// cells (CrossCells, `cell_product`: less logic, up to three times the multipliers), and al bl,
+/// below every place that is kept, is left out:
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
@@ -55,7 +55,13 @@ module multiplier #(
   logic signed [2*MulBits-1:0] upper;
   mult18 i_upper (.clk_i, .a_i(ah), .b_i(bh), .p_o(upper));
 
-  if (Ll == 0) begin : gen_whole
+  if (CrossCells) begin : gen_cells
+    cell_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (
+      .clk_i, .a_i, .b_i, .p_o
+    );
+    logic unused_upper;  // nothing is left of the cell above
+    assign unused_upper = ^upper;
+  end else if (Ll == 0) begin : gen_whole
     assign p_o = Wp'(upper >>> Drop);
     logic unused_low;
     assign unused_low = ^{1'b0, upper};
@@ -69,13 +75,13 @@ module multiplier #(
 
     if (La == 0) begin : gen_b
       logic signed [MulBits+Lb-1:0] ah_bl;
-      low_product #(.Low(Lb), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
+      low_product #(.Low(Lb), .Latency(CrossLatency)) i_low (
         .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
       );
       always_ff @(posedge clk_i) cross_q <= Wc'(ah_bl);
     end else begin : gen_a
       logic signed [MulBits+La-1:0] al_bh;
-      low_product #(.Low(La), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
+      low_product #(.Low(La), .Latency(CrossLatency)) i_low (
         .clk_i, .a_i(bh), .low_i(a_q[La-1:0]), .p_o(al_bh)
       );
       if (Square) begin : gen_twice
@@ -84,7 +90,7 @@ module multiplier #(
         always_ff @(posedge clk_i) cross_q <= Wc'(al_bh);
       end else begin : gen_both
         logic signed [MulBits+Lb-1:0] ah_bl;
-        low_product #(.Low(Lb), .Latency(CrossLatency), .Cell(CrossCells)) i_low (
+        low_product #(.Low(Lb), .Latency(CrossLatency)) i_low (
           .clk_i, .a_i(ah), .low_i(b_q[Lb-1:0]), .p_o(ah_bl)
         );
         always_ff @(posedge clk_i) begin

@@ -1,10 +1,11 @@
 `default_nettype none
 
-/// Delays a word by 2 to 17 cycles in a small ring memory: q(t) = d(t - Cycles).
+/// Delays a word by 2 or more cycles in a ring of Cycles - 1 places: q(t) = d(t - Cycles).
 ///
-/// A word is read Cycles - 1 clocks after it was written; the register behind adds one. The place
-/// that is read follows from the one that is written, so that any start is right after a clock.
-/// Kept as a module of its own in synthesis, or all rings would share their counters.
+/// Each clock a place is read and then written anew: what is read has gone once round. The register
+/// behind adds a clock. Any start is right after a round. Synthesis for a family may put its
+/// memories in the place of this module (sim/synth/). Kept as a module of its own in synthesis, or
+/// all rings of a length would share their counter.
 (* keep_hierarchy *)
 module ring #(
   parameter int Width = 1,
@@ -15,22 +16,23 @@ module ring #(
   output logic [Width-1:0] q_o
 );
 
-  // Read before write: with 16 places a word may wait 16 clocks.
-  localparam int PlaceBits = Cycles > 2 ? $clog2(Cycles - 1) : 1;
-  localparam int Places = 1 << PlaceBits;
-
-  if (Width < 1 || Cycles < 2 || Cycles > 17) begin : gen_illegal
-    $fatal(1, "ring: Width must be 1 or more and Cycles 2 to 17");
+  if (Width < 1 || Cycles < 2) begin : gen_illegal
+    $fatal(1, "ring: Width must be 1 or more and Cycles 2 or more");
   end
 
-  (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
-  logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start with unknown words
+  // A memory of a power of two places: a simulator need not check the address.
+  localparam int PlaceBits = Cycles > 3 ? $clog2(Cycles - 1) : 1;
+  localparam logic [PlaceBits-1:0] Last = PlaceBits'(Cycles - 2);
 
-  always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
-  always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);
-  always_ff @(posedge clk_i) places[write_at_q] <= d_i;
-  always_ff @(posedge clk_i) q_o <= places[read_at_q];
+  logic [Width-1:0] places[1 << PlaceBits];
+  logic [PlaceBits-1:0] at_q;
+  initial at_q = '0;  // for simulators that start with unknown words
+
+  always_ff @(posedge clk_i) begin
+    at_q <= at_q == Last ? '0 : at_q + 1'b1;
+    places[at_q] <= d_i;
+    q_o <= places[at_q];
+  end
 
 endmodule
 

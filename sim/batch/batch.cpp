@@ -45,14 +45,14 @@ void clock(Vray_lenslet& top) {
 
 }  // namespace
 
-// Traces `count` rays: 4 arrays of input words (u, v, a, b), one behind the other, and 9 of output
-// words (i, j, x, y, z, dx, dy, dz, status). `config` holds the bits of optics_config_t, least
+// Traces `count` rays: arrays of input words u, v, a, b, and 9 of output words (i, j, x, y, z, dx,
+// dy, dz, status), one behind the other. `config` holds the bits of optics_config_t, least
 // significant word first. Pauses at the input and at the output have a chance of idle and stall in
 // 256. Returns the clocks from the first offer to the last ray, or -1 when rays stop coming.
 // The only name that the library shows (-fvisibility=hidden): the compiler may inline the model.
 extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
-    int64_t count, const int64_t* in, const uint32_t* config, int64_t* out, uint64_t seed,
-    uint32_t idle, uint32_t stall) {
+    int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
+    const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {
   auto context = std::make_unique<VerilatedContext>();
   auto top = std::make_unique<Vray_lenslet>(context.get());
   Random random(seed);
@@ -74,11 +74,10 @@ extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
   bool offered = false;
   while (received < count) {
     if (!offered && sent < count && !(idle && random.chance(idle))) {
-      const int64_t* ray = in + sent;
-      top->ray_u_i = ray[0] & 0x3ffff;
-      top->ray_v_i = ray[count] & 0x3ffff;
-      top->ray_a_i = ray[2 * count] & ((1u << LIPPMANN_NEAR) - 1);
-      top->ray_b_i = ray[3 * count] & ((1u << LIPPMANN_NEAR) - 1);
+      top->ray_u_i = u[sent] & 0x3ffff;
+      top->ray_v_i = v[sent] & 0x3ffff;
+      top->ray_a_i = a[sent] & ((1u << LIPPMANN_NEAR) - 1);
+      top->ray_b_i = b[sent] & ((1u << LIPPMANN_NEAR) - 1);
       offered = true;
     }
     top->ray_valid_i = offered;

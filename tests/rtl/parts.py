@@ -9,8 +9,7 @@ MULTIPLIERS = [
     (19, 19, 2, 0), (19, 19, 2, 1), (20, 21, 13, 0), (23, 18, 5, 0), (18, 23, 7, 0), (22, 22, 17, 1), (25, 25, 20, 0),
     (25, 25, 20, 1), (27, 25, 21, 0), (27, 27, 20, 1), (26, 26, 20, 1), (27, 27, 23, 0),
 ]  # fmt: skip
-LOWS = [(low, None, cell) for low in range(1, 10) for cell in (0, 1)] + [(17, None, 0), (17, None, 1)]
-LOWS += [(1, 1, 0), (2, 4, 0), (5, 6, 1), (9, 5, 0)]
+LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (9, 5)]
 DELAYS = [(w, c) for c in (0, 1, 2, 3, 4, 16, 17, 18, 19, 20, 34, 35, 40) for w in (1, 7, 65)]
 RINGS = [(9, c) for c in (2, 3, 4, 5, 8, 9, 10, 16, 17)] + [(1, 3), (70, 17)]
 BLOCK_RINGS = [(9, c) for c in (5, 6, 8, 9, 18, 33, 64, 65)] + [(70, 40)]
@@ -24,8 +23,15 @@ def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance
     )  # fmt: skip
 
 
-def low_product(low: int, latency: int | None, cell: int) -> Instance:
-    parameters = {"Low": low, "Cell": cell} | ({} if latency is None else {"Latency": latency})
+def cell_product(wa: int, wb: int, drop: int, square: int) -> Instance:
+    return Instance(
+        "cell_product", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"optics_pkg::mul_latency({wa}, {wb})",
+        {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square},
+    )  # fmt: skip
+
+
+def low_product(low: int, latency: int | None) -> Instance:
+    parameters = {"Low": low} | ({} if latency is None else {"Latency": latency})
     claimed = f"optics_pkg::low_latency({low})" if latency is None else str(latency)
     return Instance("low_product", {"a_i": 18, "low_i": low}, {"p_o": 18 + low}, claimed, parameters)
 
@@ -43,6 +49,7 @@ MULT18 = Instance("mult18", {"a_i": 18, "b_i": 18}, {"p_o": 36}, "3")
 PARTS = [
     MULT18,
     *(multiplier(*p, cells) for p in MULTIPLIERS for cells in (0, 1)),
+    *(cell_product(*p) for p in MULTIPLIERS),
     *(low_product(*p) for p in LOWS),
     *(delay("delay", *p) for p in DELAYS),
     *(delay("ring", *p) for p in RINGS),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from lippmann.sim.configurations import CONFIGURATIONS
-from lippmann.sim.synthesis import elaborate, place, run_tool, sources, stages
+from lippmann.sim.synthesis import REPLACED, elaborate, place, run_tool, sources, stages
 from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
 
 TOP = repository()
@@ -26,14 +26,15 @@ def printed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     optics, synth = TOP / "rtl" / "optics", TOP / "sim" / "synth"
     files = {
-        "generic": [optics / "mult18.sv", optics / "fifo_memory.sv"],
-        "ecp5": [synth / "mult18_ecp5.sv", synth / "fifo_memory_ecp5.sv", HERE / "ecp5_models.sv"],
+        "generic": [optics / f"{module}.sv" for module in REPLACED],
+        "ecp5": [*(synth / f"{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
     }[request.param]
+    shared = [optics / name for name in ("optics_pkg.sv", "delay.sv", "fifo.sv")]
     command = [
         "verilator", "--cc", "--exe", "--build", "-Mdir", str(folder), "--top-module", "bench", "-o", "bench",
         "-Wno-PINMISSING",  # the wrappers leave the cells' unused ports open
         *(word for flag in (*MAKE_FLAGS, "OPT_GLOBAL=-O0") for word in ("-MAKEFLAGS", flag)),
-        *map(str, [HERE / "bench.sv", HERE / "main.cpp", optics / "fifo.sv", *files]),
+        *map(str, [*shared, HERE / "bench.sv", HERE / "main.cpp", *files]),
     ]  # fmt: skip
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
@@ -55,6 +56,34 @@ def test_mult18(printed):
     pairs = {(a, b) for a, b, _ in rows}
     assert (-(1 << 17), -(1 << 17)) in pairs
     assert len(pairs) > CLOCKS // 2
+
+
+@pytest.mark.parametrize(("kind", "latency"), [("whole", 4), ("both", 7), ("square", 6), ("first", 6), ("second", 6)])
+def test_cell_product(printed, kind, latency):
+    rows = [[int(word) for word in row] for row in printed[kind]]
+    seen = set()
+    for (wa, wb, drop, a, b, _), (*_, p) in zip(rows[1:], rows[1 + latency :], strict=False):
+        la, lb = max(wa - 18, 0), max(wb - 18, 0)
+        al, bl = a % (1 << la), b % (1 << lb)
+        ah, bh = a - al, b - bl
+        wanted = (ah * bh >> drop) + ((ah * bl + al * bh) >> drop)
+        bits = wa + wb - drop
+        # The square of the most negative word wraps around.
+        assert p == (wanted + (1 << bits - 1)) % (1 << bits) - (1 << bits - 1)
+        seen.add((a, b))
+    assert any(a == -(1 << wa - 1) for a, _ in seen)
+    assert len(seen) > CLOCKS // 4
+
+
+@pytest.mark.parametrize(
+    ("module", "cycles"), [*(("ring", c) for c in (2, 9, 17)), *(("block_ring", c) for c in (5, 18, 32, 65))]
+)
+def test_ring(printed, module, cycles):
+    rows = printed[f"{module}{cycles}"]
+    settled = 2 * cycles
+    for (d, _), (_, q) in zip(rows[settled:], rows[settled + cycles :], strict=False):
+        assert d == q
+    assert len({d for d, _ in rows}) > 1
 
 
 @pytest.mark.parametrize(("width", "address_bits"), [(36, 9), (183, 8), (19, 10)])
@@ -107,8 +136,8 @@ def test_sources_of_the_probe():
     files = sources(TOP)
     names = [path.name for path in files]
     assert names[0] == "optics_pkg.sv"
-    assert {"probe_top.sv", "ray_lenslet.sv", "mult18_ecp5.sv", "fifo_memory_ecp5.sv"} <= set(names)
-    assert {"mult18.sv", "fifo_memory.sv", "optics_block.sv", "optics_registers.sv"}.isdisjoint(names)
+    assert {"probe_top.sv", "ray_lenslet.sv", *(f"{module}_ecp5.sv" for module in REPLACED)} <= set(names)
+    assert {"optics_block.sv", "optics_registers.sv", *(f"{module}.sv" for module in REPLACED)}.isdisjoint(names)
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)

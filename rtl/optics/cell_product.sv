@@ -1,0 +1,59 @@
+`default_nettype none
+
+/// Product of two signed words, all of it from multiplier cells, cut below a given place.
+///
+/// The same words as `multiplier` with its cross terms in logic. With a = ah 2^la + al, la the bits
+/// beyond 18, and b likewise:
+///
+///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
+///
+/// Products first and their registers behind, so that a simulator moves one word a clock and
+/// synthesis may move the registers into the cells it infers; synthesis for a family without such
+/// retiming puts its cells in the place of this module (sim/synth/). All words are of 64 bits,
+/// which simulators neither mask nor extend; synthesis finds what of them is used.
+/// Latency optics_pkg::mul_latency(Wa, Wb).
+module cell_product #(
+  parameter int Wa = 18,       // bits of a
+  parameter int Wb = 18,       // bits of b
+  parameter int Drop = 0,      // places cut off
+  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  localparam int Wp = Wa + Wb - Drop
+) (
+  input  logic                 clk_i,
+  input  logic signed [Wa-1:0] a_i,
+  input  logic signed [Wb-1:0] b_i,
+  output logic signed [Wp-1:0] p_o
+);
+  import optics_pkg::*;
+
+  localparam logic [63:0] LowA = (64'd1 << low_bits(Wa)) - 64'd1;
+  localparam logic [63:0] LowB = (64'd1 << low_bits(Wb)) - 64'd1;
+  localparam int Latency = mul_latency(Wa, Wb);
+
+  if (Wa < 1 || Wb < 1 || Wa + Wb > 64 || Drop >= Wa + Wb) begin : gen_illegal
+    $fatal(1, "cell_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
+  end
+
+  // Of signed words the lower 64 bits of a product are those of unsigned ones.
+  logic [63:0] a, b, upper, ah_bl, rest;
+  assign a = 64'(a_i);
+  assign b = 64'(b_i);
+  assign upper = (a & ~LowA) * (b & ~LowB);
+  assign ah_bl = (a & ~LowA) * (b & LowB);
+  assign rest = Square ? ah_bl << 1 : ah_bl + (a & LowA) * (b & ~LowB);
+  logic unused_places;
+  assign unused_places = ^{upper, rest};
+
+  for (genvar k = 0; k < Latency; k++) begin : gen_stage
+    logic [Wp-1:0] q;
+    if (k == 0) begin : gen_first
+      always_ff @(posedge clk_i) q <= upper[Drop+:Wp] + rest[Drop+:Wp];
+    end else begin : gen_next
+      always_ff @(posedge clk_i) q <= gen_stage[k-1].q;
+    end
+  end
+  assign p_o = $signed(gen_stage[Latency-1].q);
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,40 @@
+`default_nettype none
+
+/// ECP5's block memory in the place of `block_ring`.
+///
+/// Same ports and behaviour as rtl/optics/block_ring.sv. A word is read Cycles - 3 clocks after it was written, the memory answers after two, and a
+/// register lets the word travel; no place is read and written at once. The place that is read
+/// follows from the one that is written, so that any start is right after a clock. Kept as a module
+/// of its own in synthesis, or all rings would share their counters.
+(* keep_hierarchy *)
+module block_ring #(
+  parameter int Width = 1,
+  parameter int Cycles = 5
+) (
+  input  logic             clk_i,
+  input  logic [Width-1:0] d_i,
+  output logic [Width-1:0] q_o
+);
+
+  // At least 3, so that a refused Cycles gets to its message.
+  localparam int PlaceBits = Cycles > 8 ? $clog2(Cycles) : 3;
+
+  if (Width < 1 || Cycles < 5) begin : gen_illegal
+    $fatal(1, "block_ring: Width must be 1 or more and Cycles 5 or more");
+  end
+
+  logic [PlaceBits-1:0] write_at_q, read_at_q;
+  initial write_at_q = '0;  // for simulators that start with unknown words
+  always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
+  always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
+
+  logic [Width-1:0] word;
+  always_ff @(posedge clk_i) q_o <= word;
+  fifo_memory #(.Width(Width), .AddressBits(PlaceBits)) i_memory (
+    .clk_i, .write_i(1'b1), .write_at_i(write_at_q), .write_data_i(d_i),
+    .read_at_i(read_at_q), .read_data_o(word)
+  );
+
+endmodule
+
+`default_nettype wire
