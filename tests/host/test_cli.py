@@ -253,6 +253,7 @@ def test_trace_contract(place, capfd, engine, aperture):
     with np.load("r.npz") as rays:
         assert {name: (rays[name].shape, rays[name].dtype.name) for name in rays.files} == {
             "pixel": ((500, 2), "float64"),
+            "aperture_mm": ((500, 2), "float64"),
             "origin_mm": ((500, 3), "float64"),
             "direction": ((500, 3), "float64"),
             "status": ((500,), "uint8"),
