@@ -60,6 +60,13 @@ def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
     raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
+def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
+    """Return the peak signal-to-noise ratio of two linear pictures, compared as sRGB values."""
+    difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
+    mean = difference.mean() if mask is None else difference[mask].mean()
+    return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
+
+
 def decode(values: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
     """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
     v = np.asarray(values, np.float32)

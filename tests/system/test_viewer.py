@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.bench.browser import Browser
-from lippmann.bench.observe import psnr_db
 from lippmann.display import Array, Display, Panel, load_display
-from lippmann.images import decode, encode, write_picture
+from lippmann.images import decode, encode, psnr_db, write_picture
 from lippmann.observe import Eye, observe, whole_window
 from lippmann.optics.status import Status
 from lippmann.optics.trace import trace, trace_to_panel

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.images import encode
+from lippmann.images import psnr_db
 from lippmann.observe import Eye, observe, whole_window
 from lippmann.render.renderer import Settings, render_integral, render_view
 from lippmann.render.scene import Scene
@@ -36,13 +36,6 @@ class ViewError:
     eye_mm: tuple[float, float, float]
     whole_db: float
     smooth_db: float | None
-
-
-def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: Mask | None = None) -> float:
-    """Return the peak signal-to-noise ratio of two linear pictures, compared as sRGB values."""
-    difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
-    mean = difference.mean() if mask is None else difference[mask].mean()
-    return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:

@@ -29,7 +29,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.trace import COMPACT
 from lippmann.images import decode, write_picture
 from lippmann.sim.harness import SPEED_FLAGS, RtlError, parameters, processor
-from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
+from lippmann.sim.tools import MAKE_FLAGS, RTL_FOLDERS, repository, rtl_sources, verilator_environment
 
 Port = Literal["pty", "tcp"]
 
@@ -243,13 +243,6 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
     return made
 
 
-def sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of the board, the packages first."""
-    folders = ("registers", "optics", "link", "panel", "board")
-    files = [path for name in folders for path in (top / "rtl" / name).glob("*.sv")]
-    return sorted(files, key=lambda path: (not path.stem.endswith("_pkg"), path))
-
-
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled unless it is there.
 
@@ -261,7 +254,7 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         When Verilator or the compiler refuses.
     """
     top = repository()
-    files = sources(top)
+    files = rtl_sources(top, *RTL_FOLDERS)
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     numbers = {

@@ -78,6 +78,7 @@ class Bench:
         frames = int(dut.frames_o.value)
         for y in range(LINES):
             if y == at_line:
+                self.release = 0  # a request that begins now is not the one that was answered
                 for name, value in settings.items():
                     getattr(dut, name).value = value
             for x in range(LINE):
@@ -92,7 +93,7 @@ class Bench:
                 front = out >> 29 if front is None else front
                 if out >> 28 & 1:
                     assert (LINES - y) * LINE - x == 3
-                    self.release = random.randint(1, 3)  # before the next frame may ask again
+                    self.release = random.randint(1, 4)
                     swapped, front, self.shown = True, 1 - front, True
                 self.release -= 1
                 if self.release == 0:
