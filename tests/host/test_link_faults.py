@@ -42,9 +42,9 @@ UP = {
     "insert": Faults(insert=0.004),
     "duplicate": Faults(duplicate=0.004),
     "garble": Faults(garble=0.004),
-    "reorder": Faults(reorder=0.002, run=8),
-    "cut": Faults(cut=0.002, run=40),
-    "stall": Faults(stall=0.001, stall_s=0.3),
+    "reorder": Faults(reorder=0.004, run=8),
+    "cut": Faults(cut=0.003, run=40),
+    "stall": Faults(stall=0.005, stall_s=0.1),
     "lose": Faults(lose=0.2),
     "repeat": Faults(repeat=0.3),
     "swap": Faults(swap=0.2),
@@ -62,7 +62,7 @@ def frames(model, *key):
 
 
 def stream_through(pty, down, up, *key):
-    """Stream two frames over a bad line and one when the line is back; return resends."""
+    """Stream two frames over a bad line and one when the line is back; return resends, and the faults each way."""
     seed = SEED + sum(map(ord, "".join(key)))
     print(f"proxy seed {seed}")
     resends = 0
@@ -80,19 +80,21 @@ def stream_through(pty, down, up, *key):
             assert time.monotonic() - begun < PATIENCE_S
     # No frame but those, and none twice.
     np.testing.assert_array_equal(model.shown, [first, second, first])
-    return resends
+    return resends, line.done
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_on_the_way_to_the_board(fault):
-    resends = stream_through(True, FAULTS[fault], NO_FAULTS, fault)
+    resends, (down, _) = stream_through(True, FAULTS[fault], NO_FAULTS, fault)
+    assert down[fault] or fault in ("delay", "all")
     assert resends or fault in ("stall", "delay", "repeat", "swap")
 
 
 @pytest.mark.parametrize("fault", UP)
 def test_faults_on_the_way_back(fault):
-    resends = stream_through(True, NO_FAULTS, UP[fault], "up", fault)
-    assert resends or fault in ("stall", "repeat", "swap")
+    _, (_, up) = stream_through(True, NO_FAULTS, UP[fault], "up", fault)
+    # A reply that is lost need not cost a resend: a later one may tell of the same tile.
+    assert up[fault]
 
 
 @pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])

@@ -8,6 +8,7 @@ import select
 import socket
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -74,10 +75,11 @@ class Mangler:
     """Puts faults into the bytes of one direction.
 
     Every kind draws from a generator of its own, one number for each byte or packet: what happens depends on the seed
-    and on what is sent, not on how it comes in chunks.
+    and on what is sent, not on how it comes in chunks. `done` counts the faults of each kind.
     """
 
     def __init__(self, seed: int, direction: int) -> None:
+        self.done: Counter[str] = Counter()
         self._seed = seed, direction
         self._generators: dict[str, np.random.Generator] = {}
         self._packet = bytearray()
@@ -118,7 +120,9 @@ class Mangler:
         """Return which of the next bytes or packets a fault hits."""
         if not chance:
             return np.zeros(count, np.bool_)
-        return self._generator(kind).random(count) < chance
+        hits = self._generator(kind).random(count) < chance
+        self.done[kind] += int(hits.sum())
+        return hits
 
     def _values(self, kind: str, count: int) -> npt.NDArray[np.uint8]:
         """Return random bytes."""
@@ -191,6 +195,8 @@ class Proxy:
         self.baud = baud
         self._board_url = board_url
         self._manglers = Mangler(seed, 0), Mangler(seed, 1)
+        #: How many faults of each kind were done to what went down and what came up.
+        self.done = self._manglers[0].done, self._manglers[1].done
         self._ended = threading.Event()
         self._unplugged = threading.Event()
         if pty:
