@@ -31,6 +31,9 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
+# Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
+# test-full, draw anew each time and print the seed.
+test: export LIPPMANN_SEED ?= 1908
 test: lint ## lint, then the tests that take minutes at most (JOBS=2)
 	$(BIN)/pytest -n $(JOBS) -m "not full"
 
