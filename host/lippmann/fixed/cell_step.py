@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lippmann.display import Grid
 from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.words import GUARD, Ints, guarded
+from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
 
 HALF_SQRT3 = 0.8660254037844386468
 
@@ -21,14 +21,16 @@ def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, 
 
         q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
     """
+    word = f + 2
+    # The square's words have no bit to spare for the negative of the most negative half, which no display has.
+    low = wrapped(np.int64(-half), word) if grid == "square" else -half
 
     def side(q: Ints) -> Ints:
-        return (q >= half).astype(np.int64) - (q < -half).astype(np.int64)
+        return np.where(q >= half, 1, np.where(q < low, -1, 0))
 
     if grid == "square":
         di, dj = side(nx), side(ny)
         return di, dj, (di == 0) & (dj == 0)
-    word = f + 2
     rise = multiplier(ny, int(HALF_SQRT3 * (1 << (f + 1)) + 0.5), word, word, f + 1 - GUARD)
     q = np.stack([nx, guarded(rise + (nx << (GUARD - 1))), np.zeros_like(nx)])
     q[2] = q[1] - nx

@@ -1,4 +1,4 @@
-"""unit_slope against its twin: along the axis, along each coordinate, and up to 60 degrees."""
+"""unit_slope against its twin: along the axis, along each coordinate, up to 60 degrees, and beyond."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,9 @@ def test_equals_twin(f):
     square = mx * mx + my * my
     # 3 itself does not fit; the sum is rounded.
     within = square < (3 << (2 * f)) - (1 << f)
-    mx, my, square = mx[within], my[within], square[within]
+    steep_x, steep_y = mixed(rng, 1000, (-(2 << f), (2 << f) - 1), (-(2 << f), (2 << f) - 1))
+    mx, my = np.concatenate([mx[within], steep_x]), np.concatenate([my[within], steep_y])
+    square = mx * mx + my * my
     ex, ey, ez = unit_slope(mx, my, f)
     stream_step("unit_slope", f, [Segment({}, {"mx_i": mx, "my_i": my}, {"ex_o": ex, "ey_o": ey, "ez_o": ez})], s)
 
@@ -32,7 +34,8 @@ def test_equals_twin(f):
     seen.point("along y", (mx == 0) & (my != 0))
     seen.point("lower octave", square < 1 << (2 * f))
     seen.point("upper octave", square > 1 << (2 * f))
-    seen.point("within 1 % of 60 degrees", square > 2.94 * (1 << (2 * f)))
+    seen.point("within 1 % of 60 degrees", (square > 2.94 * (1 << (2 * f))) & (square < 3 << (2 * f)))
+    seen.point("steeper than 60 degrees", square > 3 << (2 * f))
     for name, e in (("x", ex), ("y", ey)):
         seen.point(f"{name} negative", e < 0)
         seen.point(f"{name} positive", e > 0)
