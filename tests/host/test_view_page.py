@@ -80,7 +80,7 @@ def page():
 def test_the_panel_travels_value_by_value(page):
     """8-bit panel values come through light and back without a change."""
     reader = Reader(page)
-    png = base64.b64decode(reader.texts["panel-png"].removeprefix("data:image/png;base64,"))
+    png = base64.b64decode(reader.texts["panel-png"])
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png))), values("panel"))
     (direct,) = json.loads(reader.texts["directs"])
     assert direct["eye_mm"] == [10.0, -5.0, 600.0]

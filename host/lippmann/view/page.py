@@ -90,7 +90,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         f"of {array.pitch_mm:g} mm"
     )
     described = {"panel": dataclasses.asdict(panel), "array": dataclasses.asdict(array), "gap_mm": display.gap_mm}
-    shown = [{"eye_mm": direct.eye_mm, "png": png_url(direct.radiance)} for direct in directs]
+    shown = [{"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs]
     return filled(
         "page.html",
         title=html.escape(title),
@@ -103,7 +103,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         display=script_json(described),
         shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
         directs=script_json(shown),
-        panel=png_url(radiance),
+        panel=png_base64(radiance),
         script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
     )
 
@@ -120,12 +120,12 @@ def check_direct(direct: Direct, display: Display) -> None:
         )
 
 
-def png_url(radiance: npt.NDArray[Any]) -> str:
-    """Return linear light as the `data:` URL of a PNG, 8 bits sRGB."""
+def png_base64(radiance: npt.NDArray[Any]) -> str:
+    """Return linear light as a PNG, 8 bits sRGB, in base64."""
     values = np.rint(encode(radiance, "srgb") * 255.0).astype(np.uint8)
     stream = io.BytesIO()
     Image.fromarray(values).save(stream, "PNG")
-    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def script_json(value: Any) -> str:
