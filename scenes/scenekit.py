@@ -218,18 +218,20 @@ class SceneFile:
         intensity = np.asarray(irradiance, dtype=np.float64) * (position @ position)
         ET.SubElement(light, "rgb", name="intensity", value=numbers(np.broadcast_to(intensity, 3)))
 
-    def _shape(self, kind: str, bsdf: str) -> ET.Element:
-        shape = ET.SubElement(self.root, "shape", type=kind)
+    def _shape(self, kind: str, bsdf: str, name: str | None = None) -> ET.Element:
+        shape = ET.SubElement(self.root, "shape", {"type": kind} | ({} if name is None else {"id": name}))
         ET.SubElement(shape, "ref", id=bsdf)
         return shape
 
-    def ply(self, filename: str, bsdf: str) -> None:
-        """Add a mesh file."""
-        ET.SubElement(self._shape("ply", bsdf), "string", name="filename", value=filename)
+    def ply(self, filename: str, bsdf: str, name: str | None = None) -> None:
+        """Add a mesh file; `name` is the id that films move it by."""
+        ET.SubElement(self._shape("ply", bsdf, name), "string", name="filename", value=filename)
 
-    def sphere(self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None) -> None:
+    def sphere(
+        self, centre: ArrayLike, radius: float, bsdf: str, axes: ArrayLike | None = None, name: str | None = None
+    ) -> None:
         """Add a sphere; the rows of `axes` are its own directions x (u = 0), y and z (v = 0)."""
-        shape = self._shape("sphere", bsdf)
+        shape = self._shape("sphere", bsdf, name)
         if axes is None:
             ET.SubElement(shape, "point", name="center", value=numbers(centre))
             ET.SubElement(shape, "float", name="radius", value=numbers(radius))

@@ -24,8 +24,13 @@ def to_srgb8(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     return np.asarray(np.rint(encode(radiance, "srgb") * 255.0), np.uint8)
 
 
-def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], there_and_back: bool = True) -> None:
-    """Write views as an endless GIF or animated PNG; `there_and_back` runs them to and fro.
+def write_animation(
+    path: str | Path,
+    views: Sequence[npt.NDArray[np.float32]],
+    there_and_back: bool = True,
+    frame_ms: float = FRAME_MS,
+) -> None:
+    """Write views as an endless GIF or animated PNG; `there_and_back` runs them to and fro, `frame_ms` each stands.
 
     Raises
     ------
@@ -49,7 +54,7 @@ def write_animation(path: str | Path, views: Sequence[npt.NDArray[np.float32]], 
             format=kind,
             save_all=True,
             append_images=frames[1:],
-            duration=FRAME_MS,
+            duration=frame_ms,
             loop=0,
             optimize=True,
         )

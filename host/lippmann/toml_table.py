@@ -45,6 +45,14 @@ class Table:
         self._read.add(key)
         return self.table(key) if key in self._raw else None
 
+    def tables(self, key: str) -> list[Table]:
+        """Return the tables of a list, in their order; none where it is left out."""
+        value = self._take(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise input_error(self.where(key), "is not a list of tables", f"write each as [[{key}]] or {{ ... }}")
+        name = f"{self._name}.{key}" if self._name else key
+        return [Table(item, self.source, f"{name}[{k}]") for k, item in enumerate(value)]
+
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text."""
         value = self._take(key, default)

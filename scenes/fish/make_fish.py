@@ -71,6 +71,8 @@ def water_slope(z: Array) -> Array:
 
 # --- the fish's body ------------------------------------------------------------------------------
 
+#: Its meshes; every shape of the fish has an id that begins with "fish-".
+FISH_MESHES = ("body", "fins")
 BODY_LENGTH, TAIL_LENGTH = 60.0, 19.0
 NOSE = np.array([-17.5, 1.5, 35.0])
 # The part of the body that carries scales, as fractions of its length
@@ -347,18 +349,20 @@ def add_scales(scene: SceneFile, rng: np.random.Generator) -> int:
             outward = unit(outward + 0.22 * tailward)
             tailward = unit(tailward - (tailward @ outward) * outward)
             axes = np.stack([tailward, np.cross(outward, tailward), outward])
-            scene.sphere(point - 1.35 * size * outward, radius, f"scale_{paint(t, angle)}", axes)
+            centre = point - 1.35 * size * outward
+            scene.sphere(centre, radius, f"scale_{paint(t, angle)}", axes, name=f"fish-scale-{count}")
             count += 1
     return count
 
 
 def add_eyes(scene: SceneFile) -> int:
     """Add both eyes, looking outward and a little ahead, with the top of the iris up."""
-    for angle in (0.36, np.pi - 0.36):
+    for side, angle in (("left", 0.36), ("right", np.pi - 0.36)):
         point, outward, tailward = body_frame(0.135, angle)
         gaze = unit(outward - 0.25 * tailward)
         up = unit(np.array([0.0, 1.0, 0.0]) - gaze[1] * gaze)
-        scene.sphere(point - 0.9 * outward, 3.3, "eye", np.stack([up, np.cross(gaze, up), gaze]))
+        axes = np.stack([up, np.cross(gaze, up), gaze])
+        scene.sphere(point - 0.9 * outward, 3.3, "eye", axes, name=f"fish-eye-{side}")
     return 2
 
 
@@ -624,7 +628,7 @@ def main() -> None:
     }
     for name, (mesh, material) in meshes.items():
         mesh.save(HERE / f"{name}.ply", with_uv=name != "water")
-        scene.ply(f"{name}.ply", material)
+        scene.ply(f"{name}.ply", material, name=f"fish-{name}" if name in FISH_MESHES else None)
     spheres = add_scales(scene, rng) + add_eyes(scene)
     scene.save(HERE / "fish.xml")
     triangles = sum(len(mesh.face) for mesh, _ in meshes.values())

@@ -69,7 +69,7 @@ def write_scene(name: str, lights: int, stems: int, water: str) -> None:
     for position, irradiance in LIGHTS[:lights]:
         scene.point_light(position, np.array(irradiance) * (len(LIGHTS) / lights) ** 0.5)
     for mesh, material in (("body", "skin"), ("fins", "fins"), ("water", "water"), ("skirt", "deep"), ("sky", "sky")):
-        scene.ply(f"{FISH}/{mesh}.ply", material)
+        scene.ply(f"{FISH}/{mesh}.ply", material, name=f"fish-{mesh}" if mesh in fish.FISH_MESHES else None)
     scene.ply(f"stems-{stems}.ply", "plants")
     count = fish.add_scales(scene, np.random.default_rng(fish.SEED)) + fish.add_eyes(scene)
     scene.save(HERE / f"{name}.xml")

@@ -5,6 +5,7 @@ comment with a file name (`# mine.toml`) is that file.
 """
 
 import csv
+import glob
 import importlib.util
 import itertools
 import json
@@ -20,6 +21,7 @@ import pytest
 from lippmann.capture.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import load_display
+from lippmann.film.film import load_film
 from lippmann.render.placement import load_placement
 
 TOP = Path(__file__).parents[2]
@@ -27,8 +29,8 @@ PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
-#: Pages whose commands render the large panels.
-SLOW = ("README.md", "docs/how-to/look-at-it.md")
+#: Pages whose commands render large panels or many frames.
+SLOW = ("README.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
 
 
 def name_of(page):
@@ -122,6 +124,14 @@ def test_every_setup_key_is_documented():
     ]
 
 
+def test_every_film_key_is_documented():
+    text = (TOP / "docs/reference/film-file.md").read_text()
+    source = "".join((TOP / f"host/lippmann/film/{name}.py").read_text() for name in ("film", "path"))
+    keys = set(re.findall(r"\b(?:table|top|one)\.\w+\(\"(\w+)\"", source))
+    assert {"scene", "frames", "pivot_mm", "keys", "offset_mm", "shapes"} <= keys
+    assert not [key for key in keys - {"object", "world"} if f"`{key}`" not in text]
+
+
 SMALL_DISPLAY = """
 gap_mm = 3.3
 [panel]
@@ -148,6 +158,8 @@ def json_keys(value):
 def test_every_json_key_is_documented(tmp_path, capsys):
     display, image = tmp_path / "small.toml", tmp_path / "small.exr"
     display.write_text(SMALL_DISPLAY)
+    film = tmp_path / "film.toml"
+    film.write_text(f'scene = "{TOP}/scenes/chart/chart.xml"\nframes = 1\n')
     common = ["--display", str(display), "--json"]
     pages = "\n".join((TOP / f"docs/reference/{name}.md").read_text() for name in ("command-line", "display-file"))
     for arguments in (
@@ -168,6 +180,7 @@ def test_every_json_key_is_documented(tmp_path, capsys):
             str(tmp_path / "captured.exr"),
         ],
         ["observe", str(image), *common, "--eye", "0,0,600", "--width", "8", "-o", str(tmp_path / "view.png")],
+        ["animate", str(film), *common, "-o", str(tmp_path / "frames")],
         ["doctor", "--json"],
     ):
         assert run(arguments) == 0
@@ -183,6 +196,11 @@ def reader_folder(folder):
     return folder
 
 
+def words_of(line, folder):
+    """Return a command's words as a shell gives them: patterns of file names in full."""
+    return [name for word in shlex.split(line) for name in sorted(glob.glob(word, root_dir=folder)) or [word]]
+
+
 def run_page(page, folder):
     """Write a page's files and run its `lippmann` commands, in the page's order."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
@@ -195,7 +213,7 @@ def run_page(page, folder):
         lines = [line for line in text.splitlines() if line.startswith(("lippmann ", "mkdir "))]
         for line in lines:
             done = subprocess.run(
-                shlex.split(line), check=False, cwd=folder, env=environment, capture_output=True, text=True
+                words_of(line, folder), check=False, cwd=folder, env=environment, capture_output=True, text=True
             )
             assert done.returncode == 0, f"{line}\n{done.stderr}"
 
@@ -219,6 +237,8 @@ def test_toml_blocks_are_valid(page, tmp_path):
         file.write_text(text)
         if "[placement]" in text:
             load_placement(file)
+        elif "frames = " in text:
+            load_film(file)
         elif "[object]" in text:
             load_setup(file)
         else:

@@ -104,6 +104,35 @@ def test_a_frame_is_streamed_verified_and_captured(place, port):
     np.testing.assert_array_equal(shown, wanted)
 
 
+@pytest.mark.parametrize("step", [4, pytest.param(1, marks=pytest.mark.full)])
+def test_a_film_is_shown_frame_by_frame(place, port, step):
+    """The shipped film, rendered for the board, streamed, and scanned out byte for byte."""
+    film = (
+        "animate",
+        ROOT / "scenes/films/swim.toml",
+        "--display",
+        place / "small.toml",
+        "--scale",
+        0.05,
+        "--samples",
+        1,
+    )
+    assert asked(*film, "-o", place / "film")["frames"] == 24
+    paths = sorted((place / "film").glob("frame_*.exr"))[::step]
+    wanted = [values(path) for path in paths]
+    before = len(list((place / "screen").glob("frame-*.png")))
+    sent = asked("stream", *paths, "--port", port, "--verify")["frames"]
+    assert [frame["crc"] for frame in sent] == [f"{zlib.crc32(frame.tobytes()):08x}" for frame in wanted]
+    assert all(frame["verified"] and not frame["unchanged"] for frame in sent)
+    assert sum(frame["copied"] + frame["skipped"] for frame in sent[1:]) >= len(paths), (
+        "what stands still is sent again"
+    )
+    shown = sorted((place / "screen").glob("frame-*.png"))[before:]
+    assert len(shown) == len(wanted)
+    for path, frame in zip(shown, wanted, strict=True):
+        np.testing.assert_array_equal(values(path), frame)
+
+
 def test_registers_are_read_and_written(place, port):
     assert asked("board", "read", "identity", "--port", port)["words"] == [int.from_bytes(b"LIPB")]
     assert asked("board", "write", "display", "brightness=127", "--port", port)["words"] == [0x7F]

@@ -23,6 +23,7 @@ COMMANDS = (
     "vectors",
     "regress",
     "render",
+    "animate",
     "capture",
     "observe",
     "view",

@@ -12,10 +12,10 @@ from lippmann.capture.capture import capture
 from lippmann.capture.depths import shown
 from lippmann.capture.setup import Pickup, Setup, load_setup
 from lippmann.cli.common import device_option, emit, json_option, log, progress_bar, seed_option
-from lippmann.cli.render import image_metadata
 from lippmann.display import display_text
 from lippmann.errors import InputError
 from lippmann.images import check_output, replacing, write_picture
+from lippmann.render.metadata import image_metadata
 from lippmann.render.renderer import Settings, check_memory, peak_memory_mb
 from lippmann.render.scene import Scene, check_scene_file, load_scene, placement_beside
 from lippmann.render.sources import APERTURES, Aperture

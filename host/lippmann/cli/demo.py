@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.cli.common import device_option, emit, json_option, log, progress_bar
-from lippmann.cli.render import image_metadata
 from lippmann.closed_loop import run_on_virtual_board
 from lippmann.display import Display, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import decode, psnr_db, replacing, write_picture
 from lippmann.link.frames import panel_values
 from lippmann.observe import Eye, observe, whole_window
+from lippmann.render.metadata import image_metadata
 from lippmann.render.renderer import Settings, render_integral, render_view
 from lippmann.render.scene import load_scene
 from lippmann.render.variant import start_mitsuba

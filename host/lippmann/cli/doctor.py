@@ -31,6 +31,8 @@ PACKAGES = (
     "cobs",
     "qoi",
     "pygame-ce",
+    "scipy",
+    "imageio-ffmpeg",
 )
 
 NO_ANSWER = "it opens, but no board answers at any rate; check the board's power and the cable"

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import cast
 
 import click
 
-from lippmann import __version__
-from lippmann.choose import TOLERANCE, choose_model
+from lippmann.choose import choose_model
 from lippmann.cli.common import (
     Vector,
     device_option,
@@ -21,12 +19,12 @@ from lippmann.cli.common import (
     progress_bar,
     seed_option,
 )
+from lippmann.cli.how import check_fraction_bits, how_options
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
-from lippmann.fixed.trace import WIDEST
-from lippmann.fixed.words import FRACTIONS
 from lippmann.images import check_output, write_picture
-from lippmann.optics.trace import ENGINES, MODELS, Engine, Model
+from lippmann.optics.trace import Engine, Model
+from lippmann.render.metadata import image_metadata
 from lippmann.render.placement import Placement
 from lippmann.render.renderer import (
     Settings,
@@ -35,7 +33,7 @@ from lippmann.render.renderer import (
     render_integral,
 )
 from lippmann.render.scene import Scene, check_scene_file, load_scene, placement_beside
-from lippmann.render.sources import APERTURES, Aperture
+from lippmann.render.sources import Aperture
 from lippmann.render.variant import device_of, start_mitsuba
 
 #: Widths of a scene, in widths of the panel, that raise no question.
@@ -46,53 +44,13 @@ SIZE_SHARE = (0.02, 1000.0)
 @click.argument("scene_path", metavar="SCENE")
 @display_option
 @click.option("-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel.")
-@click.option(
-    "--model",
-    type=click.Choice(["auto", *MODELS]),
-    default="auto",
-    show_default=True,
-    help="Lens model; auto takes the cheapest that is good enough.",
-)
-@click.option(
-    "--tolerance",
-    default=TOLERANCE,
-    show_default=True,
-    help="Error that auto allows, pixels of the reconstructed view; above 0.",
-)
-@click.option(
-    "--engine",
-    type=click.Choice(ENGINES),
-    default="fast",
-    show_default=True,
-    help="Who traces the rays through the lenslets; rtl shows what the FPGA would show.",
-)
-@click.option(
-    "--fraction-bits",
-    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
-    help=f"Word length of the engines twin and rtl.  [default: {WIDEST}]",
-)
-@click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536.")
-@click.option(
-    "--aperture",
-    type=click.Choice(APERTURES),
-    default="chief",
-    show_default=True,
-    help="Chief rays, or rays over the whole lenslet.",
-)
-@click.option(
-    "--integrator",
-    default="lights",
-    show_default=True,
-    help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
-)
-@click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet, 1 to 1000.")
+@how_options
 @click.option("--scale", type=float, help="mm for each scene unit.")
 @click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z.")
 @click.option("--offset", type=Vector(3), help="Where the scene's origin comes to stand, mm.")
 @click.option("--depth", type=float, help="Moves the scene towards the viewer, mm.")
 @click.option("--near", type=float, help="Depth z where primary rays start, mm.")
 @click.option("--far", type=float, help="Farthest depth of interest, mm.")
-@click.option("--memory-mb", type=float, help="Memory limit.  [default: four fifths of what is free]")
 @seed_option
 @device_option
 @json_option
@@ -124,8 +82,7 @@ def command(
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
     path = check_output(output)
-    if fraction_bits is not None and engine in ("golden", "fast"):
-        raise InputError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
+    check_fraction_bits(engine, fraction_bits)
     display = load_display(display_path)
     settings = Settings(
         samples=samples,
@@ -196,34 +153,6 @@ def _note_odd_size(scene: Scene, display: Display) -> None:
             f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
             "if its units are not millimetres give --scale, such as 1000 for metres"
         )
-
-
-def image_metadata(
-    display: Display,
-    model: str,
-    settings: Settings,
-    scene_path: str,
-    engine: Engine = "fast",
-    fraction_bits: int | None = None,
-) -> dict[str, str]:
-    """Return what an image carries: display, identity, model, engine, seed, settings, versions."""
-    bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}
-    return {
-        "display": display.name,
-        "identity": display.identity,
-        "model": model,
-        "engine": engine,
-        **bits,
-        "aperture": settings.aperture,
-        "integrator": settings.integrator,
-        "samples": str(settings.samples),
-        "max_depth": str(settings.max_depth),
-        "seed": str(settings.seed),
-        "scene": Path(scene_path).name,
-        "version": __version__,
-        "mitsuba": metadata.version("mitsuba"),
-        "drjit": metadata.version("drjit"),
-    }
 
 
 def _placement(

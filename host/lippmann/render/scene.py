@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.errors import InputError, input_error
+from lippmann.render.moved import Move, load_moved, scene_digest
 from lippmann.render.placement import Placement, load_placement
 
 
@@ -70,7 +72,7 @@ def check_scene_file(path: str | Path) -> Path:
     return path
 
 
-def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) -> Scene:
+def load_scene(mi: Any, path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
     """Load a scene file.
 
     Parameters
@@ -81,17 +83,22 @@ def load_scene(mi: Any, path: str | Path, placement: Placement | None = None) ->
         Mitsuba XML.
     placement
         Left out: `placement_beside`.
+    moves
+        What moves its shapes from where the file has them.
 
     Raises
     ------
     InputError
-        When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML.
+        When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML; or when a
+        move finds no shape.
     """
     path = check_scene_file(path)
     if placement is None:
         placement = placement_beside(path)
     try:
-        scene = mi.load_file(str(path))
+        scene = load_moved(mi, path, moves) if moves else mi.load_file(str(path))
+    except InputError:
+        raise
     except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
         raise input_error(str(path), _first_reason(error), "mend the scene file") from None
     if not isinstance(scene, mi.Scene):
@@ -106,19 +113,48 @@ def _first_reason(error: Exception) -> str:
     return text[:400]
 
 
-def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
-    if placement.near_mm is not None and placement.far_mm is not None:
-        return placement
+def digest_of(mi: Any, path: str | Path) -> str:
+    """Return a hash of a scene's file and of all files that it names (see `moved.scene_digest`).
+
+    Raises
+    ------
+    InputError
+        As `load_scene`.
+    """
+    path = check_scene_file(path)
+    try:
+        return scene_digest(mi, path)
+    except OSError as error:
+        what = f"names {error.filename}, which cannot be read ({error.strerror})"
+        raise input_error(str(path), what, "mend the scene file") from None
+    except RuntimeError as error:
+        raise input_error(str(path), _first_reason(error), "mend the scene file") from None
+
+
+def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
+    """Return (lowest, highest) z, mm, of a Mitsuba scene's box as it stands; infinite when it is unbounded or empty."""
     box = scene.bbox()
     low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
-        raise InputError(f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement")
+        return -np.inf, np.inf
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
     z = corners @ placement.display_from_scene[2]
-    # A hair beyond the box, so that rays do not start on a surface.
-    margin = 1e-3 * max(1.0, float(z.max() - z.min()))
+    return float(z.min()), float(z.max())
+
+
+def in_front_of(depths: tuple[float, float]) -> float:
+    """Return a hair beyond the nearer of (lowest, highest) z, so that rays do not start on a surface."""
+    return depths[1] + 1e-3 * max(1.0, depths[1] - depths[0])
+
+
+def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
+    if placement.near_mm is not None and placement.far_mm is not None:
+        return placement
+    depths = depths_of(scene, placement)
+    if not np.isfinite(depths).all():
+        raise InputError(f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement")
     return replace(
         placement,
-        near_mm=placement.near_mm if placement.near_mm is not None else float(z.max()) + margin,
-        far_mm=placement.far_mm if placement.far_mm is not None else float(z.min()),
+        near_mm=placement.near_mm if placement.near_mm is not None else in_front_of(depths),
+        far_mm=placement.far_mm if placement.far_mm is not None else depths[0],
     )

@@ -1,0 +1,1 @@
+"""Films: scenes that move, rendered frame by frame."""

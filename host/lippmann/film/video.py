@@ -1,0 +1,93 @@
+"""Video files of frames: lossless for panels, compressed for views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import MissingLibraryError, input_error
+from lippmann.images import check_output, replacing
+
+Values = npt.NDArray[np.uint8]
+#: Lossless RGB, since each pixel of a panel belongs to a lenslet: a codec that blurs colours would mix their pictures.
+LOSSLESS_SUFFIXES = (".mkv",)
+#: What every player takes: half the resolution in colour, so both sides must be even.
+VIEW_SUFFIXES = (".mp4",)
+
+
+def write_video(
+    path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
+) -> int:
+    """Write a video; return the number of its frames.
+
+    Parameters
+    ----------
+    path
+        .mkv: FFV1, every value as it is; .mp4: H.264, for which width and height must be even.
+    frames
+        (height, width, 3) uint8 each, sRGB.
+    width_px, height_px
+        Their size.
+    frames_per_second
+        Speed.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    MissingLibraryError
+        When there is no ffmpeg.
+    """
+    path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
+    ffmpeg = _ffmpeg()
+    if path.suffix.lower() in LOSSLESS_SUFFIXES:
+        kind: dict[str, Any] = {"codec": "ffv1", "pix_fmt_out": "bgr0", "quality": None}
+    else:
+        colours = ("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1")
+        convert = ("-vf", "scale=out_color_matrix=bt709:out_range=tv")
+        kind = {"codec": "libx264", "quality": 7, "output_params": [*colours, *convert, "-movflags", "+faststart"]}
+    count = 0
+    with replacing(path) as partial:
+        writer = ffmpeg.write_frames(
+            str(partial), (width_px, height_px), fps=Fraction(frames_per_second).limit_denominator(1000),
+            macro_block_size=1, ffmpeg_log_level="quiet", **kind,
+        )  # fmt: skip
+        writer.send(None)
+        try:
+            for frame in frames:
+                writer.send(np.ascontiguousarray(frame))
+                count += 1
+        except OSError:  # ffmpeg has ended; its message is a page
+            raise _unwritten(path) from None
+        finally:
+            writer.close()
+        # ffmpeg's exit code is not told: a full disk shows as frames that are missing.
+        if _frames_in(ffmpeg, partial) != count:
+            raise _unwritten(path)
+    return count
+
+
+def _frames_in(ffmpeg: Any, path: Path) -> int:
+    try:
+        return int(ffmpeg.count_frames_and_secs(str(path))[0])
+    except (RuntimeError, OSError):  # no video at all
+        return -1
+
+
+def _unwritten(path: Path) -> Exception:
+    return input_error(str(path), "cannot be written (ffmpeg stopped)", "free space or choose another place")
+
+
+def _ffmpeg() -> Any:
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise MissingLibraryError(f"no ffmpeg is to be had ({error}); run make setup") from None
+    return imageio_ffmpeg

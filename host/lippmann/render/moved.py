@@ -1,0 +1,101 @@
+"""Loads a scene with some of its shapes moved; the file stays as it is."""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+from collections.abc import Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import input_error
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Matrix = npt.NDArray[np.float64]
+#: How many ids an error message lists.
+LISTED_IDS = 8
+
+
+@dataclass(frozen=True)
+class Move:
+    """A similarity (4, 4), in the scene's frame, of all shapes whose id matches a pattern (`*`, `?`)."""
+
+    shapes: str
+    matrix: Matrix
+
+
+def load_moved(mi: Any, path: Path, moves: Sequence[Move]) -> Any:
+    """Return what Mitsuba makes of a scene file once its shapes have moved, in the order of the moves.
+
+    Raises
+    ------
+    InputError
+        When no shape matches a pattern.
+    RuntimeError
+        What Mitsuba raises for a broken scene.
+    """
+    configuration = mi.parser.ParserConfig(mi.variant())
+    state = mi.parser.parse_file(configuration, str(path))
+    shapes = [node.props for node in state.nodes if node.type == mi.ObjectType.Shape]
+    for move in moves:
+        chosen = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
+        if not chosen:
+            raise input_error(str(path), f"no shape's id matches '{move.shapes}'", _ids_there(shapes))
+        motion = mi.ScalarTransform4d(move.matrix)
+        for props in chosen:
+            props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
+    with _beside(mi, path):
+        mi.parser.transform_all(configuration, state)
+        return mi.parser.instantiate(configuration, state)
+
+
+def scene_digest(mi: Any, path: Path) -> str:
+    """Return a hash, 64 hexadecimal digits, of a scene's file, those it includes, and the meshes and pictures it names.
+
+    Raises
+    ------
+    RuntimeError
+        What Mitsuba raises for a broken scene.
+    OSError
+        When a file cannot be read.
+    """
+    configuration = mi.parser.ParserConfig(mi.variant())
+    state = mi.parser.parse_file(configuration, str(path))
+    mi.parser.transform_resolve(configuration, state)
+    named = [Path(str(file)) for file in state.files]
+    with _beside(mi, path):
+        for node in state.nodes:
+            if "filename" in node.props:
+                named.append(Path(str(mi.file_resolver().resolve(mi.filesystem.path(node.props["filename"])))))
+    digest = hashlib.sha256()
+    for file in dict.fromkeys(named):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _ids_there(shapes: Sequence[Any]) -> str:
+    ids = [props.id() for props in shapes if props.id()]
+    if not ids:
+        return 'give the shapes ids in the file: <shape type="ply" id="...">'
+    more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
+    return f"there are {', '.join(ids[:LISTED_IDS])}{more}"
+
+
+@contextmanager
+def _beside(mi: Any, path: Path) -> Iterator[None]:
+    """Let Mitsuba find files beside the scene, as its own loader does."""
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.prepend(mi.filesystem.path(str(path.parent)))
+    mi.set_file_resolver(resolver)
+    try:
+        yield
+    finally:
+        mi.set_file_resolver(before)
