@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report-fixed report-link report-depth report-hard peers mutation scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation scenes pictures clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -60,6 +60,9 @@ registers: $(READY) ## make RTL, host constants and documentation of rtl/registe
 
 synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
 	$(BIN)/python -m lippmann.sim.synthesis
+
+report: $(READY) ## speed against error of everything, into docs/reports (quarter of an hour; report.html too)
+	$(BIN)/lippmann report -o docs/reports
 
 report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
 	$(BIN)/lippmann bench fixed --report docs/reports > /dev/null

@@ -9,6 +9,7 @@ depth. That pixel is the lenslet pitch, or what a panel pixel spreads to at that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -156,6 +157,11 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
 
 def _at_depth(rays: Rays, z_mm: float, there: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
     """Return where those rays that are there cross a plane, from their lenslet's centre, (N, 2) mm."""
-    local, direction = rays.local_mm[there], rays.direction[there]
-    t = (z_mm - local[:, 2]) / direction[:, 2]
-    return local[:, :2] + t[:, None] * direction[:, :2]
+    crossings: npt.NDArray[np.float64] = crossing(rays.local_mm[there], rays.direction[there], z_mm)
+    return crossings
+
+
+def crossing(local_mm: Any, direction: Any, z_mm: float) -> Any:
+    """Return where lines through points (N, 3) along directions (N, 3) cross a plane, (N, 2); arrays of any numbers."""
+    t = (z_mm - local_mm[:, 2]) / direction[:, 2]
+    return local_mm[:, :2] + t[:, None] * direction[:, :2]

@@ -469,14 +469,14 @@ def measure_configuration(
 # ---- budget ----
 
 
-def budget(named: Named, display: Display, seed: int) -> list[StageError]:
+def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> list[StageError]:
     """Return what each step adds to the error of an exact configuration, over random pixels (and aims in the cell).
 
     The rows are in the order of the ray. The first is the rounding of the configuration's words, the last the whole.
     """
     build, f = named.build, named.build.fraction_bits
     random = np.random.default_rng(seed)
-    count = min(BUDGET, WHOLE)
+    count = min(count, WHOLE)
     words = Words(*_random_pixels(display, random, count), *_cell_aims(build, random, count))
     config = configuration(display, build, build.model)
     stages = stages_of(build, config)

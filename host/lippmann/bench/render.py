@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.display import Display, load_display
+from lippmann.errors import LippmannError
 from lippmann.render.renderer import Settings, make_integrator, render_integral
 from lippmann.render.scene import Scene, load_scene
 from lippmann.render.variant import device_of
@@ -131,13 +132,22 @@ def optics_share(mi: Any, scene: Scene, display: Display, samples: int) -> dict[
 
 
 def separately(device: str, scene_path: Path, display_path: Path, samples: int, model: str) -> dict[str, Any]:
-    """Render with the command line in a process of its own, whose memory is then the render's alone."""
+    """Render with the command line in a process of its own, whose memory is then the render's alone.
+
+    Raises
+    ------
+    LippmannError
+        When it fails: what it says.
+    """
     with TemporaryDirectory() as folder:
         command = [
             *(sys.executable, "-m", "lippmann", "render", str(scene_path), "--display", str(display_path)),
             *("--model", model, "--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
         ]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        said = done.stderr.strip().splitlines()[-1:]
+        raise LippmannError(f"{scene_path} for {display_path}: rendering in a process of its own failed: {said}")
     result: dict[str, Any] = json.loads(done.stdout)
     return {key: result[key] for key in ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")}
 

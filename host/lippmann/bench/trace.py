@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,7 +72,7 @@ def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -
         model=model,
         aperture=aperture,
         golden_rays_per_second=GOLDEN_RAYS / golden_seconds,
-        fast_rays_per_second=FAST_RAYS / _fast_seconds(mi, display, model, aperture),
+        fast_rays_per_second=FAST_RAYS / _median_seconds(fast_launch(mi, display, model, aperture)),
         max_direction_urad=float(turn.max()),
         rms_direction_urad=float(np.sqrt((turn**2).mean())),
         max_origin_nm=float(shift.max()),
@@ -80,10 +81,13 @@ def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -
     )
 
 
-def _fast_seconds(mi: Any, display: Display, model: Model, aperture: str) -> float:
-    """Return the median time of a launch that traces FAST_RAYS and uses every output, as a renderer would.
+def fast_launch(
+    mi: Any, display: Display, model: Model, aperture: str = "chief", rays: int = FAST_RAYS
+) -> Callable[[int], float]:
+    """Return what traces rays, using every output as a renderer would, and tells the seconds that it took.
 
-    The outputs are summed in the same program: memory traffic for arrays that nobody reads is no part of the optics.
+    It is given a number, another one each time. The outputs are summed in the same program: memory traffic for arrays
+    that nobody reads is no part of the optics. The first launch, which compiles, is done already.
     """
     import drjit as dr
 
@@ -91,8 +95,8 @@ def _fast_seconds(mi: Any, display: Display, model: Model, aperture: str) -> flo
     system = System.of(display)
     panel, array = display.panel, display.array
 
-    def launch(number: int) -> Any:
-        index = dr.arange(mi.UInt32, FAST_RAYS) + dr.opaque(mi.UInt32, number)
+    def traced(number: int) -> Any:
+        index = dr.arange(mi.UInt32, rays) + dr.opaque(mi.UInt32, number)
         row = index // panel.width_px
         u = b.double(index - row * panel.width_px) + 0.5
         v = b.double(row % panel.height_px) + 0.5
@@ -105,14 +109,18 @@ def _fast_seconds(mi: Any, display: Display, model: Model, aperture: str) -> flo
         value = origin + out.ray.dx + out.ray.dy + out.ray.dz
         return dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0))
 
-    times = []
-    for number in range(LAUNCHES + 1):
+    def launch(number: int) -> float:
         started = time.perf_counter()
-        dr.eval(launch(number))
+        dr.eval(traced(number))
         dr.sync_thread()
-        times.append(time.perf_counter() - started)
-    # The first launch compiles.
-    return float(np.median(times[1:]))
+        return time.perf_counter() - started
+
+    launch(0)
+    return launch
+
+
+def _median_seconds(launch: Callable[[int], float]) -> float:
+    return float(np.median([launch(number) for number in range(1, LAUNCHES + 1)]))
 
 
 def bench_trace(mi: Any, displays: list[Display], seed: int) -> list[TraceRate]:

@@ -33,6 +33,7 @@ COMMANDS = (
     "display",
     "demo",
     "bench",
+    "report",
     "doctor",
 )
 

@@ -1,0 +1,1 @@
+"""`lippmann report`: speed against error of every engine, model and word length, kept and compared from run to run."""

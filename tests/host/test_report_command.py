@@ -1,0 +1,152 @@
+"""`lippmann report` end to end, and what it refuses before any work is done."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from lippmann.cli import run
+from lippmann.report.compare import compare
+from lippmann.report.figures import read_stored
+from lippmann.report.run import TABLES
+from lippmann.sim.tools import repository
+from PIL import Image
+from test_report_page import check_page
+
+SCENES = str(repository() / "scenes")
+ORIGIN = ("machine", "date", "command", "versions", "seed", "load")
+
+
+def report(folder, *options):
+    return run(["report", "--scenes", SCENES, "-o", str(folder), "--device", "llvm", *options])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The folder of a quick run, and what it said."""
+    folder = tmp_path_factory.mktemp("report") / "new" / "folder"
+    with pytest.MonkeyPatch.context() as patch:
+        said = []
+        patch.setattr("lippmann.cli.report.emit", lambda result, as_json, text: said.append(result))
+        assert report(folder, "--quick", "--seed", "3") == 0
+    return folder, json.loads(json.dumps(said[0]))
+
+
+def test_a_quick_run_writes_pages_plots_and_tables(made):
+    folder, result = made
+    assert {Path(file).name for file in result["files"]} == {path.name for path in folder.iterdir()}
+    assert {f"{name}.csv" for name in TABLES} | {"report.md", "report.html"} <= {p.name for p in folder.iterdir()}
+    assert set(result) == {*ORIGIN, "folder", "files", "seconds", "tables", "comparison"}
+    assert result["seed"] == "3"
+    assert result["command"].endswith("--seed 3 --device llvm --quick")
+    assert result["comparison"]["before"] == {}
+    for picture in folder.glob("*.png"):
+        assert picture.stat().st_size < 200_000
+        with Image.open(picture) as image:
+            assert image.text["lippmann:command"] == result["command"]
+
+
+def test_its_page_needs_nothing_else(made):
+    folder, result = made
+    check_page((folder / "report.html").read_text(), result, 6)
+    assert (folder / "report.html").stat().st_size < 2_000_000
+
+
+def test_every_picture_of_the_markdown_is_there(made):
+    folder, result = made
+    text = (folder / "report.md").read_text()
+    assert all(f"]({path.name})" in text for path in folder.iterdir() if path.suffix in (".png", ".csv"))
+    assert text.count(f"command: {result['command']}") >= 12
+
+
+def test_its_tables_hold_what_was_asked_for(made):
+    folder, _ = made
+
+    def rows(name):
+        with (folder / f"{name}.csv").open() as stream:
+            lines = stream.readlines()
+        assert [line.split(":")[0][2:] for line in lines if line[0] == "#"] == list(ORIGIN)
+        return list(csv.DictReader(line for line in lines if line[0] != "#"))
+
+    found = rows("report-engines")
+    assert {(row["model"], row["engine"]) for row in found} == {
+        (model, engine) for model in ("pinhole", "thin", "paraxial", "exact") for engine in ("golden", "fast", "twin")
+    }
+    exact = {row["engine"]: row for row in found if (row["model"], row["rays"]) == ("exact", "chief")}
+    # The promises of each engine (docs/reference/optics.md, rtl.md), microradian and nm.
+    assert 0.0 < float(exact["golden"]["own_max_urad"]) < 1e-6
+    assert 0.0 < float(exact["fast"]["own_max_urad"]) < 2.0
+    assert 0.0 < float(exact["twin"]["own_max_urad"]) < 1.0
+    assert 0.0 < float(exact["twin"]["own_max_nm"]) < 2.0
+    assert float(exact["twin"]["view_db"]) > 50.0
+    assert exact["golden"]["view_db"] == ""
+    assert float(exact["golden"]["relative"]) == 1.0
+    assert all(float(row["rays_per_second"]) > 0 and float(row["rays_per_second_spread"]) >= 0 for row in found)
+
+    rtl = {row["configuration"]: row for row in rows("report-rtl")}
+    assert float(rtl["widest-square"]["max_urad"]) < 1.0 < float(rtl["compact-square"]["max_urad"]) < 60.0
+    assert float(rtl["widest-square"]["lut"]) > float(rtl["compact-square"]["lut"])
+    assert float(rtl["widest-square"]["image_db"]) > 50.0
+    assert float(rtl["widest-square"]["image_db"]) > float(rtl["compact-square"]["image_db"])
+
+    renderer = [row for row in rows("report-renderer") if row["integrator"] == "path"]
+    noise = [float(row["noise"]) for row in renderer]
+    assert noise == sorted(noise, reverse=True)
+    # Four times the samples halve the noise.
+    assert 1.5 < noise[0] / noise[1] < 2.5
+
+    growth = rows("report-growth")
+    assert {row["with"] for row in growth} == {"pixels", "lenslets", "triangles", "lights", "threads", "samples"}
+    assert all(float(row["memory_mb"]) > 50 for row in growth if row["with"] == "pixels")
+
+    steps = [row["step"] for row in rows("report-budget")]
+    assert (steps[0], steps[-1]) == ("configuration", "all")
+
+
+def test_a_run_that_was_kept_has_not_moved_against_itself(made):
+    folder, result = made
+    stored = read_stored(folder, TABLES)
+    found = compare({key: result[key] for key in ORIGIN}, list(stored.tables.values()), stored)
+    assert found.compared > 200
+    assert (found.moved, found.new, found.gone, found.differs) == ((), 0, 0, ())
+
+
+def wrong(capsys, *needles):
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("lippmann: ")
+    assert "\n" not in said
+    assert all(needle in said for needle in needles), said
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert report(tmp_path / "file", "--quick") == 2
+    wrong(capsys, "file: cannot be made", "choose another place")
+    assert report(tmp_path / "file" / "below", "--quick") == 2
+    wrong(capsys, "below: cannot be made")
+
+
+def test_a_page_that_cannot_be_written_is_refused(tmp_path, capsys):
+    (tmp_path / "report.html").mkdir()
+    assert report(tmp_path, "--quick") == 2
+    wrong(capsys, "report.html: is a folder")
+
+
+def test_a_broken_run_before_is_refused(tmp_path, capsys):
+    (tmp_path / "report-growth.csv").write_text("# machine: one\nwith,size\npixels,3\n")
+    assert report(tmp_path / "new", "--quick", "--against", str(tmp_path)) == 2
+    wrong(capsys, "report-growth.csv: holds no figures", "remove it")
+    assert report(tmp_path, "--quick") == 2
+    wrong(capsys, "report-growth.csv: holds no figures")
+    assert not (tmp_path / "report.md").exists()
+
+
+def test_no_run_to_compare_with_is_refused(tmp_path, capsys):
+    assert report(tmp_path / "new", "--quick", "--against", str(tmp_path)) == 2
+    wrong(capsys, "no run of the report was kept there", "report-*.csv")
+
+
+def test_missing_scenes_are_refused(tmp_path, capsys):
+    assert run(["report", "--scenes", str(tmp_path), "-o", str(tmp_path / "new")]) == 2
+    wrong(capsys, "the project's scenes are not there")
+    assert not (tmp_path / "new").exists()

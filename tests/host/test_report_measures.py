@@ -1,0 +1,231 @@
+"""What the report measures: errors of rays, noise, growth, load, against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.fixed.words import FRACTIONS
+from lippmann.images import decode
+from lippmann.optics.status import Status
+from lippmann.optics.trace import trace
+from lippmann.report import engines, growth, hardware, load, renderer
+from lippmann.report.figures import Figures, Measured
+from lippmann.report.plan import QUICK, WHOLE
+from lippmann.report.views import middle
+from lippmann.sim.configurations import CONFIGURATIONS
+from lippmann.sim.tools import repository
+
+SCENES = repository() / "scenes"
+
+
+def shipped(name):
+    return load_display(SCENES / f"displays/{name}.toml")
+
+
+# ---- rays ----
+
+
+@pytest.mark.parametrize("angle", [1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("shift_mm", [0.0, 2e-6, 1e-3])
+def test_errors_of_turned_and_shifted_rays(angle, shift_mm):
+    """Rays along the axis, all of them turned about y and moved along x: chord, shift, shift + z tan."""
+    display = shipped("paper-square")
+    true = trace(display, np.array([[1200.5, 1200.5], [900.5, 300.5], [10.5, 2000.5]]), None, "pinhole")
+    true = dataclasses.replace(true, local_mm=np.zeros((3, 3)), direction=np.tile([0.0, 0.0, 1.0], (3, 1)))
+    turned = np.tile([math.sin(angle), 0.0, math.cos(angle)], (3, 1))
+    turned[2] = [0.0, 0.0, 1.0]  # one in three is right
+    local = np.tile([shift_mm, 0.0, 0.0], (3, 1))
+    found = engines.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), (-165.0, 78.0))
+    chord, far = 2.0 * math.sin(angle / 2.0), abs(shift_mm - 165.0 * math.tan(angle))
+    near = shift_mm + 78.0 * math.tan(angle)
+    assert found["max_urad"] == pytest.approx(1e6 * chord, rel=1e-6)
+    assert found["rms_urad"] == pytest.approx(1e6 * chord * math.sqrt(2 / 3), rel=1e-6)
+    assert found["max_nm"] == found["rms_nm"] == pytest.approx(1e6 * shift_mm)
+    assert found["max_mm"] == pytest.approx(max(far, near, shift_mm), rel=1e-9)
+    squares = 2 * max(far, near) ** 2 + shift_mm**2
+    assert found["rms_mm"] == pytest.approx(math.sqrt(squares / 3), rel=1e-9)
+    assert found["other_fates"] == 0
+
+
+def test_rays_of_other_fates_are_counted_and_not_compared():
+    display = shipped("paper-square")
+    true = trace(display, np.full((4, 2), 1200.5))
+    status, lenslet = true.status.copy(), true.lenslet.copy()
+    status[0] = int(Status.MISSED)
+    lenslet[1, 0] += 1
+    wrong = true.direction.copy()
+    wrong[:2] = (1.0, 0.0, 0.0)
+    found = engines.errors(true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong))
+    assert found["other_fates"] == 2
+    assert found["max_urad"] == found["max_mm"] == 0.0
+
+
+def test_rays_lost_in_both_are_no_other_fate():
+    true = trace(shipped("paper-square"), np.full((2, 2), 1200.5))
+    one = dataclasses.replace(
+        true, status=np.full(2, int(Status.MISSED), np.uint8), lenslet=true.lenslet + np.array([1, 0])
+    )
+    other = dataclasses.replace(true, status=np.full(2, int(Status.BLOCKED), np.uint8))
+    found = engines.errors(one, other)
+    assert found == {**dict.fromkeys(found, 0.0)}
+
+
+@pytest.mark.parametrize("name", ["paper-square", "paper-hex", "uhd-4k", "uhd-8k"])
+@pytest.mark.parametrize("aperture", ["chief", "full"])
+def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
+    """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
+    sample = engines.Sample.of(mi, shipped(name), aperture, 12, 5)
+    twin = sample.traced("exact", "twin")
+    assert (twin.pixel == sample.pixels).all()
+    found = engines.errors(sample.digits("exact"), sample.traced("exact"))
+    assert found["other_fates"] == 0
+    assert 0.0 < found["max_urad"] < 1e-6
+    assert found["max_mm"] < 1e-10
+    assert len(sample.first(5).pixels) == 5
+
+
+# ---- pictures ----
+
+
+@pytest.mark.parametrize("levels", [0.5, 2.0, 8.0])
+def test_noise_is_its_standard_deviation(levels):
+    seed = 3
+    print(f"seed {seed}")
+    random = np.random.default_rng(seed)
+    pictures = (decode(0.5 + random.normal(0.0, levels / 255.0, (200, 200, 3)), "srgb") for _ in range(2))
+    # Of 120,000 values: the estimate's own deviation is 0.2 %.
+    assert renderer.noise_levels(*pictures) == pytest.approx(levels, rel=0.01)
+
+
+def test_alike_pictures_have_no_noise():
+    picture = np.full((4, 4, 3), 0.3, np.float32)
+    assert renderer.noise_levels(picture, picture) == 0.0
+
+
+@pytest.mark.parametrize(("most", "size"), [(1200, (1200, 1200)), (3000, (3000, 2160)), (9000, (3840, 2160))])
+def test_the_middle_of_a_panel(most, size):
+    display = shipped("uhd-4k")
+    small = middle(display, most)
+    assert (small.panel.width_px, small.panel.height_px) == size
+    assert small.array == display.array
+    # Its centre is the panel's centre: the ray of the pixel that far from it is the same.
+    corner = np.array([[10.5, 20.5]])
+    away = 0.5 * (np.array([3840, 2160]) - size)
+    one, other = trace(display, corner + away), trace(small, corner)
+    assert np.allclose(one.origin_mm, other.origin_mm, rtol=0, atol=1e-12)
+    assert np.allclose(one.direction, other.direction, rtol=0, atol=1e-15)
+
+
+# ---- growth ----
+
+
+@pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 1.0, 2.0])
+def test_exponent_of_a_power_law(power):
+    sizes = np.array([1, 2, 5, 30])
+    assert growth.exponent(sizes, 3.0 * sizes**power) == pytest.approx(power, abs=1e-12)
+    assert growth.exponent([4], [1.0]) is None
+
+
+@pytest.mark.parametrize("across", [600, 1200, 4800])
+def test_more_pixels_fill_the_same_window(across):
+    display = shipped("uhd-4k")
+    panel = growth.resized(display, across).panel
+    assert panel.width_px == across
+    assert panel.width_mm == pytest.approx(display.panel.width_mm)
+    assert abs(panel.height_mm - display.panel.height_mm) <= 0.5 * panel.pixel_pitch_mm
+
+
+@pytest.mark.parametrize(("triangles", "lights"), [(200, 1), (2_000, 5)])
+def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
+    scene = growth.waves(mi, triangles, lights).mitsuba
+    (mesh,) = scene.shapes()
+    assert mesh.face_count() == pytest.approx(triangles, rel=0.05)
+    assert len(scene.emitters()) == lights
+    # It faces the viewer, everywhere: a ray along -z from anywhere above it meets its front.
+    x, y = np.random.default_rng(1).uniform(-79.0, 79.0, (2, 50))
+    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(x, y, 0.0), mi.Vector3f(0.0, 0.0, -1.0)))
+    z = -30.0 + 8.0 * np.sin(0.3 * x) * np.cos(0.2 * y)
+    assert np.asarray(si.is_valid()).all()
+    assert (np.asarray(si.n.z) > 0.0).all()
+    if triangles >= 2_000:  # chords of 5 mm below waves of 1/0.3 mm
+        assert np.abs(np.asarray(si.p.z) - z).max() < 8.0 * (0.3**2 + 0.2**2) * 5.1**2 / 8.0 + 1e-3
+
+
+# ---- configurations ----
+
+
+def test_the_whole_plan_measures_every_configuration_and_word_length():
+    found = hardware.configurations(WHOLE)
+    assert {c.name for c in found} >= set(CONFIGURATIONS)
+    assert len({c.name for c in found}) == len({c.build for c in found}) == len(found)
+    exact = {(c.build.grid, c.build.fraction_bits) for c in found if c.build.model == "exact"}
+    assert exact == {(grid, bits) for grid in ("square", "hex") for bits in FRACTIONS}
+
+
+def test_the_quick_plan_measures_a_few():
+    assert {c.name for c in hardware.configurations(QUICK)} == set(hardware.SIMULATED)
+
+
+def test_placed_figures_are_those_that_are_kept():
+    sizes = hardware.placed()
+    assert {"machine", "date", "command"} <= set(sizes.origin)
+    assert set(hardware.SIMULATED) <= set(sizes.of)
+    assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.of.values())
+
+
+def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
+    (tmp_path / "docs/reports").mkdir(parents=True)
+    (tmp_path / hardware.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
+    monkeypatch.setattr(hardware, "repository", lambda: tmp_path)
+    with pytest.raises(InputError, match=r"synthesis\.csv: holds no figures of place-and-route .*; run make synth"):
+        hardware.placed()
+
+
+def test_the_front_counts_cells_clock_and_error():
+    def row(name, lut, mhz, error, display="one", rays="chief"):
+        cost = {"lut": lut, "mult18x18d": 43, "dp16kd": 50, "ramw": 76, "mhz": mhz}
+        figures = {key: None if mhz is None else Measured(value) for key, value in cost.items()}
+        return {"configuration": name, "display": display, "rays": rays, **figures, "max_mm": Measured(error)}
+
+    rows = [
+        row("small", 5000, 180, 1e-2),
+        row("exact", 20000, 160, 1e-5),
+        row("worse", 20000, 150, 1e-5),  # slower than "exact", else alike
+        row("fast", 20000, 200, 1e-3),
+        row("unplaced", None, None, 1e-9),
+        row("elsewhere", 90000, 10, 1.0, display="other"),
+        row("aims", 90000, 10, 1.0, rays="full"),
+    ]
+    found = hardware.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
+    assert found == {"small": True, "exact": True, "worse": False, "fast": True, "elsewhere": True, "aims": True}
+
+
+# ---- load ----
+
+
+@pytest.mark.parametrize(("everybody", "others"), [(100.0, 70), (30.0, 0), (10.0, 0)])
+def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
+    start = load.Load(0.25, 1000.0, 50.0)
+    monkeypatch.setattr(load.Load, "now", lambda: load.Load(9.0, 1000.0 + everybody, 80.0))
+    assert load.load_since(start) == (
+        f"average 0.2 at the start; {others} of {everybody:.0f} s of processor time since then were other programs'"
+    )
+
+
+def test_load_counts_our_own_work():
+    start = load.Load.now()
+    x = np.random.default_rng(0).random(1_000_000)
+    while load.Load.now().ours - start.ours < 0.3:
+        np.sort(x)
+    end = load.Load.now()
+    assert end.everybody is None or end.everybody - start.everybody >= 0.25
+
+
+def test_load_without_proc(monkeypatch):
+    monkeypatch.setattr(load.Load, "now", lambda: load.Load(1.0, None, 2.0))
+    assert load.load_since(load.Load(0.5, None, 0.0)) == "average 0.5 at the start"

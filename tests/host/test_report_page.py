@@ -1,0 +1,118 @@
+"""The report's pages need nothing else, tell where each figure comes from, and can be read without seeing."""
+
+import html.parser
+import io
+import re
+
+from lippmann.report.figures import Figures, Measured
+from lippmann.report.markdown import page_text
+from lippmann.report.page import page_html
+from lippmann.report.plots import drawn, finish
+from lippmann.report.run import stamped
+from lippmann.report.section import Plot, Section, Shown
+from PIL import Image
+
+ORIGIN = {
+    "machine": "AMD <EPYC> & co, 2 cores",
+    "date": "2026-01-02 03:04 UTC",
+    "command": "lippmann report --seed 5",
+    "versions": "lippmann 9.9.9",
+    "seed": "5",
+}
+#: Elements that have no end tag.
+VOID = {"meta", "img", "link", "br"}
+
+
+class Reader(html.parser.HTMLParser):
+    """Collects what a page's elements are and say, and that each is closed by itself."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.open, self.said = [], [], {}
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag in ("figcaption", "caption"):
+            self.said.setdefault(tag, []).append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        for tag in ("figcaption", "caption"):
+            if tag in self.open:
+                self.said[tag][-1] += data
+
+    def named(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def made_sections():
+    picture, axes = drawn(1, 1)
+    axes[0][0].plot([0, 1], [1, 0])
+    plot = Plot("report-made", finish(picture), "What `a` does.", 'A line that falls, "so".')
+    table = Shown("Rates <of> engines", {"engine": ["fast", "a<b"], "rate": [1234567.0, None]})
+    rows = [{"engine": "fast", "rate": Measured(1.0, 0.5)}]
+    data = Figures("report-made", ("engine",), rows)
+    return [
+        Section("First & best", ("Text with `code` < 3.",), (table,), (plot,), (data,)),
+        Section("Second", (), (), (), ()),
+    ]
+
+
+def check_page(text, origin, least):
+    """Assert what holds for every page: self-contained, told where from, read without seeing."""
+    page = Reader(text)
+    assert len(page.named("img")) >= least
+    assert len(page.named("table")) >= least
+    # Nothing is fetched from anywhere.
+    assert {name for name, _ in page.elements} & {"script", "link", "iframe", "object", "base"} == set()
+    addresses = [value for _, a in page.elements for key, value in a.items() if key in ("src", "href", "srcset")]
+    assert all(value.startswith(("data:image/png;base64,", "#")) for value in addresses)
+    assert not re.search(r"url\(|@import|https?:", text)
+    assert any("default-src 'none'" in a.get("content", "") for a in page.named("meta"))
+    # Each figure and table says where it comes from.
+    assert len(page.said["figcaption"]) == len(page.named("img"))
+    assert len(page.said["caption"]) == len(page.named("table"))
+    for said in page.said["figcaption"] + page.said["caption"]:
+        assert [
+            key for key in ("machine", "date", "versions", "command", "seed") if f"{key}: {origin[key]}" not in said
+        ] == []
+    # Links lead somewhere, pictures are told in words, tables that scroll can be reached by the keys.
+    ids = [a["id"] for _, a in page.elements if "id" in a]
+    assert len(ids) == len(set(ids))
+    assert {a["href"][1:] for a in page.named("a")} <= set(ids)
+    assert all(len(a["alt"]) > 10 for a in page.named("img"))
+    assert page.named("html")[0]["lang"] == "en"
+    assert len(page.named("h1")) == len(page.named("main")) == 1
+    assert all({"aria-label", "tabindex"} <= set(a) for a in page.named("div"))
+    assert all(a.get("scope") in ("row", "col") for a in page.named("th"))
+
+
+def test_the_page_is_self_contained_and_says_where_its_figures_come_from():
+    text = page_html("Speed & error", ORIGIN, made_sections())
+    check_page(text, ORIGIN, 1)
+    assert "<code>code</code> &lt; 3" in text
+    assert "a&lt;b" in text
+    assert "<td>1234567</td>" in text
+    assert "<td>-</td>" in text
+
+
+def test_markdown_says_it_too_and_links_the_data():
+    text = page_text("Speed & error", ORIGIN, made_sections())
+    assert text.startswith("# Speed & error\n")
+    assert '![A line that falls, "so".](report-made.png)' in text
+    assert "[report-made.csv](report-made.csv)" in text
+    assert text.count(f"command: {ORIGIN['command']}") == 2
+    assert "| fast | 1234567 |" in text
+
+
+def test_pictures_carry_where_they_come_from():
+    (first, _) = made_sections()
+    with Image.open(io.BytesIO(stamped(first.plots[0].png, ORIGIN))) as picture:
+        assert {key: picture.text[f"lippmann:{key}"] for key in ORIGIN} == ORIGIN
