@@ -8,6 +8,7 @@ root mean square difference, in sRGB of 8 bits, from a picture of many samples.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +44,10 @@ TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
 THRESHOLD = 2.0
 #: Noise is measured in one row of so many.
 EVERY_ROW = 16
-#: How far rays are moved to see whether they pass an outline, px.
-OUTLINE_PX = 0.1
+#: How far rays are moved to see whether they pass an outline, px, and in how many directions: near ones, and all that
+#: lie within a pixel's width.
+OUTLINE_PX = (0.1, 0.25, 0.5)
+OUTLINE_DIRECTIONS = 16
 #: How much of the pictures the report shows, px, and the difference that its maps show white.
 SHOWN_PX = 300
 MAP_WHITE = 32.0
@@ -67,8 +70,9 @@ class PictureDifference:
         Share of pixels above THRESHOLD.
     displaced
         Share of those that a shift by one pixel explains: each value lies among the other picture's next to it.
-    outlines
-        Share of those whose ray passes an outline: POV-Ray's value lies among ours a tenth of a pixel around.
+    outlines, near_outlines
+        Share of those whose ray passes an outline: POV-Ray's value lies among ours a tenth of a pixel around, or half
+        a pixel.
     seams
         Share of those that look past a lenslet's edge: within a pixel of it, or lost in ours.
     unexplained
@@ -83,6 +87,7 @@ class PictureDifference:
     differing: float
     displaced: float
     outlines: float
+    near_outlines: float
     seams: float
     unexplained: float
 
@@ -142,11 +147,17 @@ class Rows:
         return self.source.lines(mi, whole, sample, stripe)
 
 
-def around(mi: Any, scene: Scene, source: CaptureSource) -> npt.NDArray[np.float32]:
-    """Render our picture along rays a tenth of a pixel beside the centres; (8, height, width, 3)."""
-    steps = (-OUTLINE_PX, 0.0, OUTLINE_PX)
-    shifts = [(du, dv) for du in steps for dv in steps if (du, dv) != (0.0, 0.0)]
-    return np.stack([render(mi, scene, Shifted(source, shift), Settings()).radiance for shift in shifts])
+def around(
+    mi: Any, scene: Scene, source: CaptureSource, distances_px: Sequence[float] = OUTLINE_PX
+) -> npt.NDArray[np.float32]:
+    """Render our picture along rays beside the centres; (distances, directions, height, width, 3)."""
+
+    def beside(distance: float, direction: int) -> Image:
+        angle = math.tau * direction / OUTLINE_DIRECTIONS
+        shift = (distance * math.cos(angle), distance * math.sin(angle))
+        return render(mi, scene, Shifted(source, shift), Settings()).radiance
+
+    return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
 
 def compare(
@@ -157,8 +168,12 @@ def compare(
     difference = np.abs(a - b).max(axis=-1)
     differs = difference > THRESHOLD
     displaced = differs & _among_neighbours(a, b) & _among_neighbours(b, a)
-    near = 255.0 * encode(np.concatenate([beside, ours[None]]), "srgb")
-    outlines = differs & _within(a, near.min(axis=0), near.max(axis=0))
+
+    def outlines(distances: int) -> Mask:
+        near = 255.0 * encode(np.concatenate([ours[None], *beside[:distances]]), "srgb")
+        return np.asarray(differs & _within(a, near.min(axis=0), near.max(axis=0)))
+
+    nearest, near = outlines(1), outlines(len(beside))
     seams = differs & near_seams(setup)
     count = max(1, int(differs.sum()))
     return (
@@ -170,9 +185,10 @@ def compare(
             float(difference.max()),
             float(differs.mean()),
             float(displaced.sum()) / count,
-            float(outlines.sum()) / count,
+            float(nearest.sum()) / count,
+            float(near.sum()) / count,
             float(seams.sum()) / count,
-            float((differs & ~displaced & ~outlines & ~seams).mean()),
+            float((differs & ~displaced & ~near & ~seams).mean()),
         ),
         difference,
     )
@@ -328,9 +344,10 @@ and camera.
 `scenes/seed/diffuse.xml`, point lights, one ray for each pixel's centre in both, a window of {PICTURE_PX} x
 {PICTURE_PX} px. Differences are in sRGB of 8 bits, the largest of a pixel's three colours; `differing` is the share of
 pixels above {THRESHOLD:g}. Of those, `displaced` lie among the other picture's values one pixel around (edges within a
-pixel); of `outlines` the ray passes an outline, so that our colours a tenth of a pixel around span POV-Ray's; `seams`
-look within a pixel of a lenslet's edge, where POV-Ray's lenslets end in walls and ours go on, or along rays that are
-lost; `unexplained` is what none of the three holds for, as a share of all pixels.
+pixel); of `outlines` the ray passes an outline, so that our colours a tenth of a pixel around span POV-Ray's, of
+`near_outlines` half a pixel around; `seams` look within a pixel of a lenslet's edge, where POV-Ray's lenslets end in
+walls and ours go on, or along rays that are lost; `unexplained` is what none of these holds for, as a share of all
+pixels.
 
 {table({key: [row[key] for row in rows] for key in rows[0]})}
 Left POV-Ray, in the middle Lippmann, right the map: a difference of {MAP_WHITE:g} or more is white.

@@ -23,7 +23,7 @@ def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, 
     """
     word = f + 2
     # The square's words have no bit to spare for the negative of the most negative half, which no display has.
-    low = wrapped(np.int64(-half), word) if grid == "square" else -half
+    low = int(wrapped(np.array(-half), word)) if grid == "square" else -half
 
     def side(q: Ints) -> Ints:
         return np.where(q >= half, 1, np.where(q < low, -1, 0))

@@ -90,7 +90,9 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         f"of {array.pitch_mm:g} mm"
     )
     described = {"panel": dataclasses.asdict(panel), "array": dataclasses.asdict(array), "gap_mm": display.gap_mm}
-    shown = [{"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs]
+    shown = [
+        {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
+    ]
     return filled(
         "page.html",
         title=html.escape(title),
