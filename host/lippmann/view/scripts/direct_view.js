@@ -18,7 +18,7 @@ class DirectView {
     if (one !== this.shown) {
       this.shown = one;
       const image = element("direct-image");
-      image.src = `data:image/png;base64,${one.png}`;
+      image.src = one.png;
       image.alt = `Direct perspective render. ${eyeInWords({ position: one.eye_mm })}`;
     }
     const off = Math.hypot(...one.eye_mm.map((c, k) => c - eye.position[k]));
