@@ -297,7 +297,7 @@ def _plot(data: Figures) -> Plot:
         "report-engines",
         finish(picture),
         "Speed against error: engines by the form of their marks, models by colour. Below, what the eye sees.",
-        "Scatter plots of rays a second against the largest error in the scene, and against the PSNR of the eye's "
-        "view, for every model and engine. Error falls from pinhole over thin and paraxial to exact; fast is the "
-        "fastest engine by far, and the error of its exact rays is far below that of any other model.",
+        "Scatter plots of rays a second against the largest error in the scene, of chief rays and over the full "
+        "aperture, and against the PSNR of the eye's view, for every model and engine. The tables below have the "
+        "values.",
     )

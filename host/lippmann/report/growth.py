@@ -206,20 +206,41 @@ def section(data: Figures, plan: Plan) -> Section:
 
 def _plot(data: Figures) -> Plot:
     picture, axes = drawn(2, 4, (3.2, 2.8))
-    for axis, (name, label) in zip(axes.ravel(), AXES.items(), strict=False):
+    *timed, memory, spare = axes.ravel()
+    for axis, (name, label) in zip(timed, AXES.items(), strict=True):
         rows = [row for row in data.rows if row["with"] == name]
+        if not rows:  # threads, on a GPU
+            axis.remove()
+            continue
         sizes, times = column(rows, "size"), column(rows, "seconds")
+        power = -1.0 if name == "threads" else 1.0
         axis.plot(sizes, times, "o-", color=COLOURS[0])
-        axis.set(xscale="log", yscale="log", xlabel=label, ylabel="seconds")
+        axis.plot(sizes, [times[0] * (size / sizes[0]) ** power for size in sizes], "--", color="grey", linewidth=1)
+        middle = float(np.exp(np.log(times).mean()))
+        # A decade at least, so that noise does not look like growth.
+        limits = (min(0.7 * min(times), middle / 3.2), max(1.4 * max(times), middle * 3.2))
+        axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
+        _mark_sizes(axis, sizes, label)
     rows = [row for row in data.rows if row["memory_mb"] is not None]
-    memory = axes.ravel()[len(AXES)]
-    memory.plot(column(rows, "size"), column(rows, "memory_mb"), "s-", color=COLOURS[1])
-    memory.set(xscale="log", xlabel="pixels", ylabel="peak memory, MB", ylim=(0.0, None))
-    axes.ravel()[-1].remove()
+    sizes = column(rows, "size")
+    memory.plot(sizes, column(rows, "memory_mb"), "s-", color=COLOURS[1])
+    memory.set(xscale="log", ylabel="peak memory, MB", ylim=(0.0, None))
+    _mark_sizes(memory, sizes, "pixels")
+    spare.remove()
     return Plot(
         "report-growth",
         finish(picture),
-        "How time grows with what is rendered and with what it is rendered by, and memory with the pixels.",
-        "Seven line plots: seconds over pixels, lenslets, primitives, lights, threads and samples a pixel, and peak "
-        "memory over pixels. Time grows in proportion to pixels and samples, and hardly with lenslets or primitives.",
+        "How time grows with what is rendered and with what it is rendered by, and memory with the pixels. Dashed: "
+        "growth in proportion (of threads, time shared out in full).",
+        "Line plots of seconds over pixels, lenslets, primitives, lights, threads and samples a pixel, each beside a "
+        "line of growth in proportion, and of peak memory over pixels. The table below has the values.",
     )
+
+
+def _mark_sizes(axis: Any, sizes: Sequence[int], label: str) -> None:
+    """Mark the sizes that were measured, and no others."""
+    from matplotlib.ticker import EngFormatter
+
+    axis.set_xlabel(label)
+    axis.set_xticks(sizes, [EngFormatter(sep="")(size) for size in sizes], fontsize=8)
+    axis.set_xticks([], minor=True)

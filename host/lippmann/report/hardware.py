@@ -223,7 +223,7 @@ def _plot_cost(data: Figures, front: dict[str, bool]) -> Plot:
         "Cost and speed against error of the placed configurations; filled: on the Pareto front. Blue square grids, "
         "orange hexagonal ones.",
         "Two scatter plots of the placed configurations: the largest error in the scene over the number of LUT, and "
-        "over the clock. Longer words take more LUT, a slower clock, and err less.",
+        "over the clock. The table below has the values.",
     )
 
 
@@ -245,6 +245,6 @@ def _plot_lengths(data: Figures) -> Plot:
         "report-word-lengths",
         finish(picture),
         "The exact model's pipeline by its word length: error of its rays, and of the picture made with them.",
-        "Two line plots over 14 to 23 fraction bits, for both grids: the largest error in the scene halves with each "
-        "bit, and the PSNR of the integral image rises with it.",
+        "Two line plots over the number of fraction bits, a line for each grid: the largest error in the scene, and "
+        "the PSNR of the integral image. The table below has the values.",
     )

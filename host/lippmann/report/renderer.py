@@ -117,6 +117,6 @@ def _plot(data: Figures) -> Plot:
         "report-renderer",
         finish(picture),
         "Time against noise, and against PSNR; each mark doubles the samples a pixel, or more.",
-        "Two line plots over the time of a render, for the integrators lights, direct and path: noise falls as the "
-        "square root of the time, the PSNR rises until what an integrator leaves out is all that is left.",
+        "Two line plots over the time of a render, a line for each of the integrators lights, direct and path: noise, "
+        "and PSNR. The table below has the values.",
     )
