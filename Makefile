@@ -23,7 +23,7 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
 	  --no-deps setuptools rayoptics
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
-	  --no-build-isolation -e '.[rtl,test,lint]'
+	  --no-build-isolation -e '.[cluster,rtl,test,lint]'
 	@host/setup.sh check
 	@touch $@
 	@echo "setup: ready"

@@ -1,7 +1,8 @@
 """What the documentation says works: links lead somewhere, commands parse and run, examples run, the table is current.
 
 Pages are run as a reader would: blocks in their order, in one folder. A ```toml or ```xml block whose first line is a
-comment with a file name (`# mine.toml`) is that file.
+comment with a file name (`# mine.toml`) is that file. A command stands in a ```sh block and is run, or, here, with the
+reason why it is not; the pages in `SLOW` are run by `make test-full`.
 """
 
 import csv
@@ -31,6 +32,24 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
 #: Pages whose commands render large panels or many frames.
 SLOW = ("README.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
+INDENTED = re.compile(
+    r"^    ((?:lippmann|make|python3?|pip|git|cd|source|dask|mitsuba|povray|pytest|sudo|export)(?: .*)?)$", re.M
+)
+#: Commands that last until they are ended, which happens at the end of their page.
+SERVERS = ("dask scheduler ", "dask worker ")
+#: What a target of the Makefile is, where only that can be run beside other tests; the Makefile is asked.
+SAME = {"make demo": "lippmann demo"}
+#: Commands that are not run as they stand, and why; those of `lippmann` are parsed all the same.
+NOT_RUN = {
+    r"git clone |cd lippmann$|source \.venv/": "lead to the checkout and its environment, in which the tests run",
+    r"make setup|make test|make$": "are what runs the tests; their targets are looked up",
+    r"python scenes/": "make the shipped files again, over those that other tests read; the scripts are looked up",
+    r"python -m lippmann\.sim\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
+    r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
+        "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
+    ),
+    r"lippmann regress .* mine\.mem": "judges the reader's own design",
+}
 
 
 def name_of(page):
@@ -42,10 +61,21 @@ def blocks(page, *languages):
     return [(kind, text) for kind, text in BLOCK.findall(page.read_text()) if kind in languages]
 
 
+def lines(page):
+    """Return the command lines of a page: those of its shell blocks, and indented ones of known programs."""
+    shell = [line for _, text in blocks(page, "sh") for line in text.splitlines()]
+    indented = INDENTED.findall(BLOCK.sub("", page.read_text()))
+    return [line.split(" #")[0].rstrip() for line in shell + indented if line.strip() and line[0] != "#"]
+
+
 def commands(page):
-    """Return the lines of a page's shell blocks that call `lippmann`."""
-    lines = [line for _, text in blocks(page, "sh") for line in text.splitlines()]
-    return [line for line in lines if line.startswith("lippmann ")]
+    """Return the lines of a page that call `lippmann`."""
+    return [line for line in lines(page) if line.startswith("lippmann ")]
+
+
+def runs(line):
+    """Tell whether a line is run as it stands."""
+    return line.startswith(("lippmann ", "mkdir ", *SERVERS, *SAME)) and not any(re.match(r, line) for r in NOT_RUN)
 
 
 def anchors(page):
@@ -73,19 +103,60 @@ def test_links_lead_somewhere(page):
             assert anchor in anchors(target), f"{link}: no such heading"
 
 
+def parsed(line):
+    """Parse a `lippmann` command; fail the test when it would be refused."""
+    words = shlex.split(line)[1:]
+    assert words[0] in COMMANDS, line
+    top = cli.make_context("lippmann", [words[0]])
+    command = cli.get_command(top, words[0])
+    try:
+        if isinstance(command, click.Group) and words[1] in command.commands:
+            command, words = command.commands[words[1]], words[1:]
+        command.make_context(words[0], words[1:], parent=top)
+    except click.ClickException as error:
+        pytest.fail(f"{line}: {error.format_message()}")
+
+
 @pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=name_of)
 def test_commands_parse(page):
     for line in commands(page):
-        words = shlex.split(line)[1:]
-        assert words[0] in COMMANDS, line
-        top = cli.make_context("lippmann", [words[0]])
-        command = cli.get_command(top, words[0])
-        try:
-            if isinstance(command, click.Group) and words[1] in command.commands:
-                command, words = command.commands[words[1]], words[1:]
-            command.make_context(words[0], words[1:], parent=top)
-        except click.ClickException as error:
-            pytest.fail(f"{line}: {error.format_message()}")
+        parsed(line)
+
+
+def test_every_command_is_run_or_has_its_reason():
+    every = {line for page in PAGES for line in lines(page)}
+    assert len(every) >= 80
+    assert not [line for line in every if not runs(line) and not any(re.match(r, line) for r in NOT_RUN)]
+    assert not [reason for reason in NOT_RUN if not any(re.match(reason, line) for line in every)], "out of date"
+    # One that is run stands in a shell block, which `run_page` reads.
+    blocked = {line.split(" #")[0].rstrip() for p in PAGES for _, text in blocks(p, "sh") for line in text.splitlines()}
+    assert not [line for line in every if runs(line) and line not in blocked]
+
+
+def test_what_is_not_run_is_there():
+    """Targets, scripts and modules; of commands within the text also the options."""
+    targets = re.findall(r"^([a-z-]+):", (TOP / "Makefile").read_text(), re.M)
+    for page in PAGES:
+        text = page.read_text()
+        for target in re.findall(r"^(?:    )?make ([a-z-]+)|`make ([a-z-]+)`", text, re.M):
+            assert "".join(target) in targets, f"{name_of(page)}: make {target}"
+        for script in re.findall(r"python3? (\S+\.py)", text):
+            assert (TOP / script).is_file(), f"{name_of(page)}: {script}"
+        for module in re.findall(r"python3? -m (lippmann\.\S+)", text):
+            assert importlib.util.find_spec(module), f"{name_of(page)}: {module}"
+        for line in re.findall(r"`lippmann ([a-z][^`\n]*)`", BLOCK.sub("", text)):
+            words = line.split()
+            command = cli.get_command(click.Context(cli), words[0])
+            assert command, f"{name_of(page)}: lippmann {line}"
+            known = {option for p in parameters(command) for option in (*p.opts, *p.secondary_opts)} | {"--help"}
+            given = {word.split("=")[0] for word in re.findall(r"--[a-z-]+", line)}
+            assert given <= known, f"{name_of(page)}: lippmann {line}"
+
+
+@pytest.mark.parametrize(("target", "command"), SAME.items())
+def test_a_target_is_the_command_that_stands_for_it(target, command):
+    done = subprocess.run([*target.split(), "-n"], check=True, cwd=TOP, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == f".venv/bin/{command}"
 
 
 def parameters(command):
@@ -202,20 +273,29 @@ def words_of(line, folder):
 
 
 def run_page(page, folder):
-    """Write a page's files and run its `lippmann` commands, in the page's order."""
+    """Write a page's files and run its commands, in the page's order."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    for kind, text in blocks(page, "sh", "toml", "xml"):
-        if kind != "sh":
-            named = FILE_NAME.match(text)
-            if named:
-                (folder / named[1]).write_text(text)
-            continue
-        lines = [line for line in text.splitlines() if line.startswith(("lippmann ", "mkdir "))]
-        for line in lines:
-            done = subprocess.run(
-                words_of(line, folder), check=False, cwd=folder, env=environment, capture_output=True, text=True
-            )
-            assert done.returncode == 0, f"{line}\n{done.stderr}"
+    servers = []
+    try:
+        for kind, text in blocks(page, "sh", "toml", "xml"):
+            if kind != "sh":
+                named = FILE_NAME.match(text)
+                if named:
+                    (folder / named[1]).write_text(text)
+                continue
+            for line in filter(runs, text.splitlines()):
+                words = words_of(SAME.get(line, line), folder)
+                if line.startswith(SERVERS):
+                    with (folder / "server.log").open("ab") as said:
+                        servers.append(subprocess.Popen(words, cwd=folder, env=environment, stdout=said, stderr=said))
+                    continue
+                done = subprocess.run(words, check=False, cwd=folder, env=environment, capture_output=True, text=True)
+                assert done.returncode == 0, f"{line}\n{done.stderr}"
+    finally:
+        for server in servers:
+            server.terminate()
+        for server in servers:
+            server.wait()
 
 
 @pytest.mark.parametrize(
@@ -223,7 +303,7 @@ def run_page(page, folder):
     [
         pytest.param(page, marks=pytest.mark.full if name_of(page) in SLOW else (), id=name_of(page))
         for page in PAGES
-        if commands(page)
+        if any(runs(line) for line in lines(page))
     ],
 )
 def test_commands_run(page, tmp_path):

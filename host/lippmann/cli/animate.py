@@ -9,10 +9,11 @@ from typing import Any, Literal, cast
 
 import click
 
-from lippmann.cli.common import Vector, device_option, display_option, emit, json_option, progress_bar, seed_option
+from lippmann.cli.common import Vector, device_option, display_option, emit, json_option, log, progress_bar, seed_option
 from lippmann.cli.how import check_fraction_bits, how_options
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
+from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import Film, load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Options, Shot, render_shot, shots_of
@@ -47,6 +48,7 @@ MAX_VIEW_PX = 4096
 @click.option("--view", metavar="FILE", help="What an eye sees of the film: .mp4, .gif or .png.")
 @click.option("--eye", type=Vector(3), help="The eye of --view, mm; the display is at z = 0.")
 @click.option("--width", type=click.IntRange(2, MAX_VIEW_PX), default=600, show_default=True, help="Pixels of --view.")
+@click.option("--cluster", metavar="ADDRESS", help="Render on the workers of this Dask scheduler: tcp://HOST:8786.")
 @seed_option
 @device_option
 @json_option
@@ -68,6 +70,7 @@ def command(
     view: str | None,
     eye: tuple[float, float, float] | None,
     width: int,
+    cluster: str | None,
     seed: int,
     device: str,
     as_json: bool,
@@ -97,9 +100,15 @@ def command(
     mi = start_mitsuba(device)
     chosen = cast(Model | Literal["auto"], model)
     shots = shots_of(mi, film, display, Options(chosen, tolerance, engine, fraction_bits, settings, scale))
+
+    def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, Image, dict[str, str]]]:
+        if cluster is not None:
+            return render_on_cluster(cluster, device, missing, log)
+        return ((shot, *render_shot(mi, shot)) for shot in missing)
+
     started = time.perf_counter()
     with progress_bar("frames", quiet=as_json) as progress:
-        rendered = write_frames(folder, shots, lambda missing: _one_by_one(mi, missing), progress)
+        rendered = write_frames(folder, shots, render, progress)
     seconds = time.perf_counter() - started
     if video is not None:
         _write_panel(folder, film, display, video)
@@ -130,11 +139,6 @@ def command(
             click.echo(f"{written}: {film.frames / film.frames_per_second:.3g} s")
 
     emit(result, as_json, text)
-
-
-def _one_by_one(mi: Any, shots: Sequence[Shot]) -> Iterator[tuple[Shot, Image, dict[str, str]]]:
-    for shot in shots:
-        yield (shot, *render_shot(mi, shot))
 
 
 def _radiances(folder: Path, film: Film, display: Display) -> Iterator[Image]:

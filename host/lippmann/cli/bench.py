@@ -16,7 +16,7 @@ from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.render.variant import start_mitsuba
 
-WHAT = ("trace", "render", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
+WHAT = ("trace", "render", "animate", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
 #: Where the comparisons with POV-Ray keep its files, and what it rendered.
 PEERS = Path("out/peers")
 
@@ -58,8 +58,8 @@ def command(
 ) -> None:
     """Measure tracing, rendering, observing, the fixed pipeline, the simulated RTL, the link, the page, or depths.
 
-    `seed` is the founding paper's benchmark, `peers` the comparison of time and picture with POV-Ray,
-    `hard` every engine on the hard cases.
+    `animate` is a film by two workers against one process, `seed` the founding paper's benchmark, `peers` the
+    comparison of time and picture with POV-Ray, `hard` every engine on the hard cases.
 
     The report names machine and date.
 
@@ -99,7 +99,7 @@ def command(
     if not as_json:
         for key, value in origin.items():
             click.echo(f"{key}: {value}")
-    measured = {"trace": _trace, "render": _render, "observe": _observe, "view": _view}[what]
+    measured = {"trace": _trace, "render": _render, "animate": _animate, "observe": _observe, "view": _view}[what]
     rows = measured(mi, folder, seed, as_json)
     emit({**origin, "rows": rows}, as_json, lambda: None)
 
@@ -254,6 +254,20 @@ def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, A
 
     bench_render(mi, folder, report)
     return rows
+
+
+def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+    from lippmann.bench.animate import bench_animate
+
+    rows = bench_animate(mi, folder)
+    if not as_json:
+        for row in rows:
+            click.echo(
+                f"swim, {row.frames} frames of {row.width_px} x {row.height_px}: one process {row.one_seconds:.1f} s, "
+                f"{row.workers} workers {row.workers_seconds:.1f} s (ratio {row.ratio:.2f}); "
+                f"{row.pixels_differ} pixels differ"
+            )
+    return [{**dataclasses.asdict(row), "ratio": row.ratio} for row in rows]
 
 
 def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:

@@ -1,0 +1,157 @@
+"""Films on a cluster of this machine's processes: the same pixels, whatever happens to a worker."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import lippmann.film.cluster
+import numpy as np
+import pytest
+from lippmann.errors import InputError
+from lippmann.film.cluster import _check_scene, render_on_cluster
+from lippmann.images import read_picture
+from test_film import DISPLAY, FILM, MOVE, SCENE
+
+FRAMES = 40
+PATIENCE_S = 120.0
+
+
+def until(done, what):
+    deadline = time.monotonic() + PATIENCE_S
+    while not (found := done()):
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+    return found
+
+
+class Cluster:
+    """A scheduler and workers, each a process of its own."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.file = folder / "scheduler.json"
+        self.processes = []
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
+        until(lambda: self.file.exists() and self.file.read_text().endswith("}"), "no scheduler")
+        self.address = json.loads(self.file.read_text())["address"]
+
+    def _start(self, what, *words, **options):
+        log = (self.folder / f"{what}.log").open("ab")
+        command = [sys.executable, "-m", "dask", what, "--no-dashboard", *words]
+        with log:
+            process = subprocess.Popen(command, cwd=self.folder, stdout=log, stderr=log, **options)
+        self.processes.append(process)
+        return process
+
+    def worker(self, **options):
+        """Add a worker of one thread."""
+        return self._start("worker", self.address, "--no-nanny", "--nthreads", "1", **options)
+
+    def film(self, folder, *words):
+        """Start to render the film into a folder."""
+        common = ["--display", "small.toml", "--samples", "16", "--device", "llvm", "-o", folder, "--json"]
+        command = [sys.executable, "-m", "lippmann", "animate", "film.toml", *common, *words]
+        process = subprocess.Popen(command, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.processes.append(process)
+        return process
+
+    def stop(self):
+        for process in self.processes:
+            process.kill()
+            process.communicate()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    made = Cluster(tmp_path)
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "three.xml").write_text(SCENE)
+    (tmp_path / "small.toml").write_text(DISPLAY)
+    (tmp_path / "film.toml").write_text(FILM.replace("5", str(FRAMES)) + MOVE.format("ball-*", 1, 0, 2))
+    return tmp_path
+
+
+def told(process, code=0):
+    out, error = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == code, error
+    assert "Traceback" not in error
+    return json.loads(out)
+
+
+def same_pixels(one, other):
+    for k in range(FRAMES):
+        pictures = [read_picture(folder / f"frame_{k:04d}.exr") for folder in (one, other)]
+        np.testing.assert_array_equal(pictures[0].radiance, pictures[1].radiance)
+        assert pictures[0].metadata == pictures[1].metadata
+
+
+def test_a_killed_worker_loses_nothing(place, cluster):
+    """Of two workers one is killed in the middle of a frame; all frames arrive, equal to one process's."""
+    first, _ = cluster.worker(), cluster.worker()
+    film = cluster.film("shared", "--cluster", cluster.address)
+    until(lambda: len(list((place / "shared").glob("frame_*.exr"))) >= 4 or film.poll() is not None, "no frames")
+    assert film.poll() is None, film.communicate()
+    first.send_signal(signal.SIGKILL)
+    assert told(film)["rendered"] == FRAMES
+    assert told(cluster.film("alone"))["rendered"] == FRAMES
+    same_pixels(place / "shared", place / "alone")
+    # They are the same film's frames: either way goes on from the other.
+    (place / "alone/frame_0007.exr").unlink()
+    assert told(cluster.film("alone", "--cluster", cluster.address))["rendered"] == 1
+    same_pixels(place / "shared", place / "alone")
+
+
+def test_a_film_waits_for_a_worker(place, cluster):
+    """The only worker is killed; the film goes on with the next one."""
+    only = cluster.worker()
+    film = cluster.film("shared", "--cluster", cluster.address)
+    until(lambda: list((place / "shared").glob("frame_*.exr")), "no frames")
+    only.send_signal(signal.SIGKILL)
+    cluster.worker()
+    assert told(film)["rendered"] == FRAMES
+
+
+def test_where_nobody_is_the_film_does_not_begin(cluster, monkeypatch):
+    monkeypatch.setattr(lippmann.film.cluster, "ANSWER_S", 0.5)
+    for address, said in (
+        ("tcp://127.0.0.1:9", "no scheduler answers there"),
+        ("nonsense://", "no scheduler answers there"),
+        (cluster.address, "no worker has joined the scheduler"),
+    ):
+        with pytest.raises(InputError, match=said):
+            next(render_on_cluster(address, "llvm", [None]))
+
+
+def test_a_worker_of_another_version_is_refused(place, cluster):
+    (place / "other").mkdir()
+    (place / "other/sitecustomize.py").write_text("import lippmann; lippmann.__version__ = '0.0.0'\n")
+    cluster.worker(env={**os.environ, "PYTHONPATH": str(place / "other")})
+    error = told(cluster.film("shared", "--cluster", cluster.address), 2)["error"]
+    assert "has lippmann 0.0.0" in error
+    assert not list((place / "shared").iterdir())
+
+
+def test_a_lost_scheduler_ends_the_film(place, cluster):
+    cluster.worker()
+    film = cluster.film("shared", "--cluster", cluster.address)
+    until(lambda: list((place / "shared").glob("frame_*.exr")), "no frames")
+    cluster.processes[0].kill()
+    assert "the scheduler is lost" in told(film, 1)["error"]
+    assert {path.suffix for path in (place / "shared").iterdir()} == {".exr"}
+
+
+def test_a_scene_that_a_worker_cannot_read_is_told(mi, tmp_path):
+    """The check that runs on a worker, with a scene that is not there and one that is another."""
+    with pytest.raises(InputError, match=r"worker w: .*no such scene.*share the scene's folder"):
+        _check_scene(mi, "worker w", tmp_path / "three.xml", "0" * 64)
+    (tmp_path / "three.xml").write_text(SCENE)
+    with pytest.raises(InputError, match=r"worker w: .*three\.xml is not the same there"):
+        _check_scene(mi, "worker w", tmp_path / "three.xml", "0" * 64)
