@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation scenes pictures clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -23,7 +23,7 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
 	  --no-deps setuptools rayoptics
 	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
-	  --no-build-isolation -e '.[cluster,rtl,test,lint]'
+	  --no-build-isolation -e '.[cluster,rtl,test,site,lint]'
 	@host/setup.sh check
 	@touch $@
 	@echo "setup: ready"
@@ -85,6 +85,10 @@ mutation: $(READY) ## put faults into the RTL and report how many are caught (ha
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done
+
+site: $(READY) ## the documentation as a site, into out/site/; a link that leads nowhere fails
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -b html -c docs/site -d build/site . out/site
+	@echo "site: open out/site/index.html"
 
 pictures: $(READY) ## make the documentation's pictures again
 	@for script in docs/pictures/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

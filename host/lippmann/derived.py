@@ -39,7 +39,7 @@ class Derived:
     central_depth_plane_mm
         z where the panel is imaged: 1/l = 1/f - 1/D; infinite when the panel is in focus.
     depth_range_mm
-        (far, near): while |z| <= pitch D / pixel pitch, neighbouring pixels' rays are no farther apart than a lenslet.
+        (far, near): up to pitch D / pixel pitch from the display; there neighbouring pixels' rays are a lenslet apart.
     angular_resolution_deg
         Angle between neighbouring pixels' rays: pixel pitch / D.
     spatial_resolution_mm

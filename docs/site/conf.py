@@ -1,0 +1,68 @@
+"""The documentation as a site: `make site`. The pages are the repository's own, where they lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import lippmann
+
+project = "Lippmann"
+author = "The Lippmann authors"
+copyright = "The Lippmann authors, Apache-2.0"
+version = release = lippmann.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+root_doc = "README"
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
+# Sphinx walks through all that is not excluded.
+exclude_patterns = [".*", "build", "out", "host", "rtl", "sim", "tests"]
+
+# Anchors are made as forges make them, so that a link leads to the same place here and there.
+myst_heading_anchors = 4
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+
+html_theme = "furo"
+html_title = f"Lippmann {release}"
+html_copy_source = False
+html_show_sphinx = False
+# Everything lies in the folder: the site is read without a network.
+html_theme_options = {"sidebar_hide_name": False}
+
+#: Parts of the table of contents, and the folder or the page that holds each.
+PARTS = {
+    "How to": "docs/how-to/",
+    "Reference": "docs/reference/",
+    "Python API": "docs/site/api",
+    "Background": "docs/models",
+    "Reports": "docs/reports/",
+    "The project": ("scenes/README", "CONTRIBUTING", "CHANGELOG"),
+}
+
+
+def add_contents(app, docname, source):
+    """Give the first page, which forges show too, the table of contents that only the site needs."""
+    if docname != root_doc:
+        return
+    for title, where in PARTS.items():
+        pages = sorted(page for page in app.env.found_docs if page.startswith(where))
+        if pages:
+            listed = "\n".join(f"/{page}" for page in pages)
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{listed}\n```\n"
+
+
+def add_index(app, error):
+    """Lead from index.html to the first page."""
+    if error is None and app.builder.format == "html":
+        refresh = f'<!doctype html><meta http-equiv="refresh" content="0; url={root_doc}.html"><title>Lippmann</title>'
+        (Path(app.outdir) / "index.html").write_text(f'{refresh}<a href="{root_doc}.html">Lippmann</a>\n')
+
+
+def setup(app):
+    """Called by Sphinx."""
+    app.connect("source-read", add_contents)
+    app.connect("build-finished", add_index)

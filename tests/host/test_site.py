@@ -1,0 +1,93 @@
+"""The documentation's site builds without a warning, holds together, and a broken link stops it."""
+
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+#: As `make site` has it, which is asked.
+OPTIONS = ("--quiet", "--fail-on-warning", "--keep-going", "-b", "html", "-c")
+
+
+def build(source, out, work):
+    command = [sys.executable, "-m", "sphinx", *OPTIONS, str(TOP / "docs/site"), "-d", str(work), str(source), str(out)]
+    return subprocess.run(command, check=False, cwd=TOP, capture_output=True, text=True)
+
+
+class Page(HTMLParser):
+    """What a page leads to, and the anchors that it has."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.anchors = [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
+        self.links += [given[key] for key in ("href", "src") if given.get(key)]
+
+
+def test_the_makefile_builds_it_the_same_way():
+    done = subprocess.run(["make", "-n", "site"], check=True, cwd=TOP, capture_output=True, text=True)
+    assert f"sphinx-build {' '.join(OPTIONS)} docs/site " in done.stdout
+
+
+def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
+    done = build(TOP, tmp_path / "site", tmp_path / "work")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    pages = {path: Page(path.read_text()) for path in (tmp_path / "site").rglob("*.html")}
+    wanted = {
+        *("README", "CONTRIBUTING", "CHANGELOG", "docs/models", "docs/site/api", "scenes/README"),
+        *(str(path.relative_to(TOP).with_suffix("")) for path in TOP.glob("docs/*/*.md")),
+    }
+    names = {str(path.relative_to(tmp_path / "site").with_suffix("")) for path in pages}
+    assert wanted <= names
+    links = 0
+    for path, page in pages.items():
+        for link in page.links:
+            target, _, anchor = unquote(link).partition("#")
+            if "://" in target or target.startswith(("data:", "mailto:")):
+                assert not target.endswith((".js", ".css")), f"{path.name} needs a network: {target}"
+                continue
+            links += 1
+            there = (path.parent / target.split("?")[0]).resolve() if target else path
+            assert there.exists(), f"{path.name}: {link}"
+            if anchor and there in pages:
+                assert anchor in pages[there].anchors, f"{path.name}: {link}: no such anchor"
+    assert links > 1000
+    # From the first page every page can be reached.
+    first = {
+        (tmp_path / "site" / link.partition("#")[0]).resolve() for link in pages[tmp_path / "site/README.html"].links
+    }
+    assert {tmp_path / f"site/{name}.html" for name in wanted - {"README"}} <= first
+    api = (tmp_path / "site/docs/site/api.html").read_text()
+    for name in (
+        "lippmann.display.load_display",
+        "lippmann.observe.observe",
+        "lippmann.film.film.Film.placement",
+    ):
+        assert f'id="{name}"' in api
+
+
+@pytest.mark.parametrize(
+    ("link", "said"),
+    [
+        ("[good](CHANGELOG.md#unreleased)", None),
+        ("[file](CHANGES.md)", "CHANGES.md"),
+        ("[anchor](CHANGELOG.md#released)", "released"),
+        ("[here](#nowhere)", "nowhere"),
+        ("![picture](none.png)", "none.png"),
+    ],
+)
+def test_a_broken_link_stops_it(tmp_path, link, said):
+    (tmp_path / "README.md").write_text(f"# Title\n\n{link}\n")
+    (tmp_path / "CHANGELOG.md").write_text("# Changes\n\n## Unreleased\n\nNothing.\n")
+    done = build(tmp_path, tmp_path / "site", tmp_path / "work")
+    assert (done.returncode == 0) == (said is None), done.stderr
+    assert said is None or said in done.stderr
