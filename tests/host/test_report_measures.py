@@ -21,6 +21,7 @@ from lippmann.sim.configurations import CONFIGURATIONS
 from lippmann.sim.tools import repository
 
 SCENES = repository() / "scenes"
+DEPTHS = (-165.0, 78.0)
 
 
 def shipped(name):
@@ -40,7 +41,7 @@ def test_errors_of_turned_and_shifted_rays(angle, shift_mm):
     turned = np.tile([math.sin(angle), 0.0, math.cos(angle)], (3, 1))
     turned[2] = [0.0, 0.0, 1.0]  # one in three is right
     local = np.tile([shift_mm, 0.0, 0.0], (3, 1))
-    found = engines.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), (-165.0, 78.0))
+    found = engines.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), DEPTHS)
     chord, far = 2.0 * math.sin(angle / 2.0), abs(shift_mm - 165.0 * math.tan(angle))
     near = shift_mm + 78.0 * math.tan(angle)
     assert found["max_urad"] == pytest.approx(1e6 * chord, rel=1e-6)
@@ -60,7 +61,7 @@ def test_rays_of_other_fates_are_counted_and_not_compared():
     lenslet[1, 0] += 1
     wrong = true.direction.copy()
     wrong[:2] = (1.0, 0.0, 0.0)
-    found = engines.errors(true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong))
+    found = engines.errors(true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong), DEPTHS)
     assert found["other_fates"] == 2
     assert found["max_urad"] == found["max_mm"] == 0.0
 
@@ -71,7 +72,7 @@ def test_rays_lost_in_both_are_no_other_fate():
         true, status=np.full(2, int(Status.MISSED), np.uint8), lenslet=true.lenslet + np.array([1, 0])
     )
     other = dataclasses.replace(true, status=np.full(2, int(Status.BLOCKED), np.uint8))
-    found = engines.errors(one, other)
+    found = engines.errors(one, other, DEPTHS)
     assert found == {**dict.fromkeys(found, 0.0)}
 
 
@@ -82,7 +83,7 @@ def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     sample = engines.Sample.of(mi, shipped(name), aperture, 12, 5)
     twin = sample.traced("exact", "twin")
     assert (twin.pixel == sample.pixels).all()
-    found = engines.errors(sample.digits("exact"), sample.traced("exact"))
+    found = engines.errors(sample.digits("exact"), sample.traced("exact"), DEPTHS)
     assert found["other_fates"] == 0
     assert 0.0 < found["max_urad"] < 1e-6
     assert found["max_mm"] < 1e-10

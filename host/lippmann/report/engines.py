@@ -34,13 +34,11 @@ from lippmann.report.views import EYE_MM, Stage
 
 Row = dict[str, Any]
 Floats = npt.NDArray[np.float64]
-#: The fish's farthest and nearest depth (scenes/fish/fish.toml): those of the chart and the knot are near them.
-DEPTHS_MM = (-165.0, 78.0)
 #: The errors of rays, of which `errors` tells the largest and the root mean square; what else they are is named here.
 ERRORS = ("max_urad", "rms_urad", "max_nm", "rms_nm", "max_mm", "rms_mm")
 
 
-def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float] = DEPTHS_MM) -> dict[str, float]:
+def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
     """Return how far rays lie from the true ones of the same pixels, over those that leave by the same lenslet in both.
 
     Parameters
@@ -131,9 +129,10 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, log: Callable[[str], N
     for name in plan.displays:
         display = load_display(scenes / f"displays/{name}.toml")
         log(f"engines: {display.name} ...")
-        views = _views(Stage.of(mi, scenes, display, plan.panel_px, seed), _engines(plan, "chief"))
+        stage = Stage.of(mi, scenes, display, plan.panel_px, seed)
+        views = _views(stage, _engines(plan, "chief"))
         for aperture in APERTURES:
-            rows += _measure_rays(mi, display, aperture, views, plan, seed)
+            rows += _measure_rays(mi, display, aperture, stage.scene.depth_range_mm, views, plan, seed)
     return Figures("report-engines", ("display", "grid", "rays", "model", "engine"), rows)
 
 
@@ -154,6 +153,7 @@ def _measure_rays(
     mi: Any,
     display: Display,
     aperture: Aperture,
+    depths_mm: tuple[float, float],
     views: Mapping[tuple[Model, Engine], tuple[float, float]],
     plan: Plan,
     seed: int,
@@ -168,8 +168,12 @@ def _measure_rays(
         golden = sample.traced(model)
         for engine in engines:
             rays = golden if engine == "golden" else sample.traced(model, engine, device_of(mi))
-            own = errors(some.digits(model), some.traced(model)) if engine == "golden" else errors(golden, rays)
-            whole = own if (model, engine) == ("exact", "golden") else errors(exact, rays)
+            own = (
+                errors(some.digits(model), some.traced(model), depths_mm)
+                if engine == "golden"
+                else errors(golden, rays, depths_mm)
+            )
+            whole = own if (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)
             view, direct = views[model, engine] if aperture == "chief" else (math.inf, math.inf)
             per_second = rates[model, engine]
             rows.append(

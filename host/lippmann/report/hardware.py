@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.bench.rtl import Simulation, words_differ
-from lippmann.display import Display, Grid
+from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.trace import trace_fixed
@@ -23,7 +23,7 @@ from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, MARKS, drawn, finish
 from lippmann.report.section import Plot, Section, Shown, column
 from lippmann.report.views import Image, Stage
-from lippmann.sim.configurations import CONFIGURATIONS, Named
+from lippmann.sim.configurations import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.sim.tools import repository
 
 #: What is simulated; the others would each take half a minute to compile.
@@ -32,9 +32,8 @@ SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
 PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
 #: Where they are kept (`make synth`).
 SYNTHESIS = "docs/reports/synthesis.csv"
-#: The founding paper's display of each grid, on which all are measured.
-FOR_GRID: dict[Grid, str] = {"square": "paper-square", "hex": "paper-hex"}
-GRIDS = tuple(FOR_GRID)
+#: The shipped displays' grids.
+GRIDS = tuple(DISPLAYS)
 
 
 @dataclass(frozen=True)
@@ -95,6 +94,7 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, 
         aperture = aperture_of(build)
         sample = Sample.of(mi, display, aperture, plan.rays, seed)
         twin = trace_fixed(display, sample.pixels, sample.aperture, named.model, build.fraction_bits, walk=build.walk)
+        depths = stage(display).scene.depth_range_mm
         picture = stage(display).integral(named.model, "twin", build.fraction_bits, aperture)
         own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
         size = sizes.of.get(named.name)
@@ -108,7 +108,7 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, 
                 "display": display.name,
                 **{key: None if size is None else Measured(size[key]) for key in PLACED},
                 **rates.get(named.name, dict.fromkeys(("simulated_rays_per_second", "words_differ"))),
-                **{key: Measured(value) for key, value in errors(sample.traced("exact"), twin).items()},
+                **{key: Measured(value) for key, value in errors(sample.traced("exact"), twin, depths).items()},
                 "image_db": Measured(own) if math.isfinite(own) else None,
                 "exact_image_db": Measured(whole) if math.isfinite(whole) else None,
             }
@@ -230,7 +230,7 @@ def _plot_cost(data: Figures, front: dict[str, bool]) -> Plot:
 def _plot_lengths(data: Figures) -> Plot:
     picture, axes = drawn(1, 2)
     for number, grid in enumerate(GRIDS):
-        kind = (grid, "exact", "chief", FOR_GRID[grid])
+        kind = (grid, "exact", "chief", DISPLAYS[grid][0])
         rows = [r for r in data.rows if (r["grid"], r["model"], r["rays"], r["display"]) == kind]
         rows.sort(key=lambda row: row["fraction_bits"])
         for axis, key in zip(axes[0], ("max_mm", "image_db"), strict=True):

@@ -53,7 +53,7 @@ class Plan:
     panel_px: int = 1200
     fraction_bits: tuple[int, ...] = tuple(range(14, 24))
     named: bool = True
-    noise_px: int = 400
+    noise_px: int = 320
     noise_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
     reference_samples: int = 1024
     budget: tuple[str, ...] = ("widest-square", "widest-hex", "compact-square", "compact-hex")
