@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import lippmann
@@ -485,6 +487,19 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
     for limit in (math.nan, -1.0, 0.0, 100.0):
         with pytest.raises(InputError, match="memory"):
             render_integral(mi, spheres, display_for(), "exact", Settings(memory_mb=limit))
+
+
+def test_peak_memory_is_the_process_s_own():
+    """Not that of who started it, which its resource usage begins with; and the most there was, not what is left."""
+    code = "import numpy as np; from lippmann.render.renderer import peak_memory_mb; "
+    peaks = []
+    large = np.ones(75_000_000)  # 600 MB
+    for filled in ("", "np.ones(25_000_000); "):  # 200 MB, given back at once
+        command = [sys.executable, "-c", f"{code}{filled}print(peak_memory_mb())"]
+        peaks.append(float(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
+    assert renderer.peak_memory_mb() > large.nbytes / 1e6
+    assert peaks[0] < 300.0
+    assert peaks[1] - peaks[0] == pytest.approx(200.0, abs=20.0)
 
 
 def test_free_memory_counts_what_caches_give_back():

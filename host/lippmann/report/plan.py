@@ -50,14 +50,14 @@ class Plan:
     digits_rays: int = 200
     rounds: int = 5
     simulate: bool = True
-    panel_px: int = 1200
+    panel_px: int = 960
     fraction_bits: tuple[int, ...] = tuple(range(14, 24))
     named: bool = True
     noise_px: int = 320
     noise_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
     reference_samples: int = 1024
     budget: tuple[str, ...] = ("widest-square", "widest-hex", "compact-square", "compact-hex")
-    growth_px: int = 1200
+    growth_px: int = 800
     memory_rounds: int = 2
     pixels_across: tuple[int, ...] = (600, 1200, 2400, 4800)
     lenslets_across: tuple[int, ...] = (11, 26, 51, 102, 204)
