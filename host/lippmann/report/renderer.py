@@ -94,7 +94,8 @@ def section(data: Figures, plan: Plan) -> Section:
             "standard deviation of a value, in sRGB of 8 bits, from pairs of pictures with other seeds; the PSNR is "
             f"against {plan.reference_samples} samples a pixel of `{REFERENCE}`. `lights` and `direct` leave out the "
             "light that surfaces throw on each other, `direct` mirrors and glass too: their PSNR stops rising where "
-            "that is what is left. Seconds are those of the render itself, without compilation.",
+            "that is what is left. `lights` with one sample, through the pixel's centre, draws nothing at random: it "
+            "has no noise but the most aliasing. Seconds are those of the render itself, without compilation.",
         ),
         (table,),
         (_plot(data),),
@@ -106,10 +107,11 @@ def _plot(data: Figures) -> Plot:
     picture, axes = drawn(1, 2)
     for number, name in enumerate(INTEGRATORS):
         rows = [row for row in data.rows if row["integrator"] == name]
-        seconds = [row["seconds"].median for row in rows]
         for axis, key in zip(axes[0], ("noise", "psnr_db"), strict=True):
-            values = [row[key].median for row in rows]
-            axis.plot(seconds, values, f"{MARKS[number]}-", color=COLOURS[number], label=name)
+            # What draws nothing at random has no noise, and no place on the logarithmic axis.
+            points = [(row["seconds"].median, row[key].median) for row in rows if row[key].median > 0.0]
+            if points:
+                axis.plot(*zip(*points, strict=True), f"{MARKS[number]}-", color=COLOURS[number], label=name)
     axes[0][0].set(xscale="log", yscale="log", xlabel="seconds", ylabel="noise, levels of 255")
     axes[0][1].set(xscale="log", xlabel="seconds", ylabel=f"PSNR against {REFERENCE}, dB")
     axes[0][1].legend()
