@@ -133,6 +133,23 @@ def test_chief_rays_through_the_vertex_leave_unbent(grid, side):
     assert (got.status == 0).all()
 
 
+DISPLAYS = sorted((repository() / "scenes/displays").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", DISPLAYS, ids=lambda path: path.stem)
+def test_no_seed_launches_rays_to_where_no_lenslet_stands(path):
+    """Golden takes the rays of 200 seeds, and they are as flat as is said."""
+    display = load_display(path)
+    flattest = 1.0
+    for seed in range(200):
+        (rays,) = hard_sets(display, "grazing-launch", seed)
+        assert isinstance(rays, Out)
+        trace(rays.display, rays.pixels, rays.aperture)
+        slopes = display.aperture_distance_mm / np.linalg.norm(rays.aperture, axis=1)
+        flattest = min(flattest, slopes.min())
+    assert 1e-8 < flattest < 1e-7
+
+
 @pytest.mark.parametrize("engine", ["golden", "fast", "twin"])
 def test_places_that_no_lenslet_has_are_refused(engine):
     display = base("hex", "panel")

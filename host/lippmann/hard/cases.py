@@ -19,7 +19,7 @@ from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.errors import InputError
 from lippmann.hard.search import Floats, around, onset, pixels_at, random_aims, random_pixels
 from lippmann.optics.status import Status
-from lippmann.optics.trace import trace
+from lippmann.optics.trace import FARTHEST_LENSLETS, trace
 
 
 @dataclass(frozen=True)
@@ -175,10 +175,12 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
 
 @_case
 def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays that leave the panel ever flatter, until they are parallel to it within rounding."""
+    """Rays that leave the panel ever flatter, until they are parallel to it within rounding, or no lenslet is there."""
     pixels = random_pixels(display, random, count)
     angle = random.uniform(0.0, 2.0 * math.pi, count)
-    far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, 8.0, count)
+    # Half of what the engines take: inputs that are moved by a rounding, or by a tolerance, stay within it.
+    farthest = 0.5 * FARTHEST_LENSLETS * display.array.pitch_mm / display.aperture_distance_mm
+    far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, min(8.0, math.log10(farthest)), count)
     yield Out("grazing-launch", display, pixels, np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
 
 
