@@ -1,0 +1,58 @@
+"""Makes the picture of the viewer page: the fish, in headless Chromium. `make pictures` runs it."""
+
+import base64
+import io
+import tempfile
+from pathlib import Path
+
+from lippmann import load_display
+from lippmann.bench.browser import Browser
+from lippmann.observe import whole_window
+from lippmann.render.renderer import Settings, render_integral, render_view
+from lippmann.render.scene import load_scene
+from lippmann.render.variant import start_mitsuba
+from lippmann.view.page import Direct, page_html
+from PIL import Image
+
+HERE = Path(__file__).resolve().parent
+TOP = HERE.parents[1]
+SIZE_PX = (1240, 900)
+#: Where the eye stands; the direct render beside it is of the same.
+EYE_MM = (-15.0, 5.0, 600.0)
+
+#: Once the view is at rest, all of its rays traced, moves the eye to where the scene itself was seen from, shows three
+#: lenslets of the panel, and waits until it rests again.
+READY = """
+lippmann.viewer.then(async () => {
+  const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+  const rest = async () => {
+    do await later(500); while (document.getElementById("rate").value !== "at rest");
+  };
+  await rest();
+  for (const id of ["direct-go", "zoom-lenslets"]) document.getElementById(id).click();
+  await rest();
+  return true;
+})
+"""
+
+
+def main():
+    mi = start_mitsuba()
+    display = load_display(TOP / "scenes/displays/paper-square.toml")
+    scene = load_scene(mi, TOP / "scenes/fish/fish.xml")
+    integral = render_integral(mi, scene, display, "exact", Settings(samples=4)).radiance
+    direct = render_view(mi, scene, EYE_MM, whole_window(display, 500), Settings(samples=4)).radiance
+    with tempfile.TemporaryDirectory() as folder, Browser(*SIZE_PX) as browser:
+        page = Path(folder) / "page.html"
+        page.write_text(page_html(display, integral, "The fish", [Direct(EYE_MM, direct)]), encoding="utf-8")
+        browser.open(page.as_uri())
+        browser.evaluate(READY)
+        shot = base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"])
+    image = Image.open(io.BytesIO(shot)).convert("RGB")
+    path = HERE / "viewer.png"
+    image.quantize(200, Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path.relative_to(TOP)}  {path.stat().st_size // 1000} kB")
+
+
+if __name__ == "__main__":
+    main()
