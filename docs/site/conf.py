@@ -11,7 +11,7 @@ author = "The Lippmann authors"
 copyright = "The Lippmann authors, Apache-2.0"
 version = release = lippmann.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 source_suffix = {".md": "markdown"}
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
@@ -23,8 +23,8 @@ myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-napoleon_google_docstring = False
-napoleon_use_ivar = True
+autosummary_generate = False  # numpydoc would have it make pages
+numpydoc_show_class_members = False  # autodoc lists them
 
 html_theme = "furo"
 html_title = f"Lippmann {release}"
@@ -62,7 +62,13 @@ def add_index(app, error):
         (Path(app.outdir) / "index.html").write_text(f'{refresh}<a href="{root_doc}.html">Lippmann</a>\n')
 
 
+def skip_constants(app, what, name, thing, skip, options):
+    """Leave out a module's constants: their comments are for who reads the source."""
+    return skip or (what == "module" and not callable(thing))
+
+
 def setup(app):
     """Called by Sphinx."""
+    app.connect("autodoc-skip-member", skip_constants)
     app.connect("source-read", add_contents)
     app.connect("build-finished", add_index)
