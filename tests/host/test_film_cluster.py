@@ -15,7 +15,7 @@ from lippmann.film.cluster import _check_scene, render_on_cluster
 from lippmann.images import read_picture
 from test_film import DISPLAY, FILM, MOVE, SCENE
 
-FRAMES = 40
+FRAMES = 30
 PATIENCE_S = 120.0
 
 
@@ -109,6 +109,7 @@ def test_a_killed_worker_loses_nothing(place, cluster):
     same_pixels(place / "shared", place / "alone")
 
 
+@pytest.mark.full
 def test_a_film_waits_for_a_worker(place, cluster):
     """The only worker is killed; the film goes on with the next one."""
     only = cluster.worker()
@@ -137,6 +138,19 @@ def test_a_worker_of_another_version_is_refused(place, cluster):
     error = told(cluster.film("shared", "--cluster", cluster.address), 2)["error"]
     assert "has lippmann 0.0.0" in error
     assert not list((place / "shared").iterdir())
+
+
+@pytest.mark.full
+def test_an_interrupted_film_leaves_whole_frames_and_an_idle_cluster(place, cluster):
+    cluster.worker()
+    film = cluster.film("shared", "--cluster", cluster.address)
+    until(lambda: list((place / "shared").glob("frame_*.exr")), "no frames")
+    film.send_signal(signal.SIGINT)
+    assert "interrupted" in told(film, 130)["error"]
+    names = {path.name for path in (place / "shared").iterdir()}
+    assert 1 <= len(names) < FRAMES
+    assert all(name.startswith("frame_") for name in names)
+    assert told(cluster.film("shared", "--cluster", cluster.address))["kept"] == len(names)
 
 
 def test_a_lost_scheduler_ends_the_film(place, cluster):
