@@ -42,6 +42,12 @@ def judged(display, arrays):
     return judge(Foreign(fields.pop("pixel"), fields.pop("aperture_mm"), fields), display, "exact")
 
 
+def traced(display, pixels, aims, **how):
+    """Golden's directions, or another engine's: all that a file need have."""
+    rays = lippmann.trace(display, pixels, aims, **how)
+    return {"pixel": pixels, "aperture_mm": aims, "direction": rays.direction, "status": rays.status}
+
+
 #: Planted fault: step that must be named, a word of what is said.
 FAULTS = {
     "x sign": ("panel", "x flipped"),
@@ -156,6 +162,30 @@ def test_not_a_number_is_wrong_even_on_an_edge():
     arrays = faulty_tracer.trace(rays.display, rays.pixels, np.zeros_like(rays.pixels))
     arrays["direction"][5] = np.nan
     assert judged(rays.display, arrays).wrong == 1
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_the_tolerance_is_the_tolerance(grid):
+    """2 microradian, and what a rounding to float32 of pixels up to 640 turns them by."""
+    display = display_for(grid)
+    pixels, aims = rays_for(display)
+    compared = judged(display, traced(display, pixels, aims)).compared[0]
+    bound = 0.05 * 2.0**-15 / display.aperture_distance_mm * 1e6
+    assert 2.0 < compared.limits[0] <= compared.limits[1] < 2.0 + 2.0 * bound
+    assert not judged(display, traced(changed(display, index=1.52005), pixels, aims)).right
+    rays = traced(display, pixels, aims)
+    rays["direction"] = np.round(rays["direction"] * 2.0**16) / 2.0**16  # a step of 15 microradian
+    assert judged(display, rays).wrong > 400
+
+
+@pytest.mark.parametrize("case", ["grazing-launch", "grazing-exit"])
+def test_float32_is_right_on_hard_cases(case):
+    """The engine fast works in float32 from the lenslet's centre on."""
+    for rays in hard_sets(display_for("hex"), case, SEED, 24):
+        assert isinstance(rays, Out)
+        aims = np.zeros_like(rays.pixels) if rays.aperture is None else rays.aperture
+        verdict = judged(rays.display, traced(rays.display, rays.pixels, aims, engine="fast"))
+        assert verdict.right, (rays.name, verdict)
 
 
 # --- words --------------------------------------------------------------------------------------------------------

@@ -110,7 +110,9 @@ def test_traced_rays_pass_and_others_do_not(tmp_path, capsys):
     arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]
     assert run(arguments) == 0
     assert run(["regress", "--display", SQUARE, "--rays", rays]) == 0
-    assert "500 rays right" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "500 rays right" in out
+    assert "microradian (allowed: 2.0" in out
     assert run(["regress", "--display", HEX, "--rays", rays]) == 4
     assert "stage: " in capsys.readouterr().out
 

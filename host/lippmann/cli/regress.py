@@ -31,8 +31,20 @@ FOUND_WRONG = 4
     show_default=True,
     help="Word length of a .csv or .mem.",
 )
-@click.option("--tolerance-urad", type=Finite(), default=2.0, show_default=True, help="Of directions in an .npz.")
-@click.option("--tolerance-nm", type=Finite(), default=50.0, show_default=True, help="Of points in an .npz.")
+@click.option(
+    "--tolerance-urad",
+    type=Finite(),
+    default=2.0,
+    show_default=True,
+    help="Of directions in an .npz; what a rounding of the inputs to float32 turns a ray by is added.",
+)
+@click.option(
+    "--tolerance-nm",
+    type=Finite(),
+    default=50.0,
+    show_default=True,
+    help="Of points in an .npz; what that rounding moves them by is added.",
+)
 @json_option
 def command(
     display_path: str,
@@ -70,9 +82,11 @@ def command(
 
     def text() -> None:
         for entry in verdict.compared:
+            least, most = entry.limits
+            allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
             click.echo(
                 f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
-                f"largest difference {entry.worst:.3g} {entry.unit}"
+                f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
             )
         if verdict.right:
             click.echo(f"{verdict.rays} rays right ({verdict.on_edge} of them within the tolerance of an edge)")

@@ -1,6 +1,6 @@
 """Judges foreign rays: how many are wrong, at which step of the ray, and by which fault.
 
-Reals are held to golden. A ray may be off by the tolerance, and by what inputs that are off by the tolerance make of
+Reals are held to golden. A ray may be off by the tolerance, and by what a rounding of its inputs to float32 makes of
 it, so that no rounding is taken for a fault however badly a ray is conditioned. Words are held to the twin, every bit.
 """
 
@@ -36,13 +36,17 @@ WHOLE = ("home", "lenslet", "status")
 
 @dataclass(frozen=True)
 class Compared:
-    """One array of the file: the step that makes it, rays compared and wrong, the largest difference and its unit."""
+    """One array of the file: the step that makes it, rays compared and wrong, the largest difference and its unit.
+
+    `limits` are the least and the largest difference that a ray was allowed.
+    """
 
     field: str
     stage: str
     compared: int
     wrong: int
     worst: float
+    limits: tuple[float, float]
     unit: str
 
 
@@ -91,12 +95,12 @@ def judge(
     display, model
         What they are to be of.
     tolerance_urad, tolerance_nm
-        How far directions and points may be off. Of words, no bit may be.
+        How far directions and points may be off, beside what a rounding of the inputs does. Of words, no bit may be.
     """
     given = Given(display, foreign.pixels, foreign.aperture, model)
     if foreign.words is not None:
         return _judge_words(foreign, foreign.words, given)
-    allowed = _allowed(given, tolerance_urad * 1e-6, tolerance_nm * 1e-6)
+    allowed = _allowed(given, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
     wrong_by = {name: _wrong(name, values, allowed) for name, values in foreign.fields.items()}
     wrong: Bools = np.any(list(wrong_by.values()), axis=0)
     ties = _ties(given)
@@ -121,24 +125,43 @@ def _verdict(
     return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, stage, fault, explained, compared)
 
 
-def _allowed(given: Given, turn: float, shift_mm: float) -> _Allowed:
-    """Trace golden, and once more with each input displaced by the tolerance either way."""
+def _roundings(given: Given) -> tuple[Floats, Floats]:
+    """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
+
+    One rounding of a coordinate as it is given, but at least four of one half a pitch from the lenslet's centre: those
+    are what the way through a lenslet adds.
+    """
+    pitch, pixel = given.display.array.pitch_mm, given.display.panel.pixel_pitch_mm
+
+    def rounding(values: Floats) -> Floats:
+        return 0.5 * np.spacing(np.abs(values).astype(np.float32)).astype(np.float64)
+
+    least = 4.0 * rounding(np.array(0.5 * pitch))
+    return np.maximum(pixel * rounding(given.pixels), least), np.maximum(rounding(given.aims), least)
+
+
+def _allowed(given: Given, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Allowed:
+    """Trace golden, and once more with panel points and aims displaced either way by some mm, (N, 2) each."""
     rays = golden(given)
     n = len(given.pixels)
     most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
-    for k in range(2):
-        for sign in (-shift_mm, shift_mm):
-            step = sign * np.eye(2)[k]
-            for moved in (
-                Given(given.display, given.pixels + step / given.display.panel.pixel_pitch_mm, given.aims, given.model),
-                Given(given.display, given.pixels, given.aims + step, given.model),
-            ):
-                other = golden(moved)
-                edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
-                for name, far in most.items():
-                    np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
-    fixed = {name: np.full(n, 2.0 * shift_mm) for name in ("panel_mm", "start_mm", "near_mm", "centre_mm")}
+    for step in np.concatenate([np.eye(2), -np.eye(2)]):
+        for moved in (
+            Given(
+                given.display,
+                given.pixels + step * panel_mm / given.display.panel.pixel_pitch_mm,
+                given.aims,
+                given.model,
+            ),
+            Given(given.display, given.pixels, given.aims + step * aim_mm, given.model),
+        ):
+            other = golden(moved)
+            edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
+            for name, far in most.items():
+                np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
+    place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
+    fixed = {name: place for name in ("panel_mm", "start_mm", "near_mm", "centre_mm")}
     by_field = {**fixed, **{name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}}
     return _Allowed(rays, by_field, edge)
 
@@ -165,7 +188,9 @@ def _compared(name: str, values: Floats, allowed: _Allowed, wrong: Bools) -> Com
         unit, scale = "rays", 1.0
     far = _far(name, values, allowed.rays[name])
     worst = float(far[~allowed.edge].max(initial=0.0)) * scale
-    return Compared(name, STAGE_OF[name], len(wrong), int(wrong.sum()), worst, unit)
+    limit = allowed.by_field.get(name, np.zeros(len(far)))[~allowed.edge] * scale
+    limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
+    return Compared(name, STAGE_OF[name], len(wrong), int(wrong.sum()), worst, limits, unit)
 
 
 def _ties(given: Given) -> Bools:
@@ -283,12 +308,15 @@ def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
             len(wrong),
             int(wrong_by[name].sum()),
             float(np.abs(got - wanted).max(initial=0)),
+            (0.0, 0.0),
             "units of the last place" if name not in ("i", "j", "status") else "rays",
         )
         for name, got, wanted in zip(FixedRays._fields, words.outputs, twin, strict=True)
     )
     unit = 2.0 ** -(words.build.fraction_bits + 1)
-    allowed = _allowed(given, WORD_UNITS * unit, WORD_UNITS * unit * given.display.array.radius_mm)
+    place = WORD_UNITS * unit * given.display.array.radius_mm
+    moved = np.full_like(given.pixels, place)
+    allowed = _allowed(given, WORD_UNITS * unit, place, moved, moved)
     if not wrong.any():
         return _verdict(np.zeros_like(wrong), wrong, None, None, 0.0, compared)
     first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
