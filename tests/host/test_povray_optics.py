@@ -34,9 +34,11 @@ def spots(mi, tmp_path_factory):
     return folder
 
 
-def small(name, repository, **changes):
-    """A shipped set-up with a small window, its array changed."""
+def small(name, repository, radii=None, **changes):
+    """A shipped set-up with a small window, its array changed; `radii` is a thickness in radii of the dome."""
     setup = load_setup(repository / f"scenes/setups/{name}.toml")
+    if radii is not None:
+        changes["thickness_mm"] = radii * setup.array.radius_mm
     setup = with_window(setup, SMALL_PX, setup.array.pitch_mm)
     array = dataclasses.replace(setup.array, **changes)
     display = dataclasses.replace(setup.display, array=dataclasses.replace(setup.display.array, **changes))
@@ -48,7 +50,8 @@ def repository(request):
     return request.config.rootpath
 
 
-#: Set-ups: square, hexagonal, hollow, without a lens; turned, off the axis, thick, turned round.
+#: Set-ups: square, hexagonal, hollow, without a lens; turned, off the axis, turned round; thick, up to four radii,
+#: where the dome's sphere would end within the substrate.
 CASES = [
     ("fig8a", {}),
     ("fig8d", {"rotation_deg": 7.0, "offset_mm": (0.31, -0.22)}),
@@ -56,6 +59,13 @@ CASES = [
     ("concave", {}),
     ("plain", {"thickness_mm": 1.3}),
     ("plain", {"plano_side": "viewer", "thickness_mm": 0.9}),
+    ("plain", {"radii": 1.2}),
+    ("plain", {"radii": 1.95}),
+    ("plain", {"radii": 4.0}),
+    ("plain", {"plano_side": "viewer", "radii": 1.95}),
+    ("plain", {"plano_side": "viewer", "radii": 4.0}),
+    ("hex", {"radii": 4.0}),
+    ("concave", {"radii": 4.0}),
 ]
 
 
@@ -90,6 +100,25 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     # Noise is measured in rows of the picture: with one sample those rows themselves.
     rows = render(mi, scene, Rows(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
+
+
+def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
+    """A mirror ball before the lens reflects walls beside and behind the camera, which the stops' discs would hide."""
+    setup = small("fig8a", repository)
+    mirror = '<bsdf type="conductor"><string name="material" value="none"/></bsdf>'
+    parts = [
+        light((0.0, 0.0, 0.0), (4e5, 4e5, 4e5)),
+        f'<shape type="sphere"><float name="radius" value="60"/><transform name="to_world"><translate z="-80"/>'
+        f"</transform>{mirror}</shape>",
+        card(diffuse(two_sided=True), 2500.0, 9000.0),
+    ]
+    path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 10\nfar_mm = -150")
+    scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+    theirs, _ = write_folder(mi, scene, setup_view(setup), tmp_path / "pov").render()
+    ours = render(mi, scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
+    print(theirs.sum() / ours.sum())
+    assert (ours > 0.0).mean() > 0.05
+    assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)
 
 
 def test_the_array_covers_the_window(repository):
@@ -128,6 +157,12 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch)
     assert run(common) == 2
     assert "one of --display and --setup" in capfd.readouterr().err
     assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--display", "scenes/displays/paper-square.toml"]) == 2
+    # A scene that reaches into the lens is refused, as by capture.
+    near = write_scene(tmp_path / "near.xml", light(), card(diffuse(), 999.0))
+    command = ["export", "povray", str(near), "-o", str(tmp_path / "no"), "--setup", "scenes/setups/fig8a.toml"]
+    assert run(command) == 2
+    assert "the scene reaches to" in capfd.readouterr().err
+    assert not (tmp_path / "no").exists()
 
 
 # --- the benchmark's and the comparison's arithmetic ----------------------------------------------

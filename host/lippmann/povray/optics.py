@@ -88,7 +88,9 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
         f"{number(ends[1] * math.copysign(1.0, ends[1] - ends[0]))} {GLASS} }}",
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
-    stop = f"disc {{ {vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)} {BLACK} no_shadow }}"
+    hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
+    # What the scene reflects must not be the stop, which hides half of all directions.
+    stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
     return f"{solid}\n{stop}"
 
 
@@ -107,6 +109,10 @@ def lenslets(setup: Setup) -> str:
     front = -array.sag_mm if setup.concave else 0.0
     cell = _prism(setup, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
+    if depth > array.radius_mm and not setup.concave:
+        # The sphere's far side would cut the substrate: beyond its centre all of the prism is glass.
+        beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
+        sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if setup.concave else f"intersection {{ {sphere} {cell}"
     lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
     rows = lattice_rows(setup)
