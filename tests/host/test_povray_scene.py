@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+import subprocess
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from lippmann.render.renderer import Settings, render_integral, render_view
 from lippmann.render.scene import load_scene
 from lippmann.render.sources import Window
 from optics_cases import GRIDS
-from scene_cases import centres, display_toml, focused_display, rgb, write_scene
+from scene_cases import centres, display_toml, focused_display, generator, rgb, write_scene
 
 EYE = (0.0, 0.0, 400.0)
 WINDOW = Window(80.0, 60.0, 40, 30)
@@ -256,6 +258,155 @@ def test_a_picture_round_a_sphere_and_meshes(mi, seen, flag, tmp_path):
     assert (difference > 2.0).mean() < 0.03
 
 
+@pytest.fixture
+def tent(mi, tmp_path):
+    """Four faces round a tip that looks to +z, with vertex normals or without."""
+    for normals in (False, True):
+        mesh = mi.Mesh("tent", 5, 4, has_vertex_normals=normals)
+        p = mi.traverse(mesh)
+        corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 0.4)], float)
+        p["vertex_positions"] = corners.ravel()
+        p["faces"] = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]).ravel()
+        if normals:
+            leaning = corners * (0.5, 0.5, 0) + (0, 0, 1)
+            p["vertex_normals"] = (leaning / np.linalg.norm(leaning, axis=1, keepdims=True)).ravel()
+        p.update()
+        mesh.write_ply(str(tmp_path / f"tent-{normals}.ply"))
+
+
+@pytest.mark.parametrize("mirror", ["", '<scale x="-1"/>', '<scale z="-1"/>'], ids=["plain", "mirror-x", "mirror-z"])
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("shape", ["rectangle", "smooth", "faces"])
+def test_which_side_of_a_surface_is_its_front(seen, tent, shape, flip, mirror):
+    """One-sided surfaces, lit from the eye's side: bright or black as Mitsuba's own normals say."""
+    kind = "rectangle" if shape == "rectangle" else "ply"
+    file = "" if kind == "rectangle" else f'<string name="filename" value="tent-{shape == "smooth"}.ply"/>'
+    theirs, ours = seen(
+        light(),
+        card(diffuse((0.1, 0.2, 0.9)), -60.0),
+        f'<shape type="{kind}">{file}{diffuse()}<boolean name="flip_normals" value="{str(flip).lower()}"/>'
+        f'<transform name="to_world">{mirror}<scale value="20"/><translate z="30"/></transform></shape>',
+    )
+    assert ((ours == 0.0).all(axis=-1).mean() > 0.1) or (ours[..., 0] > ours[..., 2]).mean() > 0.1
+    difference = np.abs(theirs - ours).max(axis=-1) / ours.max()
+    assert np.median(difference) < 2e-3
+    assert (difference > 0.02).mean() < 0.02
+
+
+@pytest.mark.parametrize("turned", ['<scale value="-1"/>', '<scale x="-1"/>', ""])
+def test_a_sphere_that_is_inside_out_twice_is_none(seen, flag, turned):
+    """A mirror in the transform, or a negative radius, and flip_normals: outwards again, the picture mirrored."""
+    radius = "" if turned else '<float name="radius" value="-1"/>'
+    theirs, ours = seen(
+        light(),
+        f'<shape type="sphere">{radius}<boolean name="flip_normals" value="true"/><transform name="to_world">{turned}'
+        f'<rotate x="1" angle="80"/><scale value="25"/></transform>{flag()}</shape>',
+    )
+    difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
+    assert (ours > 0.0).any(axis=-1).mean() > 0.1
+    assert (difference > 2.0).mean() < 0.03
+
+
+def test_materials_keep_apart_whatever_their_names(seen, mi, tmp_path):
+    """Names that POV-Ray's letters cannot tell apart, and names like those that the export makes itself."""
+    names = ["a-b", "a_b", "Mat.001", "Mat-001", "ä", "ö", "material_1", "", "w", "w_back", "w_sphere", "card", "0_w"]
+    mi.load_dict({"type": "rectangle"}).write_ply(str(tmp_path / "card.ply"))
+    rng = generator(30)
+    colours = rng.uniform(0.1, 0.9, (len(names), 3))
+    parts = []
+    for k, (name, colour) in enumerate(zip(names, colours, strict=True)):
+        given = f' id="{name}"' if name else ""
+        inner = f'<bsdf type="diffuse">{rgb("reflectance", colour)}</bsdf>'
+        one_sided = f'<bsdf type="diffuse"{given}>{rgb("reflectance", colour)}</bsdf>'
+        material = one_sided if k % 2 else f'<bsdf type="twosided"{given}>{inner}</bsdf>'
+        parts.append(
+            f'<shape type="ply"><string name="filename" value="card.ply"/>{material}<transform name="to_world">'
+            f'<scale value="2.8"/><translate x="{6 * (k - 6)}"/></transform></shape>'
+        )
+    theirs, ours = seen(light(), *parts)
+    points = through_window(0.0)
+    place = np.rint(points[..., 0] / 6.0).astype(int)
+    on = (np.abs(points[..., 0] - 6.0 * place) < 2.7) & (np.abs(points[..., 1]) < 2.7) & (np.abs(place) <= 6)
+    expected = lit(points, (0, 0, 1), (1.0, 1.0, 1.0))[on] * colours[place[on] + 6]
+    assert set(place[on]) == set(range(-6, 7))
+    np.testing.assert_allclose(theirs[on], expected, rtol=3 * HALF)
+    np.testing.assert_allclose(ours[on], expected, rtol=1e-4)
+
+
+def test_names_that_a_file_may_have(mi, tmp_path, capfd):
+    """A scene, a mesh and a picture with spaces, quotes and letters of other tongues; the folder too."""
+    folder = tmp_path / "a scène's"
+    folder.mkdir()
+    rng = generator(31)
+    stems = ['pic "1"', "pic '1'", "Bild ü"]
+    for stem in stems:
+        mi.Bitmap(rng.integers(0, 256, (4, 4, 3)).astype(np.uint8)).write(str(folder / f"{stem}.png"))
+    mi.load_dict({"type": "rectangle"}).write_ply(str(folder / "Körper 1.ply"))
+    shapes = [
+        '<shape type="ply"><string name="filename" value="Körper 1.ply"/><bsdf type="diffuse">'
+        '<texture type="bitmap" name="reflectance"><string name="filename" value="'
+        + stem.replace('"', "&quot;")
+        + f'"/></texture></bsdf><transform name="to_world"><translate x="{2 * k}"/></transform></shape>'
+        for k, stem in enumerate(f"{stem}.png" for stem in stems)
+    ]
+    scene = write_scene(folder / "my scène.xml", light(), *shapes, placement="near_mm = 20\nfar_mm = -30")
+    display = tmp_path / "d.toml"
+    display.write_text(display_toml(focused_display("square", width_px=16, height_px=12, pixel_pitch=0.1)))
+    out = folder / "p o'v"
+    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(out)]) == 0
+    line = re.search("render: (.+)", capfd.readouterr().out)[1]
+    subprocess.run(["sh", "-c", line], check=True, capture_output=True)
+    assert list(out.glob("*.exr"))
+
+
+def test_files_that_are_there_already(mi, tmp_path, capfd):
+    """What stands in the folder is not counted as ours; a folder in a file's place stops all."""
+    scene = write_scene(tmp_path / "s.xml", light(), card(diffuse()), placement="near_mm = 20\nfar_mm = -30")
+    display = tmp_path / "d.toml"
+    display.write_text(display_toml(focused_display("hex", width_px=16, height_px=12, pixel_pitch=0.1)))
+    folder = tmp_path / "pov"
+    (folder / "scene.inc").mkdir(parents=True)
+    (folder / "notes.txt").write_text("mine")
+    command = ["export", "povray", str(scene), "--display", str(display), "--json", "-o"]
+    assert run([*command, str(folder)]) == 2
+    assert "scene.inc: is a folder" in json.loads(capfd.readouterr().out)["error"]
+    assert sorted(file.name for file in folder.iterdir()) == ["notes.txt", "scene.inc"]
+    (folder / "scene.inc").rmdir()
+    assert run([*command, str(folder)]) == 0
+    files = json.loads(capfd.readouterr().out)["files"]
+    assert "notes.txt" not in files
+    assert sorted([*files, "notes.txt"]) == sorted(file.name for file in folder.iterdir())
+    # A place where the system makes no folder, even for who may do everything.
+    assert run([*command, "/proc/lippmann-export"]) == 2
+    assert "cannot be written" in capfd.readouterr().err
+
+
+def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
+    """A cube, its corners split by normals and uv, is closed; without one face, or inside out, it is refused."""
+    glass = '<bsdf type="dielectric"><float name="int_ior" value="1.5"/></bsdf>'
+    whole = mi.load_dict({"type": "cube"})
+    whole.write_ply(str(tmp_path / "whole.ply"))
+    p = mi.traverse(whole)
+    faces = np.array(p["faces"]).reshape(-1, 3)[1:]
+    holed = mi.Mesh("holed", whole.vertex_count(), len(faces))
+    q = mi.traverse(holed)
+    q["vertex_positions"], q["faces"] = p["vertex_positions"], faces.ravel()
+    q.update()
+    holed.write_ply(str(tmp_path / "holed.ply"))
+
+    def export(file, extra=""):
+        shape = f'<shape type="ply"><string name="filename" value="{file}.ply"/>{extra}{glass}</shape>'
+        path = write_scene(tmp_path / "s.xml", light(), shape, placement="near_mm = 20\nfar_mm = -30")
+        export_view(mi, load_scene(mi, path), EYE, WINDOW, tmp_path / "pov")
+
+    export("whole")
+    export("whole", '<transform name="to_world"><rotate x="1" y="2" angle="33"/><scale value="7"/></transform>')
+    with pytest.raises(InputError, match="encloses no glass"):
+        export("holed")
+    with pytest.raises(InputError, match="point inwards"):
+        export("whole", '<boolean name="flip_normals" value="true"/>')
+
+
 @pytest.mark.parametrize("grid", GRIDS)
 def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid):
     """Real and virtual objects, one ray a pixel: the picture that `lippmann render` makes."""
@@ -306,7 +457,9 @@ REFUSED = {
     "encloses no glass": card('<bsdf type="dielectric"/>'),
     "shape 'sphere' has no material": SPHERE.format(""),
     "is no sphere": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="2"/></transform>'),
-    "flipped normals": SPHERE.format(diffuse() + '<boolean name="flip_normals" value="true"/>'),
+    "normals that point inwards": SPHERE.format(diffuse() + '<boolean name="flip_normals" value="true"/>'),
+    "point inwards": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="-1"/></transform>'),
+    "inwards": SPHERE.format(diffuse() + '<float name="radius" value="-1"/>'),
     "rgb": '<emitter type="point"><spectrum name="intensity" value="400:1, 700:2"/></emitter>',
 }
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import cast
 
 import click
 
+from lippmann.capture.capture import check_stand
 from lippmann.capture.setup import load_setup
 from lippmann.cli.common import device_option, emit, json_option
 from lippmann.display import load_display
@@ -67,6 +69,7 @@ def povray(
         panel = setup.display.panel
         mi = start_mitsuba(device)
         scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+        check_stand(scene, setup)
         exported = write_folder(mi, scene, view, folder)
     else:
         assert display_path is not None
@@ -78,7 +81,7 @@ def povray(
     result = {
         "folder": str(folder),
         "ini": str(exported.ini),
-        "files": exported.files,
+        "files": list(exported.files),
         "width_px": panel.width_px,
         "height_px": panel.height_px,
         "spare_rows": exported.spare_rows,
@@ -86,7 +89,9 @@ def povray(
     }
 
     def text() -> None:
-        click.echo(f"{folder}: {len(exported.files)} files; render: cd {folder} && povray {exported.ini.name}")
+        click.echo(
+            f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(output)} && povray {exported.ini.name}"
+        )
         if exported.spare_rows:
             click.echo(f"the picture has {exported.spare_rows} row more than the panel, on top: take it off")
         if at is None:

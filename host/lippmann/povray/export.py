@@ -5,11 +5,13 @@ Pictures come out linear (`assumed_gamma 1.0`, OpenEXR), so that they compare wi
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
 import os
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from lippmann.optics.trace import Model, trace
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
 from lippmann.povray.program import Run, run_povray
 from lippmann.povray.scene import write_scene
+from lippmann.povray.text import plain
 from lippmann.render.scene import Scene
 from lippmann.render.sources import Window
 
@@ -47,17 +50,15 @@ class Exported:
     ----------
     ini
         Its .ini file; `povray` renders it, in that folder.
+    files
+        Names of the files that were written, in order.
     spare_rows
         Rows on top of POV-Ray's picture that are none of the picture's.
     """
 
     ini: Path
+    files: tuple[str, ...]
     spare_rows: int = 0
-
-    @property
-    def files(self) -> list[str]:
-        """Names of the files in the folder."""
-        return sorted(file.name for file in self.ini.parent.iterdir())
 
     def render(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
         """Render it; returns linear radiance (height, width, 3), and what it took (see `run_povray`)."""
@@ -68,8 +69,7 @@ class Exported:
         """Render it unless the folder keeps the picture of these very files and options, and what it took."""
         content = hashlib.sha256(" ".join(options).encode())
         for name in self.files:
-            if name.endswith((".pov", ".inc", ".ini", ".png")):
-                content.update((self.ini.parent / name).read_bytes())
+            content.update((self.ini.parent / name).read_bytes())
         kept = self.ini.parent / f"kept-{content.hexdigest()[:16]}"
         if not kept.with_suffix(".json").is_file():
             _, run = self.render(*options)
@@ -113,9 +113,8 @@ def write_folder(mi: Any, scene: Scene, view: View, folder: Path, rays: tuple[An
         When the scene holds what POV-Ray cannot express, or the folder cannot be written.
     """
     check_folder(folder)
-    name = scene.path.stem
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.partial") as place:
-        partial = Path(place)
+    name = plain(scene.path.stem)
+    with _partial(folder) as partial:
         write_scene(mi, scene.path, scene.placement, partial)
         (partial / "camera.inc").write_text(view.camera + "\n")
         if rays is not None:
@@ -131,10 +130,26 @@ def write_folder(mi: Any, scene: Scene, view: View, folder: Path, rays: tuple[An
             f"Width={view.width_px}\nHeight={view.height_px + view.spare_rows}\n"
             "Antialias=off\nDisplay=off\nPause_When_Done=off\n"
         )
+        files = sorted(file.name for file in partial.iterdir())
+        for file in files:
+            if (folder / file).is_dir():
+                raise input_error(str(folder / file), "is a folder", "choose another place for the export")
         folder.mkdir(exist_ok=True)
-        for file in partial.iterdir():
-            os.replace(file, folder / file.name)
-    return Exported(folder / f"{name}.ini", view.spare_rows)
+        for file in files:
+            os.replace(partial / file, folder / file)
+    return Exported(folder / f"{name}.ini", tuple(files), view.spare_rows)
+
+
+@contextlib.contextmanager
+def _partial(folder: Path) -> Iterator[Path]:
+    """Give a folder beside another one, removed at the end; what the file system refuses is said in one line."""
+    try:
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
+            yield Path(place)
+    except OSError as error:
+        raise input_error(
+            str(folder), f"cannot be written ({error.strerror})", "free space or choose another place"
+        ) from None
 
 
 def check_folder(folder: Path) -> Path:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.povray.source import Item
-from lippmann.povray.text import block, identifier, number, vector
+from lippmann.povray.text import block, identifier, number, plain, vector
 
 Colour = tuple[float, float, float]
 #: Fade distance of point lights, mm.
@@ -110,7 +110,7 @@ class Materials:
             Naming what POV-Ray cannot express.
         """
         if item.index not in self._known:
-            name = identifier(item.id or f"material_{len(self._known)}")
+            name = identifier("material", len(self._known), item.id)
             self._known[item.index] = self._read(item, name)
         return self._known[item.index]
 
@@ -201,7 +201,7 @@ class Materials:
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
                 raise texture.refusal("holds more than 8 bits a colour", "save it as an 8-bit PNG")
             taken = set(self._pictures.values())
-            stem = path.stem
+            stem = plain(path.stem)
             while f"{stem}.png" in taken:
                 stem += "_"
             bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma()).write(

@@ -5,7 +5,6 @@ Everything comes out in the display's frame, in mm: the placement is worked into
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy.typing as npt
 
 from lippmann.povray.materials import Material, Materials, point_light
 from lippmann.povray.source import Item, Tree
-from lippmann.povray.text import block, identifier, matrix, rows
+from lippmann.povray.text import block, identifier, matrix, plain, rows
 from lippmann.render.placement import Placement
 
 Array = npt.NDArray[Any]
@@ -22,6 +21,8 @@ Array = npt.NDArray[Any]
 #: Objects of a scene file that say how Mitsuba renders, not what there is.
 ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
+#: Corners of a mesh nearer to each other than this share of its size are one corner.
+GRAIN = 1e-6
 
 
 def write_scene(mi: Any, path: Path, placement: Placement, folder: Path) -> None:
@@ -54,7 +55,7 @@ def write_scene(mi: Any, path: Path, placement: Placement, folder: Path) -> None
             lights.append(_light(item, placement))
         elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
             raise item.refusal("has no counterpart in POV-Ray", "leave it out")
-    title = f"// {path.name} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
+    title = f"// {plain(path.stem)} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
     declared = [f"#declare {name} = {text}" for name, text in textures.items()]
     (folder / "scene.inc").write_text("\n".join([title, *declared, *lights, *objects]) + "\n")
 
@@ -106,31 +107,81 @@ def _sphere(item: Item, placement: Placement) -> str:
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
         raise item.refusal("is no sphere where it stands", "scale it alike in all directions")
-    if item.flag("flip_normals", False):
-        raise item.refusal("has flipped normals", "leave flip_normals out")
+    # Mitsuba turns a sphere inside out for flip_normals, for a negative radius and for a mirror in its transform.
+    if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.flag("flip_normals", False):
+        raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
 
 def _mesh(mi: Any, item: Item, material: Material, placement: Placement, folder: Path, number: int) -> str:
     """Write a mesh's file and return how it is included."""
     mesh, stem = _load(mi, item)
-    points = _column(mesh.vertex_positions_buffer(), 3) @ placement.display_from_scene[:3, :3].T
+    points = _column(mesh.vertex_positions_buffer(), 3)
+    faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
+    # A face's outside is where its corners go clockwise, in POV-Ray's left-handed frame.
+    outside = _outside(mi, mesh, points, faces)
+    faces = np.where(outside[:, None], faces[:, ::-1], faces)
+    if material.clear:
+        _check_closed(item, points, faces)
+    points = points @ placement.display_from_scene[:3, :3].T
     points += placement.display_from_scene[:3, 3]
     parts = ["vertex_vectors", rows(points)]
     if mesh.has_vertex_normals():
         normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
-        parts += ["normal_vectors", rows(normals / placement.scale)]
+        # The file's, which flip_normals leaves as they are.
+        facing = -1.0 if item.flag("flip_normals", False) else 1.0
+        parts += ["normal_vectors", rows(facing * normals / placement.scale)]
     if mesh.has_vertex_texcoords():
         # The first row of a picture is v = 0 in Mitsuba and v = 1 in POV-Ray.
         parts += ["uv_vectors", rows(_column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0])]
     elif material.pictures:
         raise item.refusal("has a picture on it but no uv", "give the mesh uv, or the material a colour")
-    # A face's outside is where its corners go clockwise, in POV-Ray's left-handed frame.
-    parts += ["face_indices", rows(np.array(mesh.faces_buffer()).reshape(-1, 3)[:, ::-1].astype(np.int64))]
+    parts += ["face_indices", rows(faces)]
     name = f"{stem}-{number}.inc"
     body = "\n".join(_braced(parts))
-    (folder / name).write_text(f"#declare {identifier(stem)}_{number} = mesh2 {{\n{body}\n}}\n")
-    return f'#include "{name}"\nobject {{ {identifier(stem)}_{number} @ }}'
+    declared = identifier("mesh", number, stem)
+    (folder / name).write_text(f"#declare {declared} = mesh2 {{\n{body}\n}}\n")
+    return f'#include "{name}"\nobject {{ {declared} @ }}'
+
+
+def _outside(mi: Any, mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
+    """Tell which faces' corners go counter-clockwise seen from their front, which is where Mitsuba's normal points.
+
+    Mitsuba's own normal in each face's centre: winding, vertex normals, flip_normals and a mirror in the transform all
+    have their say in it.
+    """
+    import drjit as dr
+
+    centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
+    centre.t = 1.0
+    centre.prim_index = dr.arange(mi.UInt32, len(faces))
+    centre.prim_uv = mi.Point2f(1.0 / 3.0)
+    centre.shape = mi.ShapePtr(mesh)
+    found = mesh.compute_surface_interaction(dr.zeros(mi.Ray3f, len(faces)), centre, mi.RayFlags.All)
+    normal = np.array(found.sh_frame.n, np.float64).T
+    return np.asarray((_area(points, faces) * normal).sum(axis=1) >= 0.0)
+
+
+def _area(points: Array, faces: Array) -> Array:
+    """Return the faces' normals by their corners' order, as long as twice their areas."""
+    first, second, third = (points[faces[:, k]] for k in range(3))
+    return np.cross(second - first, third - first)
+
+
+def _check_closed(item: Item, points: Array, faces: Array) -> None:
+    """Refuse a mesh that encloses no glass: with an edge of one face, or with its outside inside.
+
+    Corners at one place are one corner: normals and uv split them.
+    """
+    grain = GRAIN * np.ptp(points, axis=0).max()
+    _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
+    edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
+    _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    if (faces_there % 2).any():
+        raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
+    # Six times the volume, its sign telling which side the faces' fronts (corners clockwise) look to.
+    if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
+        raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 
 
 def _braced(parts: list[str]) -> list[str]:
@@ -144,7 +195,7 @@ def _load(mi: Any, item: Item) -> tuple[Any, str]:
     if item.plugin != "rectangle":
         path = item.path("filename")
         given["filename"] = str(path)
-        stem = re.sub(r"[^\w-]", "_", path.stem, flags=re.ASCII)
+        stem = plain(path.stem)
         for name in ("face_normals", "flip_tex_coords"):
             if item.has(name):
                 given[name] = item.flag(name, False)

@@ -6,12 +6,16 @@ own right, so that pictures come out unmirrored.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+#: Characters of a name that are kept: file systems end at 255 bytes.
+MAX_NAME = 100
 
 
 def number(value: float) -> str:
@@ -45,6 +49,11 @@ def rows(values: npt.NDArray[Any]) -> str:
     return f"{len(values)},\n" + ",\n".join([line] * len(values)) % tuple(values.ravel().tolist())
 
 
-def identifier(name: str) -> str:
-    """Return a name that POV-Ray takes and none of its keywords: letters, digits and _, beginning with a capital."""
-    return "L_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in name)
+def plain(name: str) -> str:
+    """Return a name with nothing but ASCII letters, digits and _: for files, and as a part of identifiers."""
+    return re.sub(r"\W", "_", name[:MAX_NAME], flags=re.ASCII)
+
+
+def identifier(kind: str, number: int, name: str) -> str:
+    """Return a name that POV-Ray takes and none of its keywords; kind and number make it the only one."""
+    return f"L_{kind}{number}_{plain(name)}"
