@@ -161,7 +161,7 @@ def _allowed(given: Given, turn: float, shift_mm: float, panel_mm: Floats, aim_m
             for name, far in most.items():
                 np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
     place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
-    fixed = {name: place for name in ("panel_mm", "start_mm", "near_mm", "centre_mm")}
+    fixed = dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
     by_field = {**fixed, **{name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}}
     return _Allowed(rays, by_field, edge)
 
