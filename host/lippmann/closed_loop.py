@@ -18,7 +18,7 @@ from lippmann.link.tiles import Pixels
 from lippmann.sim import virtual_board
 
 #: A simulated board with its video running shares the machine: replies may take long.
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 @dataclass(frozen=True)

@@ -23,15 +23,21 @@ CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 8))
 
 @dataclass(frozen=True)
 class Row:
-    """One display's film: seconds of one process and of the workers, both warm, their ratio, and pixels that differ."""
+    """One display's film, rendered by one process and by the workers, all of them warm.
+
+    The processor's time, of all threads, tells what sharing the work costs where others use the machine too; that of
+    the process that hands the frames out is part of the workers'.
+    """
 
     display: str
     frames: int
     width_px: int
     height_px: int
     one_seconds: float
+    one_cpu_seconds: float
     workers: int
     workers_seconds: float
+    workers_cpu_seconds: float
     pixels_differ: int
 
     @property
@@ -56,23 +62,29 @@ def bench_animate(mi: Any, scenes: Path) -> list[Row]:
             # Scene and programs are then there, here and on every worker.
             alone(mi, shots[:1])
             client.run(_warm, device, shots[0])
-            started = time.perf_counter()
+            started, cpu = time.perf_counter(), time.process_time()
             ours = alone(mi, shots)
-            one = time.perf_counter() - started
-            started = time.perf_counter()
+            one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
+            started, cpu = time.perf_counter(), _cpu_seconds(client)
             theirs = {
-                s.frame: radiance for s, radiance, _ in render_on_cluster(cluster.scheduler_address, device, shots)
+                shot.frame: radiance
+                for shot, radiance, _ in render_on_cluster(cluster.scheduler_address, device, shots)
             }
-            many = time.perf_counter() - started
+            many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
             size = (display.panel.width_px, display.panel.height_px)
-            rows.append(Row(name, frames, *size, one, WORKERS, many, differ))
+            rows.append(Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ))
     return rows
 
 
 def alone(mi: Any, shots: Sequence[Shot]) -> list[Image]:
     """Return the radiance of shots, one after the other, as `lippmann animate` renders them."""
     return [render_shot(mi, shot)[0] for shot in shots]
+
+
+def _cpu_seconds(client: Any) -> float:
+    """Return the processor time of this process and of the workers, so far."""
+    return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
 def _warm(device: str, shot: Shot) -> None:

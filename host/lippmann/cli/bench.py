@@ -263,9 +263,9 @@ def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
     if not as_json:
         for row in rows:
             click.echo(
-                f"swim, {row.frames} frames of {row.width_px} x {row.height_px}: one process {row.one_seconds:.1f} s, "
-                f"{row.workers} workers {row.workers_seconds:.1f} s (ratio {row.ratio:.2f}); "
-                f"{row.pixels_differ} pixels differ"
+                f"swim, {row.frames} frames of {row.width_px} x {row.height_px}: one process {row.one_seconds:.1f} s "
+                f"({row.one_cpu_seconds:.1f} CPU s), {row.workers} workers {row.workers_seconds:.1f} s "
+                f"({row.workers_cpu_seconds:.1f} CPU s), ratio {row.ratio:.2f}; {row.pixels_differ} pixels differ"
             )
     return [{**dataclasses.asdict(row), "ratio": row.ratio} for row in rows]
 
