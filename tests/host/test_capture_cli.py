@@ -1,11 +1,14 @@
 """`lippmann capture`: its answer, its files, what an eye sees of them, and what it refuses."""
 
+import dataclasses
 import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann.capture.capture import vignetting
+from lippmann.capture.rays import CaptureSource
 from lippmann.capture.rotation import rotate_elemental_images
 from lippmann.capture.setup import load_setup
 from lippmann.cli import run
@@ -128,7 +131,12 @@ def test_vignetting_is_told(place, capfd, mi):
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene reaches to"),
         ("", "", ("--size", "70"), "fewer than 2; give a larger --size"),
         ("", "", ("--size", "0"), "size 0 is out of range"),
+        ("distance_mm = 1450", "distance_mm = 412", (), "the scene's image reaches the camera, 411.9 mm behind"),
+        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the scene's image reaches"),
+        ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
         ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
+        ("", "", ("--aperture", "chief"), "--aperture is for a [pickup]"),
+        ("", "", ("--memory-mb", "nan"), "--memory-mb nan is no limit; give a number above 0"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
         ("", "", ("--samples", "0"), "samples 0 is out of range"),
         ("", "", ("--setup", "none.toml"), "none.toml: no such file; give the path of a set-up file"),
@@ -142,6 +150,81 @@ def test_refusals(place, capfd, mi, old, new, more, said):
     assert said in err
     assert len(err.splitlines()) == 1
     assert not (place / "out.exr").exists()
+
+
+def test_the_image_may_come_near_the_camera(place, capfd, mi):
+    """The ball's image stands some 415 mm behind the lens, the camera at 550 mm."""
+    change(place, "distance_mm = 1450", "distance_mm = 550")
+    out, _ = capture(capfd, "--json")
+    low, high = json.loads(out)["shown_depth_mm"]
+    # The ball's front, z = -1: 1/s' = 1/f - 1/1001, and the rays as depths.py has them.
+    f, length = 415.0e3 / 1415.0, json.loads(out)["camera_distance_mm"]
+    z = 355.0 - 1.0 / (1.0 / f - 1.0 / 1001.0)
+    v = 1.0 / (1.0 / 3.3 - 1.0 / length)
+    g = load_setup("s.toml").display.aperture_distance_mm
+    assert high == pytest.approx(-g / v * (z - v) * length / (length + z), rel=1e-3)
+    assert 0.0 < low < high
+
+
+def test_the_array_s_loss_is_told(place, capfd, mi):
+    """Domes of radius R reflect what comes along the axis farther than R / n out (sin of incidence r / R = 1 / n)."""
+    change(place, "pitch_mm = 1.0\nfocal_length_mm = 3.3", "pitch_mm = 1.0\nfocal_length_mm = 1.42")
+    change(place, "aperture_mm = 300", "aperture_mm = 5000")
+    change(place, "position_mm = -60", "position_mm = 0")
+    change(place, "pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.02")
+    out, err = capture(capfd, "--json")
+    percent = json.loads(out)["array_loss_percent"]
+    # A disc of radius 0.71 mm / 1.5 = 0.473 mm in a square of 1 mm; the camera's perspective adds little.
+    assert percent == pytest.approx(100.0 * (1.0 - np.pi * (0.71 / 1.5) ** 2), abs=1.0)
+    assert f"note: {percent:.1f} % of the rays are lost in the array" in err
+    assert "lens's aperture" not in err
+
+
+def test_all_is_lost_in_the_array(place, capfd, mi):
+    """A camera that sees the corners of four lenslets alone: not the lens's fault."""
+    change(place, "focal_length_mm = 3.3", "focal_length_mm = 1.42\noffset_mm = [0.5, 0.5]")
+    change(
+        place,
+        "width_px = 400\nheight_px = 300\npixel_pitch_mm = 0.1",
+        "width_px = 8\nheight_px = 8\npixel_pitch_mm = 0.02",
+    )
+    change(place, "position_mm = -60", "position_mm = 0")
+    _, err = capture(capfd, code=2)
+    assert "array: no ray of the picture gets through the lenslets" in err
+    assert "lens.aperture_mm" not in err
+
+
+def test_vignetting_of_a_large_picture_is_that_of_all_its_pixels(mi, monkeypatch):
+    """4096 px at 16 px a lenslet: a stride of 16 pixels would see one column of each lenslet."""
+    setup = load_setup(TOP / "scenes/setups/fig8a.toml")
+    panel = dataclasses.replace(setup.display.panel, width_px=4096, height_px=4096, pixel_pitch_mm=1.0 / 16.0)
+    setup = dataclasses.replace(setup, display=dataclasses.replace(setup.display, panel=panel))
+    source = CaptureSource(setup, 1, "chief", 0, "llvm")
+    probed = vignetting(mi, source)
+    monkeypatch.setattr("lippmann.capture.capture.PROBE_PIXELS", 4096 * 4096)
+    whole = vignetting(mi, source)
+    # A share p of 2^20 random pixels is off by sqrt(p (1 - p) / 2^20), 0.05 % at most: four times that.
+    assert probed.lens_percent == pytest.approx(whole.lens_percent, abs=0.2)
+    assert probed.array_percent == pytest.approx(whole.array_percent, abs=0.2)
+
+
+def test_the_same_again(place, capfd, mi):
+    """A command may be repeated: the display file is the same; another one is not written over."""
+    capture(capfd, "--display-out", "shows.toml", "--size", "200")
+    written = (place / "shows.toml").read_bytes()
+    capture(capfd, "--display-out", "shows.toml", "--size", "200")
+    assert (place / "shows.toml").read_bytes() == written
+    _, err = capture(capfd, "--display-out", "shows.toml", "--size", "120", code=2)
+    assert "shows.toml: exists already and is not the display of this picture; give another name" in err
+    assert (place / "shows.toml").read_bytes() == written
+
+
+def test_a_set_up_of_the_scene_s_name_is_no_placement(place, capfd, mi):
+    capture(capfd)
+    expected = read_picture("out.exr").radiance
+    (place / "s.toml").rename(place / "ball.toml")
+    capture(capfd, "--setup", "ball.toml")
+    assert np.array_equal(read_picture("out.exr").radiance, expected)
 
 
 def test_the_shipped_identities():

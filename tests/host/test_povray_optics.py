@@ -157,6 +157,8 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch)
     assert run(common) == 2
     assert "one of --display and --setup" in capfd.readouterr().err
     assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--display", "scenes/displays/paper-square.toml"]) == 2
+    assert run([*common, "--setup", "scenes/setups/fig8a.toml", "--model", "thin"]) == 2
+    assert "--model is for --display" in json.loads(capfd.readouterr().out.splitlines()[-1])["error"]
     # A scene that reaches into the lens is refused, as by capture.
     near = write_scene(tmp_path / "near.xml", light(), card(diffuse(), 999.0))
     command = ["export", "povray", str(near), "-o", str(tmp_path / "no"), "--setup", "scenes/setups/fig8a.toml"]

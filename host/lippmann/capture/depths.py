@@ -46,7 +46,10 @@ def image_distance(setup: Setup, z_mm: npt.ArrayLike) -> Floats:
 
 
 def shown(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Shown:
-    """Return where points at depths z (mm, object's frame) appear."""
+    """Return where points at depths z (mm, object's frame) appear.
+
+    The images of all of them must stand before the camera (L + z > 0), which `check_stand` sees to.
+    """
     image = image_distance(setup, z_mm)
     size = -image / (setup.subject.distance_mm - np.asarray(z_mm, np.float64))
     z = setup.array_distance_mm - image

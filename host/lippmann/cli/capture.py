@@ -8,16 +8,16 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from lippmann.capture.capture import capture
+from lippmann.capture.capture import capture, stand_of
 from lippmann.capture.depths import shown
 from lippmann.capture.setup import Pickup, Setup, load_setup
 from lippmann.cli.common import device_option, emit, json_option, log, progress_bar, seed_option
 from lippmann.display import display_text
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.images import check_output, replacing, write_picture
 from lippmann.render.metadata import image_metadata
 from lippmann.render.renderer import Settings, check_memory, peak_memory_mb
-from lippmann.render.scene import Scene, check_scene_file, load_scene, placement_beside
+from lippmann.render.scene import Scene, check_scene_file, load_scene
 from lippmann.render.sources import APERTURES, Aperture
 from lippmann.render.variant import device_of, start_mitsuba
 
@@ -41,9 +41,7 @@ NOTED_PERCENT = 1.0
 @click.option(
     "--aperture",
     type=click.Choice(APERTURES),
-    default="full",
-    show_default=True,
-    help="Of a pickup: rays over the whole lenslet, or chief rays.",
+    help="Of a pickup: rays over the whole lenslet, or chief rays.  [default: full]",
 )
 @click.option(
     "--integrator",
@@ -64,7 +62,7 @@ def command(
     size: int | None,
     display_out: str | None,
     samples: int,
-    aperture: str,
+    aperture: str | None,
     integrator: str,
     max_depth: int,
     memory_mb: float | None,
@@ -80,14 +78,16 @@ def command(
     setup = load_setup(setup_path)
     if size is not None:
         setup = setup.resized(size)
-    if display_out is not None and check_output(display_out, (".toml",)).exists():
-        raise InputError(f"{display_out}: exists already; give another name")
+    if display_out is not None:
+        _check_display_out(check_output(display_out, (".toml",)), setup)
+    if aperture is not None and not isinstance(setup.pickup, Pickup):
+        raise InputError("--aperture is for a [pickup]: a camera's pinhole leaves no choice; leave it out")
     if rotate is None:
         rotate = not setup.concave
-    settings = Settings(samples, cast(Aperture, aperture), integrator, max_depth, seed, memory_mb)
+    settings = Settings(samples, cast(Aperture, aperture or "full"), integrator, max_depth, seed, memory_mb)
     panel = setup.display.panel
     check_memory(panel.width_px, panel.height_px, settings)
-    placement = placement_beside(check_scene_file(scene_path)).then(setup.subject.placement)
+    placement = stand_of(check_scene_file(scene_path), setup, setup_path)
     mi = start_mitsuba(device)
     scene = load_scene(mi, scene_path, placement)
     with progress_bar("capture", quiet=as_json) as progress:
@@ -97,6 +97,11 @@ def command(
         log(
             f"note: the lens's aperture cuts off {lost.lens_percent:.1f} % of the rays (black in the picture); "
             "a larger lens.aperture_mm lets them in"
+        )
+    if lost.array_percent > NOTED_PERCENT:
+        log(
+            f"note: {lost.array_percent:.1f} % of the rays are lost in the array (black in the picture): the lenslets' "
+            "rims reflect them; a longer focal length lets them out"
         )
     result = _result(setup, scene, rotate)
     rendered = captured.rendered
@@ -126,10 +131,17 @@ def command(
         click.echo(
             f"{path}: {panel.width_px} x {panel.height_px}, {result['image']} {result['relief']} image from "
             f"{low:.1f} to {high:.1f} mm on '{setup.display.name}', vignetting {lost.lens_percent:.2f} %, "
+            f"lost in the array {lost.array_percent:.2f} %, "
             f"{rendered.seconds:.2f} s ({rendered.samples_per_second / 1e6:.2f} M samples/s)"
         )
 
     emit(result, as_json, text)
+
+
+def _check_display_out(path: Path, setup: Setup) -> None:
+    """Refuse to write a display over a file that holds anything else."""
+    if path.exists() and path.read_bytes() != display_text(setup.display).encode():
+        raise input_error(str(path), "exists already and is not the display of this picture", "give another name")
 
 
 def _result(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:

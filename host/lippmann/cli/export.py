@@ -8,7 +8,7 @@ from typing import cast
 
 import click
 
-from lippmann.capture.capture import check_stand
+from lippmann.capture.capture import check_stand, stand_of
 from lippmann.capture.setup import load_setup
 from lippmann.cli.common import device_option, emit, json_option
 from lippmann.display import load_display
@@ -17,7 +17,7 @@ from lippmann.optics.trace import MODELS, Model
 from lippmann.povray.export import Exported, check_folder, export_display, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
-from lippmann.render.scene import check_scene_file, load_scene, placement_beside
+from lippmann.render.scene import check_scene_file, load_scene
 from lippmann.render.variant import start_mitsuba
 
 
@@ -34,9 +34,7 @@ def command() -> None:
 @click.option("--display", "display_path", metavar="FILE", help="Display file (.toml): the rays of its pixels.")
 @click.option("--setup", "setup_path", metavar="FILE", help="Set-up file (.toml): camera, lenslets and imaging lens.")
 @click.option("-o", "output", required=True, metavar="FOLDER", help="Where the files go; made when missing.")
-@click.option(
-    "--model", type=click.Choice(MODELS), default="exact", show_default=True, help="Lens model of a display's rays."
-)
+@click.option("--model", type=click.Choice(MODELS), help="Lens model of a display's rays.  [default: exact]")
 @device_option
 @json_option
 def povray(
@@ -44,7 +42,7 @@ def povray(
     display_path: str | None,
     setup_path: str | None,
     output: str,
-    model: str,
+    model: str | None,
     device: str,
     as_json: bool,
 ) -> None:
@@ -60,6 +58,8 @@ def povray(
     """
     if (display_path is None) == (setup_path is None):
         raise InputError("give one of --display and --setup: what POV-Ray looks through")
+    if model is not None and setup_path is not None:
+        raise InputError("--model is for --display: a set-up's lenslets are objects of POV-Ray's; leave it out")
     folder = check_folder(Path(output))
     path = check_scene_file(scene_path)
     exported: Exported
@@ -68,7 +68,7 @@ def povray(
         view = setup_view(setup)
         panel = setup.display.panel
         mi = start_mitsuba(device)
-        scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+        scene = load_scene(mi, path, stand_of(path, setup, setup_path))
         check_stand(scene, setup)
         exported = write_folder(mi, scene, view, folder)
     else:
@@ -76,7 +76,7 @@ def povray(
         display = load_display(display_path)
         panel = display.panel
         mi = start_mitsuba(device)
-        exported = export_display(mi, load_scene(mi, path), display, cast(Model, model), folder)
+        exported = export_display(mi, load_scene(mi, path), display, cast(Model, model or "exact"), folder)
     at = POVRAY.find()
     result = {
         "folder": str(folder),

@@ -298,6 +298,8 @@ def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) 
         Naming what it is, the need, the limit and the remedy.
     """
     limit = 0.8 * free_memory_mb() if limit is None else limit
+    if not limit > 0.0:
+        raise InputError(f"--memory-mb {limit:g} is no limit; give a number above 0")
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
