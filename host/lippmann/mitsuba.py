@@ -1,13 +1,17 @@
 """Mitsuba's sensor plugin `integral`: a display's integral image from plain Mitsuba, XML and all.
 
 Import this module after `mitsuba.set_variant`; it registers the plugin for the variant that is set, which must be one
-for arrays (`llvm_ad_rgb`, `cuda_ad_rgb` and their like). Call `register` again after a change of variant.
+for arrays of rays in three colours (`llvm_ad_rgb`, `cuda_ad_rgb`). Call `register` again after a change of variant.
 Parameters: docs/reference/mitsuba-sensor.md.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
 
 from lippmann.display import load_display
 from lippmann.errors import InputError
@@ -15,10 +19,10 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.trace import MODELS, Model
 from lippmann.render.sampling import square_to_cell
 from lippmann.render.sources import APERTURES, STRIPES, lines_from_pixels
-from lippmann.render.variant import device_of
+from lippmann.render.variant import VARIANTS, device_of
 
-#: Devices whose variants the fast engine computes with.
-DEVICES = ("llvm", "cuda")
+#: Singular values of `to_world` that are as good as equal: float32 transforms, many of them in a row.
+SAME_SCALE = 1e-4
 
 
 def register() -> None:
@@ -27,13 +31,13 @@ def register() -> None:
     Raises
     ------
     InputError
-        When no variant is set, or one that traces single rays.
+        When no variant is set, or one that traces single rays, or in other colours than three.
     """
     import mitsuba as mi
 
-    if mi.variant() is None or device_of(mi) not in DEVICES:
+    if mi.variant() not in VARIANTS.values():
         raise InputError(
-            f"sensor 'integral': variant {mi.variant()} is none for arrays of rays; "
+            f"sensor 'integral': variant {mi.variant()} is none for arrays of rays in three colours; "
             "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' before"
         )
     mi.register_sensor("integral", _sensor_class(mi))
@@ -54,6 +58,9 @@ def _sensor_class(mi: Any) -> Any:
             self.model = cast(Model, _choice(props, "model", "exact", MODELS))
             self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
+            if not math.isfinite(self.near_mm):
+                raise InputError(f"sensor 'integral': near_mm {self.near_mm} is no depth; give mm")
+            _check_pose(np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, np.float64))
             self.m_needs_sample_2 = True
             self.m_needs_sample_3 = self.full
 
@@ -95,6 +102,18 @@ def _sensor_class(mi: Any) -> Any:
             return f"IntegralSensor[display={self.display.name}, model={self.model}]"
 
     return IntegralSensor
+
+
+def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
+    """Refuse a pose that bends the display, hides it, or mirrors it: no lenslets make such an image."""
+    turn = to_world[:3, :3]
+    if not np.isfinite(to_world).all():
+        raise InputError("sensor 'integral': to_world holds numbers that are not finite; give a turn, shift and scale")
+    size = np.linalg.svd(turn, compute_uv=False)
+    if not size[0] - size[2] <= SAME_SCALE * size[0] or not size[2] > 0.0:
+        raise InputError("sensor 'integral': to_world scales not alike in all directions, or by 0; give one scale")
+    if np.linalg.det(turn) < 0.0:
+        raise InputError("sensor 'integral': to_world is a mirror; turn the display instead")
 
 
 def _choice(props: Any, name: str, default: str, options: tuple[str, ...]) -> str:

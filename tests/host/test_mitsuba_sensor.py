@@ -16,6 +16,7 @@ from scene_cases import display_toml, focused_display, generator, glowing_sphere
 
 SEED = 6120
 NEAR = 25.0
+POSE = '<transform name="to_world">{}</transform>'
 SCENE = (
     '<emitter type="point"><point name="position" x="30" y="40" z="300"/>'
     '<rgb name="intensity" value="9e4 1e5 8e4"/></emitter>',
@@ -139,11 +140,23 @@ def test_a_film_of_another_size_covers_the_panel(mi, sensor_of):
         ('<string name="model" value="cheap"/>', "model 'cheap' is not known"),
         ('<string name="aperture" value="half"/>', "aperture 'half' is not known"),
         ('<float name="gap" value="3"/>', "gap"),
+        ('<float name="near_mm" value="nan"/>', "near_mm nan is no depth"),
+        ('<float name="near_mm" value="inf"/>', "near_mm inf is no depth"),
+        (POSE.format('<scale x="2" y="1" z="1"/>'), "scales not alike"),
+        (POSE.format('<scale value="0"/>'), "or by 0"),
+        (POSE.format('<matrix value="1 0.1 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "scales not alike"),
+        (POSE.format('<matrix value="nan 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world holds numbers"),
+        (POSE.format('<matrix value="1 0 0 inf  0 1 0 0  0 0 1 0  0 0 0 1"/>'), "to_world holds numbers"),
+        (POSE.format('<scale x="-1"/>'), "to_world is a mirror"),
+        (POSE.format('<scale value="-2"/>'), "to_world is a mirror"),
     ],
 )
 def test_bad_parameters_raise(mi, sensor_of, extra, message):
     path = sensor_of(focused_display("square")).path
-    path.write_text(path.read_text().replace("<sampler", f"{extra}<sampler", 1))
+    text = path.read_text()
+    if "near_mm" in extra:
+        text = text.replace(f'<float name="near_mm" value="{NEAR}"/>', "")
+    path.write_text(text.replace("<sampler", f"{extra}<sampler", 1))
     with pytest.raises(Exception, match=message):
         mi.load_file(str(path))
 
@@ -164,8 +177,8 @@ def test_plain_mitsuba_uses_it(mi, sensor_of, tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ)
     assert done.stdout.split() == ["(6,", "8,", "3)"]
-    done = subprocess.run(
-        [sys.executable, "-c", "import lippmann.mitsuba"], capture_output=True, text=True, check=False
-    )
-    assert "call mitsuba.set_variant" in done.stderr
+    for before in ("", "import mitsuba; mitsuba.set_variant('llvm_ad_spectral');"):
+        program = f"{before}import lippmann.mitsuba"
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert "call mitsuba.set_variant" in done.stderr
     assert dr.has_backend(dr.JitBackend.LLVM)
