@@ -367,8 +367,57 @@ LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.
 SHARPENINGS = 12
 
 
-def fitted(given: Given, direction: Floats) -> Iterator[Variant]:
-    """Yield, for each number of the display, the variant with the value that explains the directions (N, 3) best."""
+def fitted(given: Given, values: Arrays) -> Iterator[Variant]:
+    """Yield variants with a number that is found from foreign rays: one of the display, a constant, a word length.
+
+    For each number of the display, the value that explains the directions best.
+    """
+    yield from _constants(given, values)
+    yield from _word_lengths(values["direction"])
+    yield from _numbers(given, values["direction"])
+
+
+def _constants(given: Given, values: Arrays) -> Iterator[Variant]:
+    """A constant added to the direction, or to the exit point."""
+    rays = golden(given)
+    for name, what, unit in (("direction", "direction", ""), ("local_mm", "exit point", " mm")):
+        if name not in values:
+            continue
+        added = np.median(values[name] - rays[name], axis=0)
+        if not np.isfinite(added).all():
+            continue
+        added = np.where(np.abs(added) > 0.05 * np.abs(added).max(), added, 0.0)
+        said = ", ".join(f"{value:+.3g}{unit} in {axis}" for value, axis in zip(added, "xyz", strict=True) if value)
+        moved = (name, "origin_mm") if name == "local_mm" else (name,)
+        yield Variant(f"a constant added to the {what}: {said}", STAGE_OF[name], partial(_added, moved, added))
+
+
+def _added(names: tuple[str, ...], constant: Floats, given: Given) -> Arrays:
+    rays = golden(given)
+    return {**rays, **{name: rays[name] + constant for name in names}}
+
+
+#: Bits of fraction that are looked for in directions: fewer are no design, more than the most are a float32's own.
+COARSEST, FINEST = 4, 22
+
+
+def _word_lengths(direction: Floats) -> Iterator[Variant]:
+    """Directions whose components are all multiples of some power of two."""
+    for bits in range(COARSEST, FINEST + 1):
+        scaled = np.ldexp(direction, bits)
+        if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
+            for how, rounded in (("rounded", np.round), ("truncated", np.floor)):
+                yield Variant(f"direction {how} to {bits} bits of fraction", "exit", partial(_held, rounded, bits))
+            return
+
+
+def _held(rounded: Callable[[Floats], Floats], bits: int, given: Given) -> Arrays:
+    rays = golden(given)
+    return {**rays, "direction": np.ldexp(rounded(np.ldexp(rays["direction"], bits)), -bits)}
+
+
+def _numbers(given: Given, direction: Floats) -> Iterator[Variant]:
+    """Numbers of the display; `direction` is (N, 3)."""
 
     def loss(rays: Arrays) -> float:
         # The median: rays that change lenslets or fates on the way must not pull.

@@ -26,6 +26,9 @@ Bools = npt.NDArray[np.bool_]
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Share of the rays that a variant must give for it to be the fault.
 EXPLAINED = 0.97
+#: How much nearer than golden it must be in the arrays that are wrong. In no array may it be farther, but for SAME (mm,
+#: radians, share of whole numbers), which is what the rounding of doubles and of a fit leaves.
+NEARER, SAME = 0.5, 1e-9
 #: Units of the last place that words of a real design may be off golden, for the variants: those of the widest aims.
 WORD_UNITS = 64.0
 #: A design whose words are at most so far from the twin's rounds otherwise; it does not trace otherwise.
@@ -217,17 +220,19 @@ def _diagnosed(
         unit = bent / np.where(length > 0.0, length, 1.0)[:, None]
         if not _wrong("direction", unit, allowed).any():
             return "exit", "direction not normalised: it is right but for its length", 1.0
-    everywhere = _best(fields, given, allowed, np.arange(len(wrong)), wrong)
-    return everywhere or _stale(fields, given, allowed, wrong) or (first, None, 0.0)
+    everywhere = _best(fields, given, allowed, np.arange(len(wrong)), wrong_by, wrong)
+    return everywhere or _stale(fields, given, allowed, wrong_by, wrong) or (first, None, 0.0)
 
 
-def _stale(fields: Arrays, given: Given, allowed: _Allowed, wrong: Bools) -> tuple[str, str, float] | None:
+def _stale(
+    fields: Arrays, given: Given, allowed: _Allowed, wrong_by: dict[str, Bools], wrong: Bools
+) -> tuple[str, str, float] | None:
     """Explain rays that are wrong up to some ray and right from there on: what was written before took effect late."""
     run = np.flatnonzero(wrong)
     last = int(run[-1])
     if last + 1 >= len(wrong) or len(run) < 0.5 * (last + 1):
         return None
-    part = _best(fields, given, allowed, np.arange(last + 1), wrong)
+    part = _best(fields, given, allowed, np.arange(last + 1), wrong_by, wrong)
     if part is None:
         return None
     return part[0], f"stale register: rays 0 to {last} are of an earlier configuration ({part[1]})", part[2]
@@ -255,42 +260,78 @@ def _wrapped(direction: Floats, allowed: _Allowed, wrong: Bools) -> bool:
 
 
 def _best(
-    fields: Arrays, given: Given, allowed: _Allowed, index: npt.NDArray[np.intp], wrong: Bools
+    fields: Arrays,
+    given: Given,
+    allowed: _Allowed,
+    index: npt.NDArray[np.intp],
+    wrong_by: dict[str, Bools],
+    wrong: Bools,
 ) -> tuple[str, str, float] | None:
-    """Return stage, name and share of the variant that gives most of some rays, if it gives nearly all."""
+    """Return stage, name and share of the variant that comes nearest to some rays, if it gives nearly all."""
     random = np.random.default_rng(0)
     bad = index[wrong[index]]
     some = np.sort(random.permutation(bad)[:SAMPLE])
     good = random.permutation(index[~wrong[index] & ~allowed.edge[index]])[: SAMPLE // 3]
     chosen = np.concatenate([some, good])
     part = given.some(chosen)
-    values = {name: array[chosen] for name, array in fields.items()}
-    limits = {name: limit[chosen] for name, limit in allowed.by_field.items()}
+    sampled = _Sampled(
+        {name: array[chosen] for name, array in fields.items()},
+        {name: array[chosen] for name, array in allowed.rays.items()},
+        {name: limit[chosen] for name, limit in allowed.by_field.items()},
+        {name: array[some] for name, array in wrong_by.items()},
+    )
 
-    def best_of(found: Iterable[Variant]) -> tuple[float, Variant] | None:
+    def best_of(found: Iterable[Variant]) -> tuple[float, float, Variant] | None:
         best = None
         for variant in found:
-            share = _share(variant, part, values, limits, len(some))
-            if best is None or share > best[0]:
-                best = share, variant
-        return best if best is not None and best[0] >= EXPLAINED else None
+            share, rest = _match(variant, variant.predict(part), sampled)
+            if share >= EXPLAINED and (best is None or rest < best[1]):
+                best = share, rest, variant
+        return best
 
     found = best_of(variants(given.display))
     if found is None:
         few = random.permutation(bad)[:FIT_SAMPLE]
-        found = best_of(fitted(given.some(few), fields["direction"][few]))
-    return None if found is None else (found[1].stage, found[1].name, found[0])
+        found = best_of(fitted(given.some(few), {name: array[few] for name, array in fields.items()}))
+    return None if found is None else (found[2].stage, found[2].name, found[0])
 
 
-def _share(variant: Variant, given: Given, values: Arrays, limits: dict[str, Floats], bad: int) -> float:
-    """Return the share of rays that a variant gives: of the wrong ones, or of all, whichever is less."""
-    rays = variant.predict(given)
-    right = np.ones(len(given.pixels), bool)
-    for name, array in values.items():
-        if name not in variant.silent:
-            far = _far(name, array, rays[name])
-            right &= far <= 4.0 * limits.get(name, np.zeros(len(far)))
-    return float(min(right.mean(), right[:bad].mean()))
+@dataclass(frozen=True)
+class _Sampled:
+    """Rays that variants are tried on, the wrong ones first: arrays of the file, of golden, and their limits, (N, ...).
+
+    `wrong` tells for each array which of the wrong rays are wrong in it, (M,).
+    """
+
+    values: Arrays
+    golden: Arrays
+    limits: dict[str, Floats]
+    wrong: dict[str, Bools]
+
+
+def _match(variant: Variant, rays: Arrays, sampled: _Sampled) -> tuple[float, float]:
+    """Return the share of rays that a variant gives, and how far it stays from the wrong ones, in golden's distance.
+
+    The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
+    as near in those that are wrong. So a variant that differs from golden in nothing that the file has explains
+    nothing.
+    """
+    right, ratios = np.ones(len(next(iter(sampled.values.values()))), bool), []
+    bad = len(next(iter(sampled.wrong.values())))
+    for name, array in sampled.values.items():
+        if name in variant.silent:
+            continue
+        far, own = _far(name, array, rays[name]), _far(name, array, sampled.golden[name])
+        right &= far <= sampled.limits.get(name, np.zeros(len(far)))
+        middle = np.mean if name in WHOLE else np.median
+        wrong = sampled.wrong[name]
+        if wrong.any():
+            ratios.append(float(middle(far[:bad][wrong])) / float(middle(own[:bad][wrong])))
+        if middle(far[:bad]) > middle(own[:bad]) + SAME:
+            return 0.0, np.inf
+    if not ratios or not max(ratios) <= NEARER:
+        return 0.0, np.inf
+    return float(min(right.mean(), right[:bad].mean())), max(ratios)
 
 
 # --- words ------------------------------------------------------------------------------------------------------
