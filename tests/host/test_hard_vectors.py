@@ -139,6 +139,65 @@ def test_arrays_of_wrong_shape_are_bad_input(tmp_path, capsys):
     assert "direction has shape (2, 3); give (3, 3)" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("case", ["far-origins", "tangent"])
+def test_rays_from_the_world_are_refused_not_judged(case, tmp_path, capsys):
+    assert run(["vectors", "--display", HEX, "--case", case, "--count", "4", "-o", str(tmp_path / "set")]) == 0
+    places = sorted((tmp_path / "set").glob("*/rays.npz"))
+    assert places
+    for rays in places:
+        assert run(["regress", "--display", str(rays.parent / "display.toml"), "--rays", str(rays)]) == 2
+        err = capsys.readouterr().err
+        assert f"{rays}: holds rays from the world; give rays from the panel" in err
+
+
+def words_of(**changed):
+    heading = "u,v,i,j,x,y,z,dx,dy,dz,status"
+    row = dict.fromkeys(heading.split(","), 0) | changed
+    return f"{heading}\n{','.join(str(word) for word in row.values())}\n"
+
+
+@pytest.mark.parametrize(
+    ("word", "value", "says"),
+    [("u", 1 << 17, "beyond its 18 bits"), ("i", -(1 << 11) - 1, "beyond its 12"), ("x", 1 << 19, "beyond its 20"),
+     ("dx", 1 << 62, "beyond its 18"), ("dz", -(1 << 17) - 1, "beyond its 18"), ("status", 8, "give 0 to 7"),
+     ("status", -1, "give 0 to 7")],
+)  # fmt: skip
+def test_words_beyond_their_bits_are_bad_input(word, value, says, tmp_path, capsys):
+    """F = 16: 18 bits in and out, 20 for places."""
+    path = tmp_path / "rays.csv"
+    path.write_text(words_of(**{word: value}))
+    assert run(["regress", "--display", SQUARE, "--rays", str(path), "--fraction-bits", "16"]) == 2
+    err = capsys.readouterr().err
+    assert f"{path}: {word} of ray 0 is {value}" in err
+    assert says in err
+
+
+@pytest.mark.parametrize("name", ["rays.csv", "rays.mem", "inputs.mem"])
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", b"u,v\n\0\n"])
+def test_words_that_are_no_text_are_bad_input(name, content, tmp_path, capsys):
+    (tmp_path / "inputs.mem").write_text("0\n")
+    (tmp_path / "rays.mem").write_text("0\n")
+    (tmp_path / name).write_bytes(content)
+    judged = "rays.mem" if name == "inputs.mem" else name
+    assert run(["regress", "--display", SQUARE, "--rays", str(tmp_path / judged)]) == 2
+    assert f"{tmp_path / name}: is not text" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arrays", "says"),
+    [
+        ({"pixel": np.zeros((0, 2)), "direction": np.zeros((0, 3))}, "holds no rays; give at least one"),
+        ({"pixel": np.zeros((2, 2)), "direction": np.zeros((2, 3), complex)}, "direction is complex128; give real"),
+        ({"pixel": np.array([["a", "b"]]), "direction": np.zeros((1, 3))}, "pixel is <U1; give real"),
+        ({"pixel": np.float64(3.0), "direction": np.zeros((1, 3))}, "pixel has shape"),
+    ],
+)
+def test_arrays_that_are_no_rays_are_bad_input(arrays, says, tmp_path, capsys):
+    np.savez(tmp_path / "rays.npz", **arrays)
+    assert run(["regress", "--display", SQUARE, "--rays", str(tmp_path / "rays.npz")]) == 2
+    assert says in capsys.readouterr().err
+
+
 def test_vectors_refuse_what_is_there_and_leave_nothing_half_written(tmp_path, capsys):
     (tmp_path / "full").mkdir()
     (tmp_path / "full/file").write_text("mine")

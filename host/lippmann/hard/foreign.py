@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,7 +18,16 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.trace import aims_of_words, pixels_of_words, rays_of_words
 from lippmann.fixed.words import Ints
 from lippmann.hard.search import Floats
-from lippmann.hard.vectors import INPUTS, OUTPUTS, input_widths, output_widths, words_of_memory
+from lippmann.hard.vectors import (
+    FROM_WORLD,
+    INPUTS,
+    OUTPUTS,
+    STATUS_BITS,
+    input_widths,
+    output_widths,
+    text_of,
+    words_of_memory,
+)
 from lippmann.optics.trace import Model
 
 #: Arrays that may be compared, with their columns.
@@ -65,6 +75,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     build = Build.of(display, model, fraction_bits, True)
     if suffix == ".csv":
         columns = _csv_columns(path)
+        _check_widths(path, columns, build)
     elif suffix in (".mem", ".hex"):
         beside = inputs or path.with_name("inputs.mem")
         if not beside.is_file():
@@ -80,8 +91,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
 
 
 def _csv_columns(path: Path) -> dict[str, Ints]:
-    with path.open(newline="") as stream:
-        rows = list(csv.reader(line for line in stream if not line.startswith("#")))
+    rows = list(csv.reader(line for line in text_of(path).splitlines() if not line.startswith("#")))
     heading = [name.strip() for name in rows[0]] if rows else []
     wanted = (*INPUTS, *OUTPUTS)
     missing = [name for name in wanted if name not in heading and name not in ("a", "b")]
@@ -94,6 +104,21 @@ def _csv_columns(path: Path) -> dict[str, Ints]:
     columns = {name: table[:, heading.index(name)] for name in wanted if name in heading}
     zero = np.zeros(len(table), np.int64)
     return {name: columns.get(name, zero) for name in wanted}
+
+
+def _check_widths(path: Path, columns: dict[str, Ints], build: Build) -> None:
+    """Refuse words that their bits do not hold."""
+    for (name, column), bits in zip(columns.items(), (*input_widths(build), *output_widths(build)), strict=True):
+        unsigned = bits == STATUS_BITS
+        low, high = (0, (1 << bits) - 1) if unsigned else (-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
+        out = (column < low) | (column > high)
+        if out.any():
+            ray = int(np.argmax(out))
+            raise input_error(
+                str(path),
+                f"{name} of ray {ray} is {column[ray]}, beyond its {bits} bits",
+                f"give {low} to {high}, or the word length with --fraction-bits",
+            )
 
 
 def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: Build) -> Foreign:
@@ -115,20 +140,32 @@ def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: B
 def _of_arrays(path: Path) -> Foreign:
     try:
         with np.load(path) as file:
-            arrays = {name: np.asarray(file[name], np.float64) for name in file.files}
-    except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
+            if FROM_WORLD in file.files:
+                raise input_error(
+                    str(path), "holds rays from the world", "give rays from the panel: regress judges the way out only"
+                )
+            raw = {name: file[name] for name in ("pixel", "aperture_mm", *FIELDS) if name in file.files}
+    except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise input_error(str(path), f"cannot be read ({error})", "give an .npz of numbers") from None
+    arrays = {}
+    for name, array in raw.items():
+        if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
+            kind = array.dtype if isinstance(array, np.ndarray) else "no array"
+            raise input_error(str(path), f"{name} is {kind}", "give real numbers")
+        arrays[name] = np.atleast_1d(array).astype(np.float64)
     for name in ("pixel", "direction"):
         if name not in arrays:
             raise input_error(str(path), f"has no array {name}", "give at least pixel and direction, see vectors.json")
     n = len(arrays["pixel"])
+    if not n:
+        raise input_error(str(path), "holds no rays", "give at least one")
     shapes = {"pixel": 2, "aperture_mm": 2, **FIELDS}
     fields = {}
     for name, width in shapes.items():
         if name not in arrays:
             continue
         array = arrays[name][:, None] if arrays[name].ndim == 1 else arrays[name]
-        if array.shape != (n, width) or not n:
+        if array.shape != (n, width):
             raise input_error(str(path), f"{name} has shape {arrays[name].shape}", f"give ({n}, {width})")
         fields[name] = array
     for name in ("pixel", "aperture_mm"):

@@ -54,7 +54,10 @@ ARRAYS = {
     "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
     "near_mm": "(N, 2) step: where the ray crosses the array's near plane, likewise",
 }
+#: Marks rays from the world, which `lippmann regress` does not judge.
+FROM_WORLD = "from_world"
 BACK_ARRAYS = {
+    FROM_WORLD: "() 1: rays from the world; `lippmann regress` judges the way out only and refuses them",
     "origin_mm": "(N, 3) a point of each ray from the world, panel frame",
     "direction": "(N, 3) its unit direction",
     "pixel": "(N, 2) truth: pixel coordinates where it meets the panel",
@@ -86,6 +89,24 @@ def memory_lines(words: tuple[Ints, ...], widths: tuple[int, ...]) -> list[str]:
     return lines
 
 
+def text_of(path: Path) -> str:
+    """Return the text of a file of words.
+
+    Raises
+    ------
+    InputError
+        For what is no text.
+    """
+    try:
+        text = path.read_text()
+    except (UnicodeDecodeError, OSError) as error:
+        why = "is not text" if isinstance(error, UnicodeDecodeError) else f"cannot be read ({error.strerror})"
+        raise input_error(str(path), why, "give a file of words as lippmann vectors writes them") from None
+    if "\0" in text:
+        raise input_error(str(path), "is not text", "give a file of words as lippmann vectors writes them")
+    return text
+
+
 def words_of_memory(path: Path, widths: tuple[int, ...]) -> list[Ints]:
     """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
 
@@ -96,7 +117,7 @@ def words_of_memory(path: Path, widths: tuple[int, ...]) -> list[Ints]:
     """
     columns: list[list[int]] = [[] for _ in widths]
     total = sum(widths)
-    for number, line in enumerate(path.read_text().splitlines(), 1):
+    for number, line in enumerate(text_of(path).splitlines(), 1):
         text = line.split("//")[0].strip().replace("_", "")
         if not text:
             continue
@@ -197,6 +218,7 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
         hits = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
         np.savez(
             place / "rays.npz",
+            from_world=np.uint8(1),
             origin_mm=rays.origin_mm,
             direction=rays.direction,
             pixel=np.asarray(hits.pixel, np.float64),
