@@ -14,7 +14,7 @@ from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
 from lippmann.hard.cases import Out, changed, hard_sets
 from lippmann.hard.foreign import Foreign
-from lippmann.hard.judge import judge
+from lippmann.hard.judge import _rounding, judge
 from lippmann.hard.measure import fixed_words
 from lippmann.hard.search import random_aims, random_pixels
 from lippmann.hard.vectors import INPUTS, display_text
@@ -122,6 +122,69 @@ def test_stale_register():
     assert verdict.stage == "first face"
     assert "stale register: rays 0 to 129" in verdict.fault
     assert "array.index is 1.4585" in verdict.fault
+
+
+def test_stale_stretch_in_the_middle():
+    display = display_for("square")
+    pixels, aims = rays_for(display)
+    arrays, old = (faulty_tracer.trace(display, pixels, aims, fault) for fault in ("", "wrong index"))
+    late = {name: np.concatenate([a[:200], old[name][200:330], a[330:]]) for name, a in arrays.items()}
+    verdict = judged(display, late)
+    assert verdict.stage == "first face"
+    assert "stale register: rays 200 to 329" in verdict.fault
+
+
+def flipped(display, pixels):
+    return np.column_stack([pixels[:, 0], display.panel.height_px - 1 - pixels[:, 1]])
+
+
+#: Likely mistakes: rays that are traced, from display, pixels and aims; step and words that must be named.
+MISTAKES = {
+    "rows h-1-v": (lambda d, p, a: lippmann.trace(d, flipped(d, p), a), "panel", "one off (h - 1 - v)"),
+    "column off by one": (
+        lambda d, p, a: lippmann.trace(d, np.add(p, (1, 0)), a),
+        "panel",
+        "pixel off by one: (+1, +0)",
+    ),
+    "row off by one": (lambda d, p, a: lippmann.trace(d, p - (0, 1), a), "panel", "pixel off by one: (+0, -1)"),
+    "model paraxial": (lambda d, p, a: lippmann.trace(d, p, a, "paraxial"), "first face", "the model paraxial"),
+    "model thin": (lambda d, p, a: lippmann.trace(d, p, a, "thin"), "first face", "the model thin"),
+    "model pinhole": (lambda d, p, a: lippmann.trace(d, p, a, "pinhole"), "first face", "the model pinhole"),
+    "other grid": (
+        lambda d, p, a: lippmann.trace(changed(d, grid={"hex": "square", "square": "hex"}[d.array.grid]), p, a),
+        "lenslet",
+        " grid for ",
+    ),
+    "aperture halved": (lambda d, p, a: lippmann.trace(d, p, 0.5 * a), "aim", "aperture points halved"),
+    "rotation": (
+        lambda d, p, a: lippmann.trace(changed(d, rotation_deg=47.0), p, a),
+        "panel",
+        "rotation_deg is 47 for 9",
+    ),
+}
+
+
+@pytest.mark.parametrize("fields", [(), ("lenslet", "origin_mm", "centre_mm", "local_mm")])
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_likely_mistakes_are_named(mistake, fields):
+    display = display_for("square" if fields else "hex")
+    pixels, aims = rays_for(display, 300)
+    make, stage, says = MISTAKES[mistake]
+    made = make(display, pixels, aims)
+    arrays = {"pixel": pixels, "aperture_mm": aims, "direction": made.direction, "status": made.status}
+    verdict = judged(display, arrays | {name: getattr(made, name) for name in fields})
+    assert verdict.stage == stage, verdict
+    assert says in str(verdict.fault)
+    assert verdict.explained >= 0.97
+
+
+@pytest.mark.parametrize(("lag", "says"), [(1, "late by 1"), (3, "late by 3"), (-1, "early by 1")])
+def test_late_outputs_are_named(lag, says):
+    display = display_for("hex")
+    rays = traced(display, *rays_for(display, 200))
+    verdict = judged(display, rays | {name: np.roll(rays[name], lag, axis=0) for name in ("direction", "status")})
+    assert verdict.stage == "exit"
+    assert says in verdict.fault
 
 
 def test_tie_rule():
@@ -322,6 +385,38 @@ def test_a_word_that_is_off_by_a_constant(written, capsys):
     code, said = judge_words(out._replace(z=out.z + 256), capsys)
     assert (code, said["stage"]) == (4, "dome")
     assert said["fault"].startswith("a constant added")
+
+
+#: Slips of words: what is made of right ones, the step and a word of what is said.
+SLIPS = {
+    "sign of x": (lambda out: out._replace(x=-out.x), "dome", "sign of the words x"),
+    "sign of x and dx": (lambda out: out._replace(x=-out.x, dx=-out.dx), "dome", "sign of the words x, dx"),
+    "x and y swapped": (lambda out: out._replace(x=out.y, y=out.x), "dome", "words swapped: x, y"),
+    "dx and dy swapped": (lambda out: out._replace(dx=out.dy, dy=out.dx), "exit", "words swapped: dx, dy"),
+    "one clock late": (lambda out: FixedRays(*(np.roll(word, 1) for word in out)), "exit", "late by 1"),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_slips_of_words_are_named(slip, written, capsys):
+    case, judge_words = written
+    made, stage, says = SLIPS[slip]
+    code, said = judge_words(made(ray_pipeline(*case.words, case.registers, case.build)), capsys)
+    assert (code, said["stage"]) == (4, stage)
+    assert said["fault"].startswith(says) or says in said["fault"]
+
+
+def test_a_word_far_off_is_not_called_wrapped():
+    """2^62 is no word of 18 bits gone round; one that is off by 2^18 is, either way."""
+    display = display_for("square")
+    case = words_for(display)
+    out = ray_pipeline(*case.words, case.registers, case.build)
+    for added, wraps in ((1 << 62, False), (1 << 18, True), (-(1 << 18), True), (1 << 19, False)):
+        dx = out.dx.copy()
+        dx[3] += added
+        apart = np.stack([0 * dx, 0 * dx, 0 * dx, dx - out.dx, 0 * dx, 0 * dx])
+        said = _rounding(apart, out, ["x", "y", "z", "dx", "dy", "dz"], case.build)
+        assert (said == "a word wrapped where it should saturate: dx") == wraps, (added, said)
 
 
 def test_the_how_to_lists_the_faults():

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.display import Display, Grid
 from lippmann.errors import LippmannError
 from lippmann.hard.search import Floats
 from lippmann.hard.steps import steps
@@ -24,7 +24,7 @@ from lippmann.optics import exact, models
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
-from lippmann.optics.trace import Model, Rays, trace
+from lippmann.optics.trace import MODELS, Model, Rays, trace
 
 #: The steps of a ray, in its order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
@@ -42,6 +42,9 @@ STAGE_OF = {
     "direction": "exit",
     "status": "status",
 }
+
+#: Steps to those beside, in columns and rows or in lenslets.
+BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
@@ -120,6 +123,14 @@ def variants(display: Display) -> Iterator[Variant]:
     yield pixels("column and row swapped", lambda p: p[:, ::-1])
     yield pixels("pixel's corner for its centre (half a pixel)", lambda p: p - 0.5)
     yield pixels("half a pixel added twice", lambda p: p + 0.5)
+    yield pixels(
+        "rows counted from the bottom, one off (h - 1 - v)", lambda p: np.column_stack([p[:, 0], h - 1 - p[:, 1]])
+    )
+    yield pixels(
+        "columns counted from the right, one off (w - 1 - u)", lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]])
+    )
+    for du, dv in BESIDE:
+        yield pixels(f"pixel off by one: ({du:+d}, {dv:+d})", partial(np.add, (du, dv)))
     turn = array.rotation_deg
     if array.offset_mm != (0.0, 0.0):
         x, y = array.offset_mm
@@ -134,6 +145,8 @@ def variants(display: Display) -> Iterator[Variant]:
     yield from _lattice_variants(display)
     yield from _aim_variants(display)
 
+    for model in MODELS:
+        yield Variant(f"rays of the model {model}", "first face", partial(_of_model, model))
     n, R, T = array.index, array.radius_mm, array.thickness_mm
     flipped = "viewer" if array.plano_side == "panel" else "panel"
     yield numbers("plano_side turned over", "first face", plano_side=flipped)
@@ -148,6 +161,10 @@ def variants(display: Display) -> Iterator[Variant]:
         if radius >= array.half_diagonal_mm:
             yield numbers(name, "dome", radius_mm=radius)
     yield from _exit_variants(display)
+
+
+def _of_model(model: Model, given: Given) -> Arrays:
+    return golden(dataclasses.replace(given, model=model))
 
 
 def _gap(given: Given, gap_mm: float) -> Given:
@@ -173,7 +190,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
 
         return Variant(name, "lenslet", predict)
 
-    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)):
+    for di, dj in BESIDE:
         step = np.array([di, dj], np.float64)
         yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, True)
         yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__, False)
@@ -181,6 +198,10 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         yield Variant(
             f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", "lenslet", neighbour, ("status", "start_mm", "near_mm")
         )
+    other: Grid = "hex" if array.grid == "square" else "square"
+    made = replace(array, grid=other)
+    if array.radius_mm >= made.half_diagonal_mm:
+        yield Variant(f"{other} grid for {array.grid}", "lenslet", lambda g: golden(g.with_array(grid=other)))
     yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], False)
     if array.grid == "hex":
         yield relabelled(
@@ -260,6 +281,8 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         return np.asarray(start + (g.aims - start) * g.display.aperture_distance_mm / distance)
 
     yield aimed("aperture points not used", lambda g: np.zeros_like(g.aims))
+    yield aimed("aperture points halved", lambda g: 0.5 * g.aims)
+    yield aimed("aperture points doubled", lambda g: 2.0 * g.aims)
     yield aimed("sign of the aperture point", lambda g: -g.aims)
     yield aimed("axes of the aperture point swapped", lambda g: g.aims[:, ::-1])
     frame = System.of(display).frame
@@ -363,6 +386,8 @@ FITTED: dict[str, tuple[str, Callable[[Given, float], Given], Callable[[Display]
 
 #: How far from the display's number a fit looks, as shares of it (of a pitch, where it is 0).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+#: A rotation is looked for all round: none is near another.
+ROTATIONS = range(-180, 180)
 #: Steps of the secant that sharpens the best of these.
 SHARPENINGS = 12
 
@@ -433,7 +458,10 @@ def _numbers(given: Given, direction: Floats) -> Iterator[Variant]:
             except (LippmannError, ValueError, ZeroDivisionError):
                 return math.inf
 
-        best = min((tried(value + share * unit), value + share * unit) for share in LOOKED)[1]
+        looked = [value + share * unit for share in LOOKED]
+        if name == "array.rotation_deg":
+            looked += [float(turn) for turn in ROTATIONS]
+        best = min((tried(v), v) for v in looked)[1]
         best = _sharpened(tried, best, 0.02 * abs(unit))
         if not math.isfinite(tried(best)):
             continue

@@ -14,10 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
+from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.hard.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
 from lippmann.hard.foreign import Foreign, Words
 from lippmann.hard.search import Floats
+from lippmann.hard.vectors import output_widths
 from lippmann.optics.trace import Model
 
 Bools = npt.NDArray[np.bool_]
@@ -33,6 +35,8 @@ NEARER, SAME = 0.5, 1e-9
 WORD_UNITS = 64.0
 #: A design whose words are at most so far from the twin's rounds otherwise; it does not trace otherwise.
 ROUNDING_WORDS = 8
+#: By how many rays outputs may be late, and the fewest rays that show it.
+LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 #: Fields that are whole numbers.
 WHOLE = ("home", "lenslet", "status")
 
@@ -220,6 +224,9 @@ def _diagnosed(
         unit = bent / np.where(length > 0.0, length, 1.0)[:, None]
         if not _wrong("direction", unit, allowed).any():
             return "exit", "direction not normalised: it is right but for its length", 1.0
+    late = _late(fields, allowed, wrong_by)
+    if late:
+        return "exit", late, 1.0
     everywhere = _best(fields, given, allowed, np.arange(len(wrong)), wrong_by, wrong)
     return everywhere or _stale(fields, given, allowed, wrong_by, wrong) or (first, None, 0.0)
 
@@ -227,15 +234,39 @@ def _diagnosed(
 def _stale(
     fields: Arrays, given: Given, allowed: _Allowed, wrong_by: dict[str, Bools], wrong: Bools
 ) -> tuple[str, str, float] | None:
-    """Explain rays that are wrong up to some ray and right from there on: what was written before took effect late."""
+    """Explain a stretch of wrong rays, with right ones before or after: what was written there took effect late."""
     run = np.flatnonzero(wrong)
-    last = int(run[-1])
-    if last + 1 >= len(wrong) or len(run) < 0.5 * (last + 1):
+    first, last = int(run[0]), int(run[-1])
+    if last + 1 - first >= len(wrong) or len(run) < 0.5 * (last + 1 - first):
         return None
-    part = _best(fields, given, allowed, np.arange(last + 1), wrong_by, wrong)
+    part = _best(fields, given, allowed, np.arange(first, last + 1), wrong_by, wrong)
     if part is None:
         return None
-    return part[0], f"stale register: rays 0 to {last} are of an earlier configuration ({part[1]})", part[2]
+    return part[0], f"stale register: rays {first} to {last} are of an earlier configuration ({part[1]})", part[2]
+
+
+def _late(fields: Arrays, allowed: _Allowed, wrong_by: dict[str, Bools]) -> str | None:
+    """Say by how many rays the arrays that are wrong came too late, or too early."""
+    for lag in LAGS:
+        here, there = _shifted(lag)
+        right = [
+            _far(name, fields[name][here], allowed.rays[name][there])
+            <= allowed.by_field.get(name, np.zeros(len(bad)))[there]
+            for name, bad in wrong_by.items()
+            if bad.any()
+        ]
+        if len(right[0]) >= MANY and np.all(right, axis=0).mean() >= EXPLAINED:
+            return _lateness(lag)
+    return None
+
+
+def _shifted(lag: int) -> tuple[slice, slice]:
+    """Return which rays came, and which should have come, when all are `lag` late."""
+    return (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
+
+
+def _lateness(lag: int) -> str:
+    return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has what is ray k {-lag:+d}'s"
 
 
 def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str:
@@ -339,13 +370,12 @@ def _match(variant: Variant, rays: Arrays, sampled: _Sampled) -> tuple[float, fl
 
 def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
     twin = ray_pipeline(*words.inputs, words.registers, words.build)
-    stages = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
     wrong_by = {name: a != b for name, a, b in zip(FixedRays._fields, words.outputs, twin, strict=True)}
     wrong: Bools = np.any(list(wrong_by.values()), axis=0)
     compared = tuple(
         Compared(
             name,
-            stages.get(name, "exit"),
+            WORD_STAGES.get(name, "exit"),
             len(wrong),
             int(wrong_by[name].sum()),
             float(np.abs(got - wanted).max(initial=0)),
@@ -367,10 +397,10 @@ def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
     if first == "status":
         fault = _codes(words.outputs.status[:, None], twin.status[:, None], wrong)
         return _verdict(np.zeros_like(wrong), wrong, first, fault, 1.0, compared)
-    if not lenslets.any():
-        said = _rounding(apart, twin, reals, words.build.near)
-        if said:
-            return _verdict(np.zeros_like(wrong), wrong, first, said, 1.0, compared)
+    said = None if lenslets.any() else _rounding(apart, twin, reals, words.build)
+    slip = (first, said) if said else _slip(words.outputs, twin)
+    if slip:
+        return _verdict(np.zeros_like(wrong), wrong, *slip, 1.0, compared)
     ties = lenslets & (allowed.edge | _ties(given))
     if (ties == wrong).all():
         fault = "cells closed on their other side (tie rule): points on an edge have the other owner"
@@ -385,10 +415,41 @@ def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
     return _verdict(np.zeros_like(wrong), wrong, stage, name, share, compared)
 
 
-def _rounding(apart: npt.NDArray[np.int64], twin: FixedRays, names: list[str], near: int) -> str | None:
+#: Steps that words are made at; the others at the exit.
+WORD_STAGES = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
+#: Words that may be taken for each other.
+SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
+#: Words whose signs may be turned.
+SIGNS = (*((name,) for name in ("x", "y", "z", "dx", "dy", "dz")), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
+
+
+def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
+    """Return the stage and name of a fault that makes the words of the twin's, to the bit: a sign, a swap, a delay."""
+
+    def gives(words: FixedRays, here: slice = slice(None), there: slice = slice(None)) -> bool:
+        same = np.all([a[here] == b[there] for a, b in zip(got, words, strict=True)], axis=0)
+        return len(same) >= MANY and bool(same.mean() >= EXPLAINED)
+
+    for lag in LAGS:
+        if gives(twin, *_shifted(lag)):
+            return "exit", _lateness(lag)
+    for names in SIGNS:
+        if gives(twin._replace(**{name: -getattr(twin, name) for name in names})):
+            return WORD_STAGES.get(names[0], "exit"), f"sign of the words {', '.join(names)}"
+    for swap in SWAPS:
+        if gives(twin._replace(**{name: getattr(twin, other) for name, other in swap.items()})):
+            return WORD_STAGES.get(next(iter(swap)), "exit"), f"words swapped: {', '.join(swap)}"
+    for name, word, wanted in zip(FixedRays._fields, got, twin, strict=True):
+        added = int(np.median(word - wanted))
+        if added and name != "status" and gives(twin._replace(**{name: wanted + added})):
+            return WORD_STAGES.get(name, "exit"), f"a constant added to the word {name}: {added:+d}"
+    return None
+
+
+def _rounding(apart: npt.NDArray[np.int64], twin: FixedRays, names: list[str], build: Build) -> str | None:
     """Say what rounds or overflows otherwise, from differences (6, N) of words; None when it is more than that."""
-    span = 1 << near
-    wraps = np.abs(apart) >= span - ROUNDING_WORDS
+    span = np.array([1 << bits for bits in output_widths(build)[2:-1]])[:, None]
+    wraps = np.abs(np.abs(apart) - span) <= ROUNDING_WORDS
     if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
         found = ", ".join(name for name, row in zip(names, wraps, strict=True) if row.any())
         return f"a word wrapped where it should saturate: {found}"
