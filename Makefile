@@ -80,7 +80,7 @@ peers: $(READY) ## time and picture beside POV-Ray, and the founding paper's ben
 report-hard: $(READY) ## every engine on the hard cases, and what the formulas gain, into docs/reports
 	$(BIN)/lippmann bench hard --report docs/reports > /dev/null
 
-mutation: $(READY) ## put faults into the RTL and report how many are caught (half an hour)
+mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)
 	$(BIN)/python -m lippmann.sim.mutation
 
 scenes: $(READY) ## make the shipped scenes' assets again
