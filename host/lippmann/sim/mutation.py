@@ -49,7 +49,7 @@ OUTSIDE = ("optics_block", "raster")
 #: Changes that no test can tell, for the words that come out are the same: file, changed line, and why.
 SAME = {
     ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
-    ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "a stage behind the last, which nobody reads",
+    ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
     ("pixel_to_panel.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
@@ -294,8 +294,8 @@ def main(count: int, seed: int, report: str) -> None:
     text = (
         "# Faults in the RTL\n\n"
         f"{caught} of {caught + survived} faults caught ({share:.1f} %); {same} more changes are no faults: "
-        "the words that come out are the same, and the table says why. Each is one changed operator, one negated condition, "
-        "one choice with its branches swapped, or one flipped bit; those that do not elaborate are not counted. A "
+        "the words that come out are the same, and the table says why. Each is one changed operator, one "
+        "negated condition, one choice with its branches swapped, or one flipped bit; those that do not elaborate are not counted. A "
         "fault is caught when a word differs from the twin's, rays stop coming, or a test of its module fails.\n\n"
         f"{table(shown)}"
     )
