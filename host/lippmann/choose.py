@@ -8,6 +8,7 @@ depth. That pixel is the lenslet pitch, or what a panel pixel spreads to at that
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,10 +77,10 @@ def choose_model(
     Raises
     ------
     InputError
-        For a tolerance that is not positive.
+        For a tolerance that is not positive and finite.
     """
-    if not tolerance > 0.0:
-        raise InputError(f"tolerance {tolerance:g} is not positive; give pixels, such as {TOLERANCE}")
+    if not 0.0 < tolerance < math.inf:
+        raise InputError(f"tolerance {tolerance:g} is not positive and finite; give pixels, such as {TOLERANCE}")
     pixels, points = probe(display, aperture)
     truth = trace(display, pixels, points, "exact")
     errors: dict[Model, float] = {}

@@ -60,17 +60,17 @@ class Fit:
     choice
         The lens model.
     samples
-        Rays for each pixel.
+        Rays for each pixel; None when MOST_SAMPLES are too few.
     sample_error_px
-        Their error.
+        Their error, or that of MOST_SAMPLES.
     build
         Of the RTL; None when none that can be built meets the tolerance.
     build_error_px
-        Its error, or that of the best build.
+        Its error, or that of the best build; infinite when no build holds this display or gives its rays.
     """
 
     choice: Choice
-    samples: int
+    samples: int | None
     sample_error_px: float
     build: Build | None
     build_error_px: float
@@ -91,22 +91,19 @@ def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float 
     Raises
     ------
     InputError
-        For a tolerance that is not positive, or that more than MOST_SAMPLES samples would be needed for.
+        For a tolerance that is not positive and finite.
     """
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
     spread = max(_spread_px(display, z) for z in depth_range_mm)
     samples = choose_samples(spread, tolerance)
     build, error = choose_build(display, depth_range_mm, tolerance)
-    return Fit(choice, samples, gap(samples) * spread, build, error)
+    return Fit(choice, samples, gap(samples or MOST_SAMPLES) * spread, build, error)
 
 
-def choose_samples(spread_px: float, tolerance: float) -> int:
+def choose_samples(spread_px: float, tolerance: float) -> int | None:
     """Return the fewest samples whose gap, times what a pixel spreads to, is within a tolerance.
 
-    Raises
-    ------
-    InputError
-        When more than MOST_SAMPLES would be needed.
+    None when more than MOST_SAMPLES would be needed.
     """
 
     def enough(samples: int) -> bool:
@@ -115,10 +112,7 @@ def choose_samples(spread_px: float, tolerance: float) -> int:
     if enough(1):
         return 1
     if not enough(MOST_SAMPLES):
-        raise InputError(
-            f"tolerance {tolerance:g} would need more than {MOST_SAMPLES} samples a pixel at these depths; "
-            f"give {gap(MOST_SAMPLES) * spread_px:.2g} or more"
-        )
+        return None
     # From two on each sample more can but shrink the gap: those before it stay where they are.
     return 2 + bisect.bisect_left(range(2, MOST_SAMPLES + 1), True, key=enough)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from lippmann.errors import InputError
 from lippmann.fit import choose_build, choose_samples, fit, gap
 from lippmann.fixed.trace import trace_fixed
 from lippmann.optics.trace import MODELS, trace
+from lippmann.sim.tools import repository
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import focused_display, generator
 
@@ -137,8 +139,10 @@ def test_samples_follow_from_the_spread():
     assert fit(display, (-10.0, 0.0), 0.25).samples == 1  # sqrt(1/2) / 4 < 0.25
     far = fit(display, (-80.0, 0.0), 0.25)
     assert far.sample_error_px == gap(far.samples) <= 0.25 < gap(far.samples - 1)
-    with pytest.raises(InputError, match="samples a pixel"):
-        fit(display, (-80.0, 0.0), 1e-3)
+    none = fit(display, (-80.0, 0.0), 1e-3)
+    assert none.samples is None
+    assert none.sample_error_px == gap(1024)  # a pixel spreads to one of the view's
+    assert none.choice.error_px[none.choice.model] <= 1e-3
 
 
 @pytest.mark.parametrize("spread", [0.3, 0.6, 1.0])
@@ -146,6 +150,40 @@ def test_samples_follow_from_the_spread():
 def test_no_fewer_samples_would_do(spread, tolerance):
     chosen = choose_samples(spread, tolerance)
     assert [n for n in range(1, chosen + 1) if gap(n) * spread <= tolerance] == [chosen]
+
+
+@pytest.mark.parametrize("tolerance", ["0.05", "0.01"])
+def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(tolerance, capfd):
+    arguments = ["fit", "scenes/displays/paper-square.toml", "--depths", "-400,30"]
+    assert run([*arguments, "--tolerance", tolerance]) == 0
+    out = capfd.readouterr().out
+    assert "model pinhole: the cheapest" in out
+    assert "RTL " in out
+    assert "samples: 1024 a pixel, the most, are not enough" in out
+    advised = out.split("they are for --tolerance ")[1].split()[0]
+    assert run([*arguments, "--tolerance", advised, "--json"]) == 0
+    assert 1 <= json.loads(capfd.readouterr().out)["samples"] <= 1024
+    assert run([*arguments, "--tolerance", tolerance, "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["samples"] is None
+
+
+def test_no_build_is_no_infinite_error(tmp_path, capfd):
+    """Lenslets of index 2.4 are outside the registers' range."""
+    text = (repository() / "scenes/displays/paper-square.toml").read_text()
+    glass = re.search(r"^(glass|index) = .*$", text, re.MULTILINE).group(0)
+    (tmp_path / "dense.toml").write_text(text.replace(glass, "index = 2.4"))
+    assert run(["fit", str(tmp_path / "dense.toml"), "--depths", "-4,3", "--tolerance", "1e-7"]) == 0
+    out = capfd.readouterr().out
+    assert "RTL" in out
+    assert "inf" not in out
+
+
+@pytest.mark.parametrize("tolerance", ["inf", "nan", "-inf", "0"])
+def test_tolerances_that_are_no_numbers_are_refused(tolerance, capfd):
+    assert run(["fit", "scenes/displays/paper-square.toml", "--tolerance", tolerance]) == 2
+    assert "finite" in capfd.readouterr().err
+    with pytest.raises(InputError, match="positive and finite"):
+        fit(load_display("scenes/displays/paper-square.toml"), (-4.0, 3.0), float(tolerance))
 
 
 def test_the_command_says_what_and_why(capfd):

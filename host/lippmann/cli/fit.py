@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from decimal import ROUND_CEILING, Context
 
 import click
 
 from lippmann.choose import TOLERANCE
-from lippmann.cli.common import Vector, emit, json_option
+from lippmann.cli.common import Finite, Vector, emit, json_option
 from lippmann.derived import derive
 from lippmann.display import load_display
 from lippmann.errors import input_error
-from lippmann.fit import fit
+from lippmann.fit import MOST_SAMPLES, fit
 
 
 @click.command("fit")
 @click.argument("display_path", metavar="DISPLAY.toml")
 @click.option(
     "--tolerance",
+    type=Finite(),
     default=TOLERANCE,
     show_default=True,
     help="Error allowed, pixels of the reconstructed view; above 0.",
@@ -53,11 +56,20 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
     def text() -> None:
         click.echo(f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view")
         click.echo(str(chosen.choice))
-        click.echo(
-            f"samples {chosen.samples}: the fewest a pixel that leave no light farther than {tolerance:g} from a ray "
-            f"(error {chosen.sample_error_px:.2g})"
-        )
-        if build is None:
+        if chosen.samples is None:
+            enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
+            click.echo(
+                f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
+                f"they are for --tolerance {enough:g}"
+            )
+        else:
+            click.echo(
+                f"samples {chosen.samples}: the fewest a pixel that leave no light farther than {tolerance:g} from a "
+                f"ray (error {chosen.sample_error_px:.2g})"
+            )
+        if build is None and math.isinf(chosen.build_error_px):
+            click.echo("RTL: no build holds this display, or none has its rays")
+        elif build is None:
             click.echo(f"RTL: no build is within {tolerance:g} (the best has {chosen.build_error_px:.2g})")
         else:
             click.echo(
