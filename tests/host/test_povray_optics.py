@@ -187,7 +187,7 @@ def timed(tracer, grid, window, pitch, antialias, cpu):
 
 def test_what_the_sweep_says():
     rows = [
-        timed("lippmann", "none", 720, float("nan"), True, 1.0),
+        timed("lippmann", "none", 720, None, True, 1.0),
         timed("lippmann", "square", 720, 1.0, False, 2.2),
         timed("lippmann", "square", 720, 9.0, False, 2.0),
         timed("lippmann", "hex", 720, 1.0, False, 2.42),
@@ -241,4 +241,10 @@ def test_bench_seed_quick(mi, capfd, repository, monkeypatch, tmp_path):
         assert row["relative"] == pytest.approx(row["cpu_seconds"] / base[row["tracer"]])
     assert set(result["findings"]["growth"]) == {"48"}
     assert {path.name for path in tmp_path.iterdir()} == {"seed.md", "seed.csv", "seed.png"}
-    assert "![t_R" in (tmp_path / "seed.md").read_text()
+    page = (tmp_path / "seed.md").read_text()
+    assert "![t_R" in page
+    assert "too small to measure anything" in page
+    # A scene without lenslets has no pitch: an empty field.
+    assert "nan" not in (tmp_path / "seed.csv").read_text().lower()
+    assert "\nlippmann,none,96,,0,True," in (tmp_path / "seed.csv").read_text()
+    assert {row["pitch_mm"] for row in result["rows"] if row["grid"] == "none"} == {None}

@@ -43,7 +43,7 @@ PEERS = Path("out/peers")
     metavar="FOLDER",
     help="`fixed`, `link`, `depth`, `seed`, `peers`, `hard`: write the report and its files there.",
 )
-@click.option("--quick", is_flag=True, help="`seed`: small windows only.")
+@click.option("--quick", is_flag=True, help="`seed`: try it on windows too small to measure anything.")
 @device_option
 @json_option
 def command(
@@ -187,8 +187,11 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
             f"theory {row.theory_mm:+.2f} ({row.error_percent:+.1f} %), whole lenslets {row.lenslets_mm:+.2f}"
         )
 
+    def errors(row: Depth) -> dict[str, Any]:
+        return {"error_percent": row.error_percent, "wide_error_percent": row.wide_error_percent, "kept": row.kept}
+
     rows = bench_depth(mi, folder, seed, done)
-    figures = [{**dataclasses.asdict(row), "error_percent": row.error_percent, "kept": row.kept} for row in rows]
+    figures = [{**dataclasses.asdict(row), **errors(row)} for row in rows]
     if report is not None:
         write_contact_sheet(picture, *fish_views(mi, folder, seed), columns=2)
         write_report(Path(report), "depth", origin, report_text(rows), {"depth": figures})
@@ -316,12 +319,13 @@ def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool)
         for row in bench_seed(mi, folder, Path(work), **sizes):
             rows.append(row)
             log(
-                f"{row.tracer}, {row.grid}, {row.window_px} px, pitch {row.pitch_mm:g} mm, {row.lenslets} lenslets, "
+                f"{row.tracer}, {row.grid}, {row.window_px} px, "
+                f"pitch {row.pitch_mm or '-'} mm, {row.lenslets} lenslets, "
                 f"{'' if row.antialias else 'no '}anti-aliasing: {row.cpu_seconds:.2f} CPU s, t_R {row.relative:.3f}"
             )
     figures = [dataclasses.asdict(row) for row in rows]
     found = dataclasses.asdict(findings(rows))
-    text = report_text(rows)
+    text = report_text(rows, trial=quick)
     if report is not None:
         write_report(Path(report), "seed", origin, text, {"seed": figures})
         plot(rows, Path(report) / "seed.png")
