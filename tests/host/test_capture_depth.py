@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.bench.depth import measure_depths, strip_of
+from lippmann.bench.depth import CENTRES, WIDE, Depth, measure_depths, report_text, strip_of
+from lippmann.bench.depth import SETUPS as FIGURE
 from lippmann.capture.depths import shown
 from lippmann.capture.imaging_lens import ThinLens
 from lippmann.capture.setup import Pickup, load_setup
@@ -51,7 +52,7 @@ def test_an_eye_that_moves_sees_the_depth(mi, name, z, sign):
     setup = strip_of(load_setup(SETUPS / f"{name}.toml"))
     gap = setup.display.gap_mm
     for rotated in (True, False):
-        (depth,) = measure_depths(mi, setup, z, rotated, ("pinhole",))
+        (depth,) = measure_depths(mi, setup, z, rotated)
         theory = lens_equations(z, setup.position_mm, gap=gap, rotated=rotated)
         print(f"{name} {z:g} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {theory:.2f}")
         assert np.sign(depth) == np.sign(theory) == (sign if rotated else -sign)
@@ -63,14 +64,14 @@ def test_an_ideal_lens_and_a_pickup(mi):
     setup = strip_of(load_setup(SETUPS / "pickup.toml"))
     setup = replace(setup, lens=ThinLens(1000 * 415 / 1415, 320.0))
     assert setup.pickup == Pickup(4.8)
-    (depth,) = measure_depths(mi, setup, 0.0, True, ("pinhole",))
+    (depth,) = measure_depths(mi, setup, 0.0, True)
     assert depth == pytest.approx(60.0, rel=0.03)
     assert float(shown(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
 
 
 def test_concave_lenslets_need_no_rotation(mi):
     setup = strip_of(load_setup(SETUPS / "concave.toml"))
-    (depth,) = measure_depths(mi, setup, 0.0, False, ("pinhole",))
+    (depth,) = measure_depths(mi, setup, 0.0, False)
     # Their pupil stands 3.3 mm behind the array, not before it.
     theory = -lens_equations(0.0, -60.0, focal=-3.3)
     assert theory > 0.0
@@ -86,7 +87,31 @@ def test_a_plain_array_converts_pseudoscopic_to_orthoscopic(mi):
     for z in (0.0, 60.0):
         far = 120.0 - z
         theory = g / v * (far - v) * length / (length + far)
-        (real,) = measure_depths(mi, setup, z, False, ("pinhole",))
-        (virtual,) = measure_depths(mi, setup, z, True, ("pinhole",))
+        (real,) = measure_depths(mi, setup, z, False)
+        (virtual,) = measure_depths(mi, setup, z, True)
         assert real == pytest.approx(theory, rel=0.05)
         assert virtual == pytest.approx(-theory, rel=0.05)
+
+
+def test_an_eye_that_moves_far_sees_aberrations(mi):
+    """+-30 mm: through the pair of spherical lenses 2.7 to 9.5 % too near the display."""
+    setup = strip_of(load_setup(SETUPS / "fig8a.toml"))
+    near, wide = measure_depths(mi, setup, 0.0, True, (CENTRES, WIDE))
+    theory = lens_equations(0.0, -60.0)
+    print(f"{near:.2f}, {wide:.2f}, theory {theory:.2f}")
+    assert near == pytest.approx(theory, rel=0.005)
+    assert -0.095 < wide / theory - 1.0 < -0.02
+
+
+def test_the_report_says_how_far_its_eyes_move():
+    rows = [
+        Depth(name, -60.0, 4.8, rotated, "fish", 1000.0, 415.0, 50.0, 50.5, 51.0, 50.0 * (1.0 + error))
+        for name, error in zip(FIGURE, (-0.03, -0.05, -0.1, 0.2), strict=True)
+        for rotated in (True, False)
+    ]
+    text = report_text(rows)
+    assert "4 of 4 objects have the right sign and are within 5 % of the lens equations for an eye near" in text
+    assert "near the axis (-5 to +5 mm)" in text
+    assert "moves -30 to +30 mm" in text
+    assert "-1.5 to -1.5 mm (fig8a), -2.5 to -2.5 mm (fig8b), -5.0 to -5.0 mm (fig8c), +10.0 to +10.0 mm (f" in text
+    assert "| +48.50 | -3.0 % |" in text

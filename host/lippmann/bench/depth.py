@@ -4,9 +4,9 @@ At the depth of each object of the fish scene stands, alone and on the axis, a s
 shown, an eye moves along x, and the centre of what it sees is followed across the plane of the display. A point at
 depth z moves by -z / (E - z) for each mm of an eye at distance E: the slope of the fitted line gives the depth.
 
-Two eyes look. One sees each lenslet through its centre alone, as the lens equations do. The other sees through whole,
-exact lenslets: behind a gap that is not their focal length they spread its view over a wide part of the imaging lens,
-whose spherical aberration then counts.
+Three eyes look. One sees each lenslet through its centre alone and stays near the axis, as the lens equations do.
+Another sees through whole, exact lenslets: behind a gap that is not their focal length they spread its view over a wide
+part of the imaging lens, whose spherical aberration then counts. The third looks through the centres and moves far.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,8 @@ SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
 #: The eye's places along x, mm: so near the axis that rays stay in the middle of the imaging lens.
 EYES_MM = np.linspace(-5.0, 5.0, 9)
+#: The places of one that moves as far as viewers do: its rays reach the lens's outer parts.
+WIDE_EYES_MM = np.linspace(-30.0, 30.0, 9)
 #: Part of the display that a mark is shown on, lenslets, and the pixels of each: finer than the print's, where such a
 #: small move of an eye shifts what it sees by a pixel or two, and whole, so that rotation is exact.
 STRIP, PIXELS = (25, 1), 240
@@ -53,9 +55,19 @@ Floats = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
 
+class Look(NamedTuple):
+    """An eye that moves: through the lenslets' centres ("pinhole") or through all of them, and its places along x."""
+
+    model: Model
+    eyes_mm: Floats
+
+
+CENTRES, LENSLETS, WIDE = Look("pinhole", EYES_MM), Look("exact", EYES_MM), Look("pinhole", WIDE_EYES_MM)
+
+
 @dataclass(frozen=True)
 class Depth:
-    """Where an object appears, mm before the display: by the lens equations, and as two eyes see it."""
+    """Where an object appears, mm before the display: by the lens equations, and as eyes see it."""
 
     setup: str
     array_position_mm: float
@@ -67,11 +79,17 @@ class Depth:
     theory_mm: float
     centres_mm: float
     lenslets_mm: float
+    wide_mm: float
 
     @property
     def error_percent(self) -> float:
         """Of the depth's magnitude, seen through the lenslets' centres."""
         return 100.0 * (self.centres_mm / self.theory_mm - 1.0)
+
+    @property
+    def wide_error_percent(self) -> float:
+        """The same of an eye that moves far."""
+        return 100.0 * (self.wide_mm / self.theory_mm - 1.0)
 
     @property
     def kept(self) -> bool:
@@ -99,8 +117,7 @@ def measure_depths(
     setup: Setup,
     z_mm: float,
     rotated: bool,
-    models: tuple[Model, ...],
-    eyes_mm: Floats = EYES_MM,
+    looks: tuple[Look, ...] = (CENTRES,),
     seed: int = 0,
 ) -> list[float]:
     """Return the depths (mm, positive in front of the display) at which moving eyes see a captured point.
@@ -115,11 +132,8 @@ def measure_depths(
         The point's depth in the object's frame, on the axis.
     rotated
         Whether elemental images are turned.
-    models
-        How the eyes look through the lenslets, one depth each: "pinhole" through their centres, "exact" through all of
-        them.
-    eyes_mm
-        The eyes' places along x.
+    looks
+        How eyes look, one depth each.
     seed
         Of the capture.
     """
@@ -129,13 +143,13 @@ def measure_depths(
     window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitch_mm))
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
     depths = []
-    for model in models:
+    for look in looks:
         centres = []
-        for eye in eyes_mm:
-            view = observe(mi, picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=model)
+        for eye in look.eyes_mm:
+            view = observe(mi, picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=look.model)
             light = view.radiance.sum(axis=(0, 2), dtype=np.float64)
             centres.append(float((light * x).sum() / light.sum()))
-        slope = float(np.polyfit(eyes_mm, centres, 1)[0])
+        slope = float(np.polyfit(look.eyes_mm, centres, 1)[0])
         depths.append(EYE_DISTANCE_MM * slope / (slope - 1.0))
     return depths
 
@@ -160,7 +174,7 @@ def bench_depth(mi: Any, folder: Path, seed: int, done: Callable[[Depth], None])
         for rotated in (True, False):
             for thing, z in OBJECTS.items():
                 z_mm = stand.scale * z + stand.offset_mm[2]
-                centres, lenslets = measure_depths(mi, setup, z_mm, rotated, ("pinhole", "exact"), seed=seed)
+                centres, lenslets, wide = measure_depths(mi, setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
                 row = Depth(
                     name,
                     setup.position_mm,
@@ -172,6 +186,7 @@ def bench_depth(mi: Any, folder: Path, seed: int, done: Callable[[Depth], None])
                     float(shown(setup, z_mm, rotated).depth_mm),
                     centres,
                     lenslets,
+                    wide,
                 )
                 rows.append(row)
                 done(row)
@@ -199,19 +214,22 @@ def fish_views(mi: Any, folder: Path, seed: int) -> tuple[list[Image], list[str]
 def report_text(rows: list[Depth]) -> str:
     """Return the report's page."""
     rotated = [row for row in rows if row.rotated]
+    near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (EYES_MM, WIDE_EYES_MM))
     text = (
         "# Depths in the founding paper's set-ups\n\n"
         "A soft mark on the axis at the depth of each object of the fish scene, captured with the set-ups of figure 8 "
         "(imaging lens of two thick plano-convex lenses, really traced; exact lenslets; camera at 145 cm) and shown by "
         "the decoding display. Depths (mm, positive in front of the display) are those of an eye at 600 mm that moves "
-        f"{EYES_MM[0]:+.0f} to {EYES_MM[-1]:+.0f} mm: `theory` by the lens equations, `centres` seen through the "
-        "lenslets' centres, `lenslets` through whole exact lenslets. `error` is that of `centres`. The marks are shown "
-        f"by the middle {STRIP[0]} lenslets of the display with {PIXELS} pixels each, where the print has 23.6: such a "
-        "small move of an eye shifts what it sees by one or two of the print's pixels. The views of the fish below are "
-        "of the print as it is.\n\n"
+        f"{near} mm: `theory` by the lens equations, `centres` seen through the lenslets' centres, `lenslets` through "
+        "whole exact lenslets. `error` is that of `centres`. `wide` is seen through the centres by an eye that moves "
+        f"{far} mm, and has its error beside it. The marks are shown by the middle {STRIP[0]} lenslets of the display "
+        f"with {PIXELS} pixels each, where the print has 23.6: such a small move of an eye shifts what it sees by one "
+        "or two of the print's pixels. The views of the fish below are of the print as it is.\n\n"
         f"{sum(row.kept for row in rotated)} of {len(rotated)} objects have the right sign and are within "
-        f"{100 * SHARE:.0f} % of the lens equations; through whole lenslets "
-        f"{sum(row.lenslets_mm * row.theory_mm > 0 for row in rotated)} have the right sign.\n\n"
+        f"{100 * SHARE:.0f} % of the lens equations for an eye near the axis ({near} mm); through whole lenslets "
+        f"{sum(row.lenslets_mm * row.theory_mm > 0 for row in rotated)} have the right sign. An eye that moves "
+        f"{far} mm sees them through the outer parts of imaging lens and lenslets, with their aberrations, "
+        f"shifted by {_wide(rotated)}: a few per cent of a large depth, much of a small one.\n\n"
         "![What two eyes see of the fish](depth.png)\n"
     )
     for name in SETUPS:
@@ -232,6 +250,17 @@ def report_text(rows: list[Depth]) -> str:
                     "centres": [f"{row.centres_mm:+.2f}" for row in part],
                     "error": [f"{row.error_percent:+.1f} %" for row in part],
                     "lenslets": [f"{row.lenslets_mm:+.2f}" for row in part],
+                    "wide": [f"{row.wide_mm:+.2f}" for row in part],
+                    "wide error": [f"{row.wide_error_percent:+.1f} %" for row in part],
                 }
             )
     return text
+
+
+def _wide(rows: list[Depth]) -> str:
+    """Return the range of shifts that an eye that moves far sees, set-up by set-up."""
+    ranges = []
+    for name in SETUPS:
+        shifts = [row.wide_mm - row.theory_mm for row in rows if row.setup == name]
+        ranges.append(f"{min(shifts):+.1f} to {max(shifts):+.1f} mm ({name})")
+    return ", ".join(ranges)
