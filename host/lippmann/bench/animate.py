@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from lippmann.render.variant import device_of
 
 WORKERS = 2
 #: Display, scale of the film, and how many of its frames.
-CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 8))
+CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,12 @@ class Row:
         return self.workers_seconds / self.one_seconds
 
 
-def bench_animate(mi: Any, scenes: Path) -> list[Row]:
+def bench_animate(mi: Any, scenes: Path) -> Iterator[Row]:
     """Measure the shipped film on each display."""
     from distributed import Client, LocalCluster
 
     film = load_film(scenes / "films/swim.toml")
     device = device_of(mi)
-    rows = []
     with LocalCluster(
         n_workers=WORKERS, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster, Client(cluster) as client:  # fmt: skip
@@ -73,8 +72,7 @@ def bench_animate(mi: Any, scenes: Path) -> list[Row]:
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
             size = (display.panel.width_px, display.panel.height_px)
-            rows.append(Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ))
-    return rows
+            yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
 
 
 def alone(mi: Any, shots: Sequence[Shot]) -> list[Image]:

@@ -262,15 +262,16 @@ def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, A
 def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.bench.animate import bench_animate
 
-    rows = bench_animate(mi, folder)
-    if not as_json:
-        for row in rows:
+    rows = []
+    for row in bench_animate(mi, folder):
+        rows.append({**dataclasses.asdict(row), "ratio": row.ratio})
+        if not as_json:
             click.echo(
                 f"swim, {row.frames} frames of {row.width_px} x {row.height_px}: one process {row.one_seconds:.1f} s "
                 f"({row.one_cpu_seconds:.1f} CPU s), {row.workers} workers {row.workers_seconds:.1f} s "
                 f"({row.workers_cpu_seconds:.1f} CPU s), ratio {row.ratio:.2f}; {row.pixels_differ} pixels differ"
             )
-    return [{**dataclasses.asdict(row), "ratio": row.ratio} for row in rows]
+    return rows
 
 
 def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
