@@ -74,16 +74,19 @@ module quadratic #(
 
   // Octave: one fraction whichever it is.
   logic [F+1:0] fraction_d;
-  logic [A:0] segment_q;
+  logic [A:0] segment_d;
+  logic [1:0] asked_q;  // which quarter
   logic signed [D-1:0] place_q;
   assign fraction_d = x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
+  assign segment_d = {x_i[F+2], fraction_d[F+1-:A]};
   always_ff @(posedge clk_i) begin
-    segment_q <= {x_i[F+2], fraction_d[F+1-:A]};
+    asked_q <= segment_d[A-:2];
     // Half a segment is taken off by turning the top bit.
     place_q <= {~fraction_d[F+1-A], fraction_d[F-A-:D-1]};
   end
 
-  // Table, read in quarters first.
+  // Table, read in quarters first. Each has an address of its own, 0 while another is asked: one
+  // for all would reach every bit of the table, and its wires would limit the clock.
   localparam int Quarter = Entries / 4;
   logic [1:0] quarter_q;
   logic [W0-1:0] c0_q;
@@ -92,14 +95,18 @@ module quadratic #(
   for (genvar k = 0; k < 4; k++) begin : gen_quarter
     (* rom_style = "logic" *) logic [Wt-1:0] entries[Quarter];
     initial for (int n = 0; n < Quarter; n++) entries[n] = Table[k*Quarter+n];
+    logic [A-2:0] at_q;
     logic [Wt-1:0] entry_q;
-    always_ff @(posedge clk_i) entry_q <= entries[segment_q[A-2:0]];
+    always_ff @(posedge clk_i) begin
+      at_q <= segment_d[A-:2] == 2'(k) ? segment_d[A-2:0] : '0;
+      entry_q <= entries[at_q];
+    end
   end
   logic [Wt-1:0] lower, upper;
   assign lower = quarter_q[0] ? gen_quarter[1].entry_q : gen_quarter[0].entry_q;
   assign upper = quarter_q[0] ? gen_quarter[3].entry_q : gen_quarter[2].entry_q;
   always_ff @(posedge clk_i) begin
-    quarter_q <= segment_q[A-:2];
+    quarter_q <= asked_q;
     {c0_q, c1_q, c2_q} <= quarter_q[1] ? upper : lower;
   end
 
