@@ -30,6 +30,9 @@ PROBE_CELLS = 5
 PROBE_POINTS = 9
 #: How far the probe goes towards a cell's corners, where the models err most; on them the cell would be a neighbour's.
 INSIDE = 1.0 - 1e-6
+#: How far towards a cell's rim the probe aims, and at how many places along each side. Beyond, where the domes look at
+#: the panel, some rays leave through the neighbour's dome however weak the lens: about 1 - RIM of all at most.
+RIM, RIM_POINTS = 0.995, 4
 
 
 @dataclass(frozen=True)
@@ -121,9 +124,10 @@ def probe(
         pixels = np.array([[0.5 * panel.width_px, 0.5 * panel.height_px]])
     if aperture == "chief":
         return pixels, None
-    # Rays that aim at the very rim leave through the neighbour's dome, whatever the lens: a few per cent are left out.
-    corners *= 0.97
-    aims = np.concatenate([[[0.0, 0.0]], corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
+    ends = RIM * cell_corners(array.grid, array.pitch_mm)
+    along = np.linspace(0.0, 1.0, RIM_POINTS, endpoint=False)[:, None, None]
+    rim = ends + along * (np.roll(ends, 1, axis=0) - ends)  # (places, sides, 2)
+    aims = np.concatenate([[[0.0, 0.0]], rim.reshape(-1, 2)])
     return np.repeat(pixels, len(aims), axis=0), np.tile(aims, (len(pixels), 1))
 
 
