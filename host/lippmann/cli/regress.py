@@ -89,7 +89,7 @@ def command(
                 f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
             )
         if verdict.right:
-            click.echo(f"{verdict.rays} rays right ({verdict.on_edge} of them within the tolerance of an edge)")
+            click.echo(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
         else:
             why = verdict.fault or "no single fault explains them"
             click.echo(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")

@@ -61,7 +61,7 @@ class Compared:
 class Verdict:
     """What is said of foreign rays.
 
-    `rays` in the file; `on_edge` not judged in full, for their fate turns within the tolerance; `wrong` are wrong in
+    `rays` in the file; `on_edge` not judged in full, for their fate turns within a rounding; `wrong` are wrong in
     some array. `stage` is the first step that is wrong (None: all is right), `fault` what explains the rays (None:
     nothing does), `explained` the share of them that it gives. `first_wrong` is the number of a ray.
     """
