@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import signal
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 from lippmann.errors import InputError, MissingLibraryError
@@ -26,15 +29,12 @@ def start_mitsuba(device: str = "auto") -> Any:
     """
     if device not in ("auto", *VARIANTS):
         raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
-    # Python's exceptions end the process where they come up while these load: Ctrl-C waits.
-    held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        import drjit as dr
-        import mitsuba as mi
+        with interrupts_held():
+            import drjit as dr
+            import mitsuba as mi
     except ImportError as error:
         raise MissingLibraryError(f"mitsuba cannot be imported ({error}); run make setup") from None
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, held)
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
@@ -47,6 +47,27 @@ def start_mitsuba(device: str = "auto") -> Any:
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return mi
+
+
+@contextlib.contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait until the block ends: where C++ loads, Python's exceptions end the process.
+
+    To block the signal would not do: other libraries' threads take it, and Python answers in this one.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    # Only the main thread has handlers, and those that are not Python's cannot be put back.
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    held: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(signal.SIGINT)
 
 
 def device_of(mi: Any) -> str:
