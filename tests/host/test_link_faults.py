@@ -44,7 +44,7 @@ UP = {
     "garble": Faults(garble=0.004),
     "reorder": Faults(reorder=0.004, run=8),
     "cut": Faults(cut=0.003, run=40),
-    "stall": Faults(stall=0.005, stall_s=0.1),
+    "stall": Faults(stall=0.003, stall_s=0.3),
     "lose": Faults(lose=0.2),
     "repeat": Faults(repeat=0.3),
     "swap": Faults(swap=0.2),
