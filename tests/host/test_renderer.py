@@ -10,6 +10,7 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.errors import InputError
+from lippmann.images import psnr_db
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.trace import MODELS, trace
 from lippmann.render import renderer, sources
@@ -582,3 +583,22 @@ def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, monkeypatch, grid, en
         sphere, clear = first_sphere(rays.origin_mm, rays.direction, np.array([[0.3, -0.2, -6.0]]), np.array([2.5]))
         assert clear.mean() > 0.99
         np.testing.assert_array_equal(picture.ravel()[clear], sphere[clear] == 0)
+
+
+@pytest.mark.parametrize(("grid", "subpixels", "samples"), [("square", "none", 4), ("hex", "rgb", 3)])
+def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, monkeypatch, grid, subpixels, samples):
+    """Sixteenths of a pixel, spread over all of it: the picture by fixed point is that by golden's rays."""
+    asked = []
+    monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append(a[1]) or trace(*a, **k))
+    display = display_for(grid, subpixels=subpixels, offset=(0.13, -0.21))
+    settings = Settings(samples=samples)
+    by = {e: render_integral(mi, spheres, display, "exact", settings, engine=e).radiance for e in ("golden", "twin")}
+    places = 16.0 * np.concatenate(asked)
+    np.testing.assert_array_equal(places, np.rint(places))
+    # A pixel's two edges share a place's weight.
+    counts = np.bincount((places % 16).astype(int).ravel(), minlength=16)
+    assert counts.min() > 0.7 * counts.mean()
+    assert psnr_db(by["golden"], by["twin"]) >= 50.0
+    fast = render_integral(mi, spheres, display, "exact", settings).radiance
+    # Other places: the mean is the same, to what random ones at outlines leave of it.
+    np.testing.assert_allclose(fast.mean(axis=(0, 1)), by["golden"].mean(axis=(0, 1)), atol=0.003)

@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple, Protocol, get_args
 import numpy as np
 
 from lippmann.display import Display
+from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.status import gets_through
 from lippmann.optics.system import System
@@ -84,7 +85,8 @@ class IntegralSource:
     """The rays of a display's pixels.
 
     `engine` traces them: "fast" within the renderer's own program, the others outside of it, chunk by chunk, so that
-    the picture is what their rays show; `fraction_bits` belongs to "twin" and "rtl".
+    the picture is what their rays show; `fraction_bits` belongs to "twin" and "rtl". Several samples of a pixel stand
+    anywhere in it with "fast", with all others on the same sixteenths of a pixel.
     """
 
     display: Display
@@ -134,6 +136,10 @@ class IntegralSource:
     def _traced_outside(self, mi: Any, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
         """Trace by an engine that takes and gives numpy arrays."""
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
+        if self.samples > 1:
+            # Any place in a pixel will do, so all take those that the RTL's words hold, and follow the same rays.
+            steps = 1 << PIXEL_FRACTION
+            pixels = np.rint(pixels * steps) / steps
         aims = None if aperture is None else np.stack([np.asarray(a) for a in aperture], axis=1)
         rays = trace(self.display, pixels, aims, self.model, self.engine, fraction_bits=self.fraction_bits)
         origin, way = rays.origin_mm.astype(np.float32), rays.direction.astype(np.float32)
