@@ -21,6 +21,8 @@ exclude_patterns = [".*", "build", "out", "host", "rtl", "sim", "tests"]
 # Anchors are made as forges make them, so that a link leads to the same place here and there.
 myst_heading_anchors = 4
 
+smartquotes_action = "qe"  # quotes and ellipses; a dash made of -- would break options
+
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autosummary_generate = False  # numpydoc would have it make pages

@@ -66,6 +66,8 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
         (tmp_path / "site" / link.partition("#")[0]).resolve() for link in pages[tmp_path / "site/README.html"].links
     }
     assert {tmp_path / f"site/{name}.html" for name in wanted - {"README"}} <= first
+    # Options stay what can be copied; there are no dashes of typography in the pages.
+    assert not [path.name for path in pages if "\N{EN DASH}" in path.read_text()]
     api = (tmp_path / "site/docs/site/api.html").read_text()
     for name in (
         "lippmann.display.load_display",
