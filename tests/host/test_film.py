@@ -1,5 +1,6 @@
 """Films: where things stand at each frame, what is rendered again, and what a video keeps."""
 
+import itertools
 import json
 import re
 import signal
@@ -225,6 +226,8 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
         ("frames = 3\n", "scene"),
         ('scene = "three.xml"\nframes = 0\n', "frames"),
         (FILM + "frames_per_second = 0\n", "frames_per_second"),
+        (FILM + "frames_per_second = 0.09\n", "give at least 0.1"),
+        (FILM + "frames_per_second = 1001\n", "frames_per_second"),
         (FILM + 'motion = "jumpy"\n', "motion"),
         (FILM + "speed = 3\n", "speed"),
         (FILM + "near_mm = 1\nfar_mm = 2\n", "in front of"),
@@ -259,6 +262,11 @@ def test_what_cannot_be_rendered_is_refused(place, capsys):
     (place / "film.toml").write_text(FILM)
     refused("--view and --eye belong together", "--view", place / "view.mp4")
     refused(".mkv", "--video", place / "panel.mp4")
+    refused("--width belongs to --view", "--width", "50")
+    (place / "film.toml").write_text(FILM + "frames_per_second = 51\n")
+    refused("at most 50 frames a second", "--view", place / "view.gif", "--eye", "0,0,200")
+    assert not (place / "out").exists() or not list((place / "out").iterdir()), "refused before any work"
+    (place / "film.toml").write_text(FILM)
     (place / "out").mkdir(exist_ok=True)
     (place / "out/frame_0005.exr").write_text("of a longer film")
     refused("frame_0005.exr: is beyond the film's 5 frames")
@@ -370,6 +378,24 @@ def test_views_are_what_the_eye_sees(place):
     with Image.open(place / "view.gif") as film:
         assert film.n_frames == 5
         assert film.info["duration"] == 80  # GIF counts hundredths of a second
+
+
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    [("view.gif", 50.0), *itertools.product(("view.png", "view.mp4", "panel.mkv"), (0.1, 1000.0)), ("view.gif", 0.1)],
+)
+def test_every_speed_can_be_written(place, name, speed):
+    """The slowest and the fastest; each frame stands as long as is said."""
+    (place / "film.toml").write_text(f"frames_per_second = {speed}\n" + FILM + MOVE.format("ball-*", 1, 0, 2))
+    what = ("--video", place / name) if name == "panel.mkv" else ("--view", place / name, "--eye", "1,0,200")
+    animate(place, *what)
+    if name.endswith((".mkv", ".mp4")):
+        _, seconds = imageio_ffmpeg.count_frames_and_secs(str(place / name))
+        assert seconds == pytest.approx(5 / speed, abs=0.01)  # ffmpeg tells hundredths
+        return
+    with Image.open(place / name) as film:
+        times = [(film.seek(k), film.info["duration"])[1] for k in range(film.n_frames)]
+    assert times == [1000.0 / speed] * 5
 
 
 def test_a_video_that_the_disk_does_not_take_is_told(tmp_path):

@@ -30,6 +30,9 @@ from lippmann.render.variant import start_mitsuba
 from lippmann.sheet import ANIMATION_SUFFIXES, to_srgb8, write_animation
 
 MAX_VIEW_PX = 4096
+VIEW_PX = 600
+#: Viewers show a GIF's frames for two hundredths of a second at least.
+GIF_SPEED = 50.0
 
 
 @click.command("animate")
@@ -47,7 +50,7 @@ MAX_VIEW_PX = 4096
 @click.option("--video", metavar="FILE.mkv", help="The panel's frames as a lossless video.")
 @click.option("--view", metavar="FILE", help="What an eye sees of the film: .mp4, .gif or .png.")
 @click.option("--eye", type=Vector(3), help="The eye of --view, mm; the display is at z = 0.")
-@click.option("--width", type=click.IntRange(2, MAX_VIEW_PX), default=600, show_default=True, help="Pixels of --view.")
+@click.option("--width", type=click.IntRange(2, MAX_VIEW_PX), help=f"Pixels of --view.  [default: {VIEW_PX}]")
 @click.option("--cluster", metavar="ADDRESS", help="Render on the workers of this Dask scheduler: tcp://HOST:8786.")
 @seed_option
 @device_option
@@ -69,7 +72,7 @@ def command(
     video: str | None,
     view: str | None,
     eye: tuple[float, float, float] | None,
-    width: int,
+    width: int | None,
     cluster: str | None,
     seed: int,
     device: str,
@@ -84,6 +87,8 @@ def command(
     """
     if (view is None) != (eye is None):
         raise InputError("--view and --eye belong together; give both or neither")
+    if width is not None and view is None:
+        raise InputError("--width belongs to --view; give both or neither")
     check_fraction_bits(engine, fraction_bits)
     film = load_film(film_path)
     display = load_display(display_path)
@@ -96,7 +101,9 @@ def command(
     if video is not None:
         check_output(video, LOSSLESS_SUFFIXES)
     if view is not None:
-        check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES)
+        suffix = check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
+        if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
+            raise InputError(f"{view}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
     mi = start_mitsuba(device)
     chosen = cast(Model | Literal["auto"], model)
     shots = shots_of(mi, film, display, Options(chosen, tolerance, engine, fraction_bits, settings, scale))
@@ -114,7 +121,7 @@ def command(
         _write_panel(folder, film, display, video)
     if view is not None and looker is not None:
         with progress_bar("view", quiet=as_json) as progress:
-            _write_view(mi, folder, film, display, looker, width, view, progress)
+            _write_view(mi, folder, film, display, looker, width or VIEW_PX, view, progress)
     result = {
         "folder": str(folder),
         "film": film.name,

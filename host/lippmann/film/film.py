@@ -15,6 +15,8 @@ from lippmann.toml_table import Table
 
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
+#: Slowest and fastest: what every kind of video can say of a frame's time.
+SPEEDS = (0.1, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def load_film(path: str | Path) -> Film:
     top = Table(raw, str(path), "")
     scene = (path.parent / top.text("scene")).resolve()
     frames = top.integer("frames", 1, MAX_FRAMES)
-    speed = top.number("frames_per_second", 12.0, above=0.0, at_most=1000.0)
+    speed = top.number("frames_per_second", 12.0, at_least=SPEEDS[0], at_most=SPEEDS[1])
     motion: Motion = "linear" if top.choice("motion", MOTIONS, "smooth") == "linear" else "smooth"
     objects = []
     for one in top.tables("object"):
