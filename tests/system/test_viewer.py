@@ -344,6 +344,32 @@ def test_the_panel_zooms_to_its_pixels(page):
     assert page.evaluate("viewer.panelView.scale") == pytest.approx(page.evaluate("viewer.panelView.fit"))
 
 
+def test_a_fine_pattern_shows_its_mean_from_far_away(browser, tmp_path):
+    """Columns by turns black and white, several to a screen pixel: grey, and no stripes."""
+    display = dataclasses.replace(small(), panel=Panel(2400, 1600, 0.05))
+    columns = np.zeros((1600, 2400, 3), np.float32)
+    columns[:, ::2] = 1.0
+    open_page(browser, tmp_path, page_html(display, columns, "x"))
+    frame(browser)
+    assert browser.evaluate("viewer.panelView.scale") < 0.4
+    shown = browser.evaluate(
+        "(() => { const { context, canvas } = viewer.panelView;"
+        "return [...context.getImageData(20, 20, canvas.width - 40, canvas.height - 40).data]; })()"
+    )
+    values = np.reshape(shown, (-1, 4))[:, 0]
+    assert values.mean() == pytest.approx(127.5, abs=8.0)
+    assert values.std() < 16.0
+
+
+def test_reset_brings_all_controls_back(page):
+    read = "JSON.stringify(readControls())"
+    first = page.evaluate(read)
+    page.evaluate("for (const id of ['eye-x', 'gap', 'pupil']) setSlider(id, 1); element('crosstalk').click()")
+    assert page.evaluate(read) != first
+    page.evaluate("element('reset').click()")
+    assert page.evaluate(read) == first
+
+
 def test_lattice_of_the_drawing_is_the_optics(browser, tmp_path):
     """The page's own `locate`, by which borders are drawn and lenslets named, against the golden engine's."""
     rng = np.random.default_rng(SEED)

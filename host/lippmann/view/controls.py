@@ -82,7 +82,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
             ),
             Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
             Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
-            Slider("gap", "Lifted", "mm", -_whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+            Slider("gap", "Lifted", "mm", 0.0 - _whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
         ],
     }
 

@@ -48,7 +48,10 @@ class Viewer {
     element("crosstalk").addEventListener("change", () => this.changed());
     for (const id of ["seams", "marks"]) element(id).addEventListener("change", () => this.panelChanged());
     const click = (id, act) => element(id)?.addEventListener("click", act);
-    click("reset", set(() => resetSliders(sliders())));
+    click("reset", set(() => {
+      resetSliders(sliders());
+      element("crosstalk").checked = element("crosstalk").defaultChecked;
+    }));
     click("zoom-in", () => this.panelView.zoomBy(1.5));
     click("zoom-out", () => this.panelView.zoomBy(1 / 1.5));
     click("zoom-all", () => this.panelView.showAll());

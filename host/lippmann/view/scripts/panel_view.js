@@ -124,6 +124,7 @@ class PanelView {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = scale < 1;
+    context.imageSmoothingQuality = "high"; // a panel is full of detail: what skips pixels shows stripes that are not there
     const [left, top] = this.pixelAt([0, 0]);
     context.setTransform(scale, 0, 0, scale, -left * scale, -top * scale);
     context.drawImage(bitmap, 0, 0);
