@@ -188,6 +188,7 @@ def test_sliders_start_on_one_of_their_steps():
             assert slider.low <= slider.value <= slider.high, slider
             steps = (slider.value - slider.low) / slider.step
             assert abs(steps - round(steps)) < 1e-6, slider
+            assert '"-0"' not in slider.html()
 
 
 def test_sliders_stay_within_what_can_be_built():
@@ -285,6 +286,11 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi):
     # The sphere before the axis, white in the middle and nothing round it.
     assert middle.getpixel((200, 150)) == (255, 255, 255)
     assert middle.getpixel((5, 5)) == (0, 0, 0)
+    # Stood elsewhere, as `render` was told to: aside of the panel's window, 6.4 mm wide.
+    code, _, err = lippmann(capfd, *words, "--offset", "-100,0,0")
+    assert code == 0, err
+    moved = json.loads(Reader((place / "p.html").read_text()).texts["directs"])[10]["png"]
+    assert Image.open(io.BytesIO(base64.b64decode(moved.partition(",")[2]))).getpixel((200, 150)) == (0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -304,6 +310,7 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi):
         (("a.png", "--direct", "0,0", "direct.png"), "X,Y,Z"),
         (("a.png", "--direct", "0,0,600", "none.png"), "none.png"),
         (("a.png", "--scene", "none.xml"), "none.xml"),
+        (("a.png", "--depth", "3"), "--depth belongs to --scene"),
     ],
 )
 def test_bad_input_is_one_line(place, capfd, words, message):

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import click
 
 from lippmann.choose import choose_model
 from lippmann.cli.common import (
-    Vector,
     device_option,
     display_option,
     emit,
@@ -20,19 +17,19 @@ from lippmann.cli.common import (
     seed_option,
 )
 from lippmann.cli.how import check_fraction_bits, how_options
+from lippmann.cli.stand import placement_of, stand_options
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output, write_picture
 from lippmann.optics.trace import Engine, Model
 from lippmann.render.metadata import image_metadata
-from lippmann.render.placement import Placement
 from lippmann.render.renderer import (
     Settings,
     check_memory,
     peak_memory_mb,
     render_integral,
 )
-from lippmann.render.scene import Scene, check_scene_file, load_scene, placement_beside
+from lippmann.render.scene import Scene, check_scene_file, load_scene
 from lippmann.render.sources import Aperture
 from lippmann.render.variant import device_of, start_mitsuba
 
@@ -45,12 +42,7 @@ SIZE_SHARE = (0.02, 1000.0)
 @display_option
 @click.option("-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel.")
 @how_options
-@click.option("--scale", type=float, help="mm for each scene unit.")
-@click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z.")
-@click.option("--offset", type=Vector(3), help="Where the scene's origin comes to stand, mm.")
-@click.option("--depth", type=float, help="Moves the scene towards the viewer, mm.")
-@click.option("--near", type=float, help="Depth z where primary rays start, mm.")
-@click.option("--far", type=float, help="Farthest depth of interest, mm.")
+@stand_options
 @seed_option
 @device_option
 @json_option
@@ -66,16 +58,11 @@ def command(
     aperture: str,
     integrator: str,
     max_depth: int,
-    scale: float | None,
-    rotate: tuple[float, float, float] | None,
-    offset: tuple[float, float, float] | None,
-    depth: float | None,
-    near: float | None,
-    far: float | None,
     memory_mb: float | None,
     seed: int,
     device: str,
     as_json: bool,
+    **stand: Any,
 ) -> None:
     """Render the integral image of a Mitsuba scene for a display.
 
@@ -97,7 +84,7 @@ def command(
     except InputError as error:
         raise InputError(f"{display_path}: panel.width_px, panel.height_px: {error}") from None
     check_scene_file(scene_path)
-    placement = _placement(scene_path, scale, rotate, offset, depth, near, far)
+    placement = placement_of(scene_path, **stand)
     mi = start_mitsuba(device)
     scene = load_scene(mi, scene_path, placement)
     _note_odd_size(scene, display)
@@ -153,34 +140,3 @@ def _note_odd_size(scene: Scene, display: Display) -> None:
             f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
             "if its units are not millimetres give --scale, such as 1000 for metres"
         )
-
-
-def _placement(
-    scene_path: str,
-    scale: float | None,
-    rotate: tuple[float, float, float] | None,
-    offset: tuple[float, float, float] | None,
-    depth: float | None,
-    near: float | None,
-    far: float | None,
-) -> Placement:
-    """Return the placement beside the scene with the options laid over it."""
-    placement = placement_beside(Path(scene_path))
-    moved = scale is not None or rotate is not None or offset is not None or depth is not None
-    if moved:
-        # The file's depths belong to the file's own stand.
-        placement = replace(placement, near_mm=None, far_mm=None)
-    if scale is not None:
-        placement = replace(placement, scale=scale)
-    if rotate is not None:
-        placement = replace(placement, rotation_deg=rotate)
-    if offset is not None:
-        placement = replace(placement, offset_mm=offset)
-    if depth is not None:
-        x, y, z = placement.offset_mm
-        placement = replace(placement, offset_mm=(x, y, z + depth))
-    if near is not None:
-        placement = replace(placement, near_mm=near)
-    if far is not None:
-        placement = replace(placement, far_mm=far)
-    return placement

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,6 +20,7 @@ from lippmann.cli.common import (
     progress_bar,
     seed_option,
 )
+from lippmann.cli.stand import placement_of, stand_options
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError
 from lippmann.images import check_output, read_picture, replacing
@@ -43,6 +45,7 @@ from lippmann.view.serve import page_server
     help="A direct render of the scene from that eye, through the panel's window; may be repeated.",
 )
 @click.option("--scene", "scene_path", metavar="SCENE", help="Render direct views of this scene from a grid of eyes.")
+@stand_options
 @click.option("--title", help="Heading of the page.  [default: the image's name]")
 @click.option("--serve", is_flag=True, help="Serve the page on loopback until Ctrl-C, instead of writing it.")
 @click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Of --serve; 0: any that is free.")
@@ -63,6 +66,7 @@ def command(
     seed: int,
     device: str,
     as_json: bool,
+    **stand: Any,
 ) -> None:
     """Make a page that shows an integral image as an eye sees it through the lenslets, in any browser with WebGL 2.
 
@@ -74,6 +78,9 @@ def command(
         raise InputError("--serve keeps the page in memory; leave out -o, or serve no page")
     if tcp_port and not serve:
         raise InputError("--tcp-port belongs to --serve; give both or neither")
+    given = [name for name, value in stand.items() if value is not None]
+    if given and scene_path is None:
+        raise InputError(f"--{given[0]} belongs to --scene; give both or neither")
     path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), (".html", ".htm"))
     display = load_display(display_path)
     panel = display.panel
@@ -84,7 +91,7 @@ def command(
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
     if scene_path is not None:
         mi = start_mitsuba(device)
-        scene = load_scene(mi, scene_path)
+        scene = load_scene(mi, scene_path, placement_of(scene_path, **stand))
         with progress_bar("direct views", quiet=as_json) as progress:
             directs += render_directs(mi, scene, display, seed, progress)
     page = page_html(display, picture.radiance, title or Path(image_path).stem, directs).encode("utf-8")
