@@ -47,11 +47,19 @@ PARTS = {
 
 
 def add_contents(app, docname, source):
-    """Give the first page, which forges show too, the table of contents that only the site needs."""
+    """Give the first page, which forges show too, the table of contents that only the site needs.
+
+    Pages stand in the order of the first page's own table; those that it does not name, last.
+    """
     if docname != root_doc:
         return
+    table = source[0].partition("## Documentation")[2]
+
+    def place(page):
+        return table.find(f"({page}.md") % (len(table) + 1), page
+
     for title, where in PARTS.items():
-        pages = sorted(page for page in app.env.found_docs if page.startswith(where))
+        pages = sorted((page for page in app.env.found_docs if page.startswith(where)), key=place)
         if pages:
             listed = "\n".join(f"/{page}" for page in pages)
             source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{listed}\n```\n"

@@ -1,5 +1,6 @@
 """The documentation's site builds without a warning, holds together, and a broken link stops it."""
 
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -68,6 +69,11 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
     assert {tmp_path / f"site/{name}.html" for name in wanted - {"README"}} <= first
     # Options stay what can be copied; there are no dashes of typography in the pages.
     assert not [path.name for path in pages if "\N{EN DASH}" in path.read_text()]
+    # In the order of the first page's table, which begins where a reader does.
+    text = "\n".join(pages[tmp_path / "site/README.html"].links)
+    order = list(dict.fromkeys(re.findall(r"^docs/how-to/([\w-]+)\.html$", text, re.M)))
+    table = (TOP / "README.md").read_text().partition("## Documentation")[2]
+    assert order == re.findall(r"\(docs/how-to/([\w-]+)\.md\)", table)
     api = (tmp_path / "site/docs/site/api.html").read_text()
     for name in (
         "lippmann.display.load_display",
