@@ -144,6 +144,7 @@ def test_a_broken_run_before_is_refused(tmp_path, capsys):
 def test_no_run_to_compare_with_is_refused(tmp_path, capsys):
     assert report(tmp_path / "new", "--quick", "--against", str(tmp_path)) == 2
     wrong(capsys, "no run of the report was kept there", "report-*.csv")
+    assert not (tmp_path / "new").exists()
 
 
 def test_missing_scenes_are_refused(tmp_path, capsys):

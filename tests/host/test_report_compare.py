@@ -53,6 +53,18 @@ def test_a_folder_without_a_run_holds_none(tmp_path):
     assert read_stored(tmp_path, ["report-made"]) is None
 
 
+@pytest.mark.parametrize("missing", ["report-made", "report-other"])
+def test_a_run_that_lacks_a_table_is_read_without_it(tmp_path, missing):
+    """Its figures are new then; that a broken table be removed is what the error about it advises."""
+    tables = [made({"fast": (1.0, 0.0)}, name) for name in ("report-made", "report-other")]
+    kept(tmp_path, *tables)
+    (tmp_path / f"{missing}.csv").unlink()
+    stored = read_stored(tmp_path, ["report-made", "report-other"])
+    assert set(stored.tables) == {"report-made", "report-other"} - {missing}
+    found = compare(ORIGIN, tables, stored)
+    assert (found.compared, found.new, found.gone, found.moved) == (1, 1, 0, ())
+
+
 def test_tables_of_two_runs_are_refused(tmp_path):
     kept(tmp_path, made({"fast": (1.0, 0.0)}))
     kept(tmp_path, made({"fast": (1.0, 0.0)}, "report-other"), origin={**ORIGIN, "date": "2026-02-02"})

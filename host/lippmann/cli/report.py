@@ -40,12 +40,12 @@ def command(output: str, against: str | None, scenes: str, quick: bool, seed: in
     if not (shown / "displays/paper-square.toml").is_file():
         raise InputError(f"{shown}: the project's scenes are not there; run in the project's top folder")
     folder = Path(output)
-    _make(folder)
-    for name in (f"{PAGE}.md", f"{PAGE}.html"):
-        check_output(folder / name, (".md", ".html"))
     before = read_stored(Path(against or output), TABLES)
     if against is not None and before is None:
         raise input_error(against, "no run of the report was kept there", "name a folder that holds report-*.csv")
+    _make(folder)
+    for name in (f"{PAGE}.md", f"{PAGE}.html"):
+        check_output(folder / name, (".md", ".html"))
     mi = start_mitsuba(device)
     said = f"lippmann report --scenes {scenes} --seed {seed} --device {device}{' --quick' if quick else ''}"
     report = make_report(mi, shown, QUICK if quick else WHOLE, seed, said, before, log)

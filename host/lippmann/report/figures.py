@@ -106,8 +106,8 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     InputError
         When a file cannot be read as such a table, or is of another run than the others.
     """
-    paths = [folder / f"{name}.csv" for name in names]
-    read = [read_figures(path) for path in paths if path.exists()]
+    paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
+    read = [read_figures(path) for path in paths]
     if not read:
         return None
     origin = read[0][0]
