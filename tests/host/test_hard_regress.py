@@ -9,6 +9,7 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.display import load_display
 from lippmann.fixed import leave_dome
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
@@ -95,6 +96,38 @@ def test_planted_faults_are_named(fault):
     assert says in verdict.fault
     assert verdict.explained >= 0.97
     assert verdict.wrong > 20
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"pixel_pitch_mm": 0.0908 * 1.0005}, "panel.pixel_pitch_mm is 0.0908454 for 0.0908"),
+        ({"pixel_pitch_mm": 0.0908 * 0.9983}, "panel.pixel_pitch_mm is 0.0906456 for 0.0908"),
+        ({"pitch_mm": 1.0003}, "array.pitch_mm is 1.0003 for 1"),
+        ({"rotation_deg": 4.03}, "array.rotation_deg is 4.03 for 4"),
+        ({"rotation_deg": 3.63}, "array.rotation_deg is 3.63 for 4"),
+    ],
+)
+def test_slight_errors_on_a_wide_panel_are_named(changes, says):
+    """700 mm wide: half a thousandth moves most rays to other places of their lenslet, and to other lenslets."""
+    display = load_display(repository() / "scenes/displays/uhd-8k.toml")
+    wrong = dataclasses.replace(
+        display,
+        panel=dataclasses.replace(display.panel, **{k: v for k, v in changes.items() if k == "pixel_pitch_mm"}),
+        array=dataclasses.replace(display.array, **{k: v for k, v in changes.items() if k != "pixel_pitch_mm"}),
+    )
+    pixels, aims = rays_for(display, 300)
+    verdict = judged(display, traced(wrong, pixels, aims) | {"pixel": pixels})
+    assert (verdict.stage, verdict.fault) == ("lenslet" if "pitch_mm is 1" in says else "panel", says)
+
+
+@pytest.mark.parametrize("off", [-0.45, -0.3, 0.2, 0.35])
+def test_an_offset_is_found_however_small_it_should_be(off):
+    display = display_for("square")
+    wrong = changed(display, offset_mm=(0.31, -0.17 + off))
+    pixels, aims = rays_for(display, 300)
+    verdict = judged(display, traced(wrong, pixels, aims) | {"pixel": pixels})
+    assert (verdict.stage, verdict.fault) == ("panel", f"array.offset_mm[1] is {off - 0.17:.6g} for -0.17")
 
 
 def test_hexagonal_rows():

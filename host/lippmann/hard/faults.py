@@ -384,8 +384,11 @@ FITTED: dict[str, tuple[str, Callable[[Given, float], Given], Callable[[Display]
     ),
 }
 
-#: How far from the display's number a fit looks, as shares of it (of a pitch, where it is 0).
+#: How far from the display's number a fit looks, as shares of it (of a pitch, where it is 0 or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+#: How far around the display's number pitches and turns are looked at so closely that the panel's corner moves by no
+#: more than a share of a lenslet.
+NEAR, CORNER = 0.02, 0.25
 #: A rotation is looked for all round: none is near another.
 ROTATIONS = range(-180, 180)
 #: Steps of the secant that sharpens the best of these.
@@ -450,7 +453,8 @@ def _numbers(given: Given, direction: Floats) -> Iterator[Variant]:
 
     for name, (stage, put, get) in FITTED.items():
         value = get(given.display)
-        unit = value if value else given.display.array.pitch_mm
+        # Offsets are the same again a pitch further: how large they are says nothing of how far they may be off.
+        unit = value if value and "offset" not in name else given.display.array.pitch_mm
 
         def tried(v: float, put: Any = put) -> float:
             try:
@@ -461,11 +465,25 @@ def _numbers(given: Given, direction: Floats) -> Iterator[Variant]:
         looked = [value + share * unit for share in LOOKED]
         if name == "array.rotation_deg":
             looked += [float(turn) for turn in ROTATIONS]
+            looked += [value + math.degrees(share) for share in _near(given.display)]
+        elif name in ("array.pitch_mm", "panel.pixel_pitch_mm"):
+            looked += [value + share * unit for share in _near(given.display)]
         best = min((tried(v), v) for v in looked)[1]
         best = _sharpened(tried, best, 0.02 * abs(unit))
         if not math.isfinite(tried(best)):
             continue
         yield Variant(f"{name} is {best:.6g} for {value:.6g}", stage, partial(_with_number, put, best))
+
+
+def _near(display: Display) -> Floats:
+    """Return the shares of a pitch, or the turns, to look at one by one: each moves the panel's corner by as much.
+
+    On a panel of many lenslets rays have other lenslets at the next of `LOOKED`, and tell nothing of what is between.
+    """
+    panel = display.panel
+    step = CORNER * display.array.pitch_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    most = int(NEAR / step)
+    return step * np.arange(-most, most + 1, dtype=np.float64)
 
 
 def _with_number(put: Callable[[Given, float], Given], value: float, given: Given) -> Arrays:
