@@ -132,6 +132,14 @@ def test_exponent_of_a_power_law(power):
     assert growth.exponent([4], [1.0]) is None
 
 
+@pytest.mark.parametrize(
+    ("size", "label"), [(1, "1"), (112, "112"), (2560, "2.56k"), (10323, "10.3k"), (41453, "41.5k"), (23040000, "23M")]
+)
+def test_sizes_have_short_labels(size, label):
+    """Ticks of 10.323k and 41.453k ran into each other."""
+    assert growth.size_label(size) == label
+
+
 @pytest.mark.parametrize("across", [600, 1200, 4800])
 def test_more_pixels_fill_the_same_window(across):
     display = shipped("uhd-4k")

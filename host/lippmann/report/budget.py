@@ -79,13 +79,16 @@ def section(data: Figures) -> Section:
 
 def _plot(data: Figures) -> Plot:
     names = list(dict.fromkeys(str(row["configuration"]) for row in data.rows))
+    # The columns share their labels: steps without the grid.
+    first = [str(row["step"]) for row in data.rows if row["configuration"] == names[0]]
+    steps = [step.removesuffix("_square").removesuffix("_hex") for step in first]
     picture, axes = drawn(2, len(names), (3.4, 3.0))
     for across, name in enumerate(names):
         rows = [row for row in data.rows if row["configuration"] == name]
         place = np.arange(len(rows))
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
             axis.barh(place, column(rows, key), color=[*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]])
-            axis.set_yticks(place, column(rows, "step") if across == 0 else [""] * len(rows), fontsize=8)
+            axis.set_yticks(place, steps if across == 0 else [""] * len(rows), fontsize=8)
             axis.invert_yaxis()
             axis.set(xlabel=f"rms, {unit}", title=name)
     return Plot(

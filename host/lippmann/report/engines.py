@@ -270,8 +270,8 @@ def section(data: Figures) -> Section:
             "costs the decibels. A dash: the reference itself, or every value alike.",
             "Rates count one ray in, one ray out: of golden and twin with the turning of numbers into words and back, "
             "of fast with every output used, on all cores; of the RTL the simulation, by its one thread's processor "
-            f"time (the hardware's are in the next section). Twin and RTL have F = {WIDEST}. `of golden exact` is the "
-            "ratio within a round.",
+            f"time (the hardware's are in the next section). Twin and RTL have F = {WIDEST}. Over the full aperture "
+            "the twin stands for the RTL, whose words are the same. `of golden exact` is the ratio within a round.",
         ),
         tables,
         [_plot(data)],

@@ -239,8 +239,13 @@ def _plot(data: Figures) -> Plot:
 
 def _mark_sizes(axis: Any, sizes: Sequence[int], label: str) -> None:
     """Mark the sizes that were measured, and no others."""
+    axis.set_xlabel(label)
+    axis.set_xticks(sizes, [size_label(size) for size in sizes], fontsize=8)
+    axis.set_xticks([], minor=True)
+
+
+def size_label(size: int) -> str:
+    """Return a size in three digits and with a prefix, so that it stays clear of its neighbours."""
     from matplotlib.ticker import EngFormatter
 
-    axis.set_xlabel(label)
-    axis.set_xticks(sizes, [EngFormatter(sep="")(size) for size in sizes], fontsize=8)
-    axis.set_xticks([], minor=True)
+    return str(EngFormatter(sep="")(float(f"{size:.3g}")))

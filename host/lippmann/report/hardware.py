@@ -211,12 +211,20 @@ def _plot_cost(data: Figures, front: dict[str, bool]) -> Plot:
         for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
             filled = "full" if front[row["configuration"]] else "none"
             axis.plot(row[key].median, error, "o", color=colour, fillstyle=filled)
+            # Names of square grids right of their marks, of hexagonal ones left: the marks lie close together.
+            square = row["grid"] == "square"
             axis.annotate(
-                row["configuration"], (row[key].median, error), fontsize=7, xytext=(4, 4), textcoords="offset points"
+                row["configuration"],
+                (row[key].median, error),
+                xytext=(4 if square else -4, 4),
+                textcoords="offset points",
+                ha="left" if square else "right",
+                color=colour,
+                fontsize=7,
             )
     for axis, label in zip(axes[0], ("LUT", "clock, MHz = M rays/s"), strict=True):
         axis.set(yscale="log", xlabel=label, ylabel="largest error in the scene, mm")
-        axis.margins(x=0.25, y=0.2)
+        axis.margins(x=0.3, y=0.2)
     return Plot(
         "report-rtl",
         finish(picture),
