@@ -95,12 +95,24 @@ def test_what_the_rtl_refuses_is_no_build(parameters, says):
     [
         ({"width_px": 16384}, False, r"register raster_panel: a panel of 16384 x 160 is outside its range, 1 to 16383"),
         (
-            {"width_px": 16383, "height_px": 16383, "pixel_pitch": 0.2},
+            {"width_px": 16383, "height_px": 16383, "pixel_pitch": 0.2495},
             False,
-            r"registers x_from_u, x_from_v and x_offset, and those of y: .* 2675.* outside the range \[-2048, 2048\)",
+            r"registers x_from_u, x_from_v and x_offset, and those of y: .* 2043.78 .* the range \(-2040, 2040\)",
         ),
-        ({"offset": (2050.0, 0.0)}, False, r"registers x_from_u, x_from_v and x_offset, .* \[-2048, 2048\)"),
+        ({"offset": (2050.0, 0.0)}, False, r"registers x_from_u, x_from_v and x_offset, .* 2056.25 .* \(-2040, 2040\)"),
+        # 1310.64 mm either way: 1310.64 columns, and half of 1513.4 rows, along the oblique axis.
+        (
+            {"grid": "hex", "width_px": 16383, "height_px": 16383, "pixel_pitch": 0.16},
+            False,
+            r"registers x_from_u, .* 2067.34 lenslets from the axis",
+        ),
         ({"pixel_pitch": 0.3}, False, r"register x_from_u: 0.3 is outside its range \[-0.25, 0.25\)"),
+        (
+            {"grid": "hex", "pixel_pitch": 0.22},
+            False,
+            r"register y_from_v: 0.254034 is outside its range \[-0.25, 0.25\); give rows .* more than 4 pixels apart",
+        ),
+        ({"thickness": 15.0}, False, r"register depth: a thickness of 10 radii is outside its range, below 6"),
         (
             {"thickness": 0.5, "gap": 0.0},
             True,
@@ -116,11 +128,36 @@ def test_what_the_rtl_refuses_is_no_build(parameters, says):
     ],
 )
 def test_a_display_out_of_range_is_refused_with_register_and_range(numbers, aims, says):
-    display = display_of("square", numbers.pop("side", "panel"), **numbers)
+    display = display_of(numbers.pop("grid", "square"), numbers.pop("side", "panel"), **numbers)
     with pytest.raises(InputError, match=says) as refusal:
         configuration(display, Build.of(display, "exact", 23, aims), "exact")
     assert "\n" not in str(refusal.value)
     assert any(f"{verb} " in str(refusal.value) for verb in ("raise", "lower", "give", "must be"))
+
+
+@pytest.mark.parametrize(("grid", "pixel_pitch"), [("square", 0.249), ("hex", 0.1577)])
+@pytest.mark.parametrize("rotation", [0.0, 180.0])
+def test_the_panel_with_the_most_lenslets_is_traced(grid, pixel_pitch, rotation):
+    """2039.7 pitches from the axis to the corner, and on a hexagonal array 2037.6 along its oblique axis."""
+    display = display_of(
+        grid, "panel", width_px=16383, height_px=16383, pixel_pitch=pixel_pitch, rotation=rotation, thickness=3.0
+    )
+    corners = np.array([[0.5, 0.5], [16382.5, 0.5], [0.5, 16382.5], [16382.5, 16382.5]])
+    for aims in (None, np.full((4, 2), 0.3)):
+        twin = trace_fixed(display, corners, aims, "exact")
+        golden = trace(display, corners, aims, "exact")
+        assert np.abs(twin.lenslet).max() > 2000
+        np.testing.assert_array_equal(twin.lenslet, golden.lenslet)
+        np.testing.assert_array_equal(twin.status, golden.status)
+        np.testing.assert_allclose(twin.direction, golden.direction, rtol=0.0, atol=1e-6)
+
+
+def test_the_longest_words_are_not_told_to_be_longer():
+    for f, more in ((23, False), (22, True)):
+        display = flat(1e4)
+        with pytest.raises(InputError, match="register cell_half") as refusal:
+            configuration(display, Build.of(display, "exact", f, aims=False), "exact")
+        assert ("take more fraction bits, up to 23" in str(refusal.value)) == more
 
 
 def test_rays_that_meet_the_first_face_too_far_out_are_refused():

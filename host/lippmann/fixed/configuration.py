@@ -9,6 +9,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
@@ -22,7 +24,6 @@ from lippmann.fixed.words import (
     SLOPE_BITS,
     SLOPE_FRACTION,
 )
-from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.models import ray_matrix
 from lippmann.optics.system import System
 from lippmann.optics.trace import Model
@@ -35,8 +36,10 @@ MAX_POINT = 4.0
 #: 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
 #: Least half of a cell, units of the last place: lengths are in radii, and exit points (5 + 1.2 (T/R)^2) R 2^-(F + 1)
-#: off at most (measured), so a thousandth of the pitch with substrates of up to one and a half radii.
+#: off at most (measured), so a thousandth of the pitch with T up to one and a half radii.
 LEAST_HALF = 1 << 12
+#: Lenslets that a ray may leave from beyond the one that it starts in: aims of 1.5 pitches, and four further domes.
+MAX_ASTRAY = 8
 
 
 @dataclass(frozen=True)
@@ -115,11 +118,10 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     exact = build.model == "exact"
     if exact:
         _check_index(display)
+        _check_depth(display, build)
     zc = 1.0 - T / R if exact else 0.0
     zc_word = _word("depth", zc, far, f)
     values["depth"] = zc_word
-    if exact:
-        _check_depth(display, build)
     rest = 1.0 - (zc_word / (1 << f)) ** 2
     values["depth_rest"] = _word("depth_rest", rest, f + 9, f + 3)
     n = n if exact else 1.5  # any index that the words hold: the simpler models do not read it
@@ -165,8 +167,11 @@ def _word(name: str, value: float, bits: int, fraction: int) -> int:
 
 _REMEDIES = {
     **dict.fromkeys(
-        ("x_from_u", "x_from_v", "y_from_u", "y_from_v"),
-        "give lenslets of more than 4 pixels (array.pitch_mm, panel.pixel_pitch_mm)",
+        ("x_from_u", "x_from_v"), "give lenslets of more than 4 pixels (array.pitch_mm, panel.pixel_pitch_mm)"
+    ),
+    **dict.fromkeys(
+        ("y_from_u", "y_from_v"),
+        "give rows of lenslets more than 4 pixels apart (array.pitch_mm, panel.pixel_pitch_mm)",
     ),
     **dict.fromkeys(("x_offset", "y_offset"), "bring array.offset_mm nearer to the panel"),
     **dict.fromkeys(
@@ -213,14 +218,19 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
-    reach = math.hypot(panel.width_mm, panel.height_mm) / 2.0 + math.hypot(*array.offset_mm)
-    lenslets = reach / (array.pitch_mm * HALF_SQRT3) * (1.5 if array.grid == "hex" else 1.0)
-    # What the sum of x_from_u, x_from_v and x_offset (y likewise) makes of a panel's corner.
-    limit = 1 << (INDEX_BITS - 1)
-    if lenslets >= limit - 4:
+    # What the sum of x_from_u, x_from_v and x_offset (y likewise) makes of the panel's corners; a hexagonal lenslet's
+    # index counts along oblique axes.
+    half = np.array([panel.width_mm, panel.height_mm]) / 2.0
+    corner = half * np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    x, y = System.of(display).frame.array_from_panel(*corner.T)
+    x, y = x / array.pitch_mm, y / array.row_pitch_mm
+    oblique = x - y / 2.0 if array.grid == "hex" else x
+    lenslets = float(np.abs([x, y, oblique]).max())
+    limit = (1 << (INDEX_BITS - 1)) - MAX_ASTRAY
+    if lenslets >= limit:
         raise InputError(
             f"registers x_from_u, x_from_v and x_offset, and those of y: they place the panel's corner {lenslets:.6g} "
-            f"lenslets from the axis, outside the range [-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
+            f"lenslets from the axis, outside the range (-{limit}, {limit}) of their sum; raise array.pitch_mm, take a "
             "smaller panel, or bring array.offset_mm nearer to it"
         )
 
@@ -230,10 +240,13 @@ def _check_curvature(display: Display, build: Build) -> None:
     half = 0.5 * display.array.pitch_mm / display.array.radius_mm
     least = math.ldexp(LEAST_HALF, -build.fraction_bits - 1)
     if build.model != "pinhole" and half < least:
+        most = FRACTIONS[-1]
+        remedy = "lower array.radius_mm or raise array.pitch_mm"
+        if build.fraction_bits < most:
+            remedy = f"lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to {most}"
         raise InputError(
             f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {build.fraction_bits}; the "
-            "lenslet is too flat: lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to "
-            f"{FRACTIONS[-1]}"
+            f"lenslet is too flat: {remedy}"
         )
 
 
