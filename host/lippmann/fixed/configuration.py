@@ -36,7 +36,7 @@ MAX_POINT = 4.0
 #: 60 degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
 #: Least half of a cell, units of the last place: lengths are in radii, and exit points (5 + 1.2 (T/R)^2) R 2^-(F + 1)
-#: off at most (measured), so a thousandth of the pitch with T up to one and a half radii.
+#: off at most where no ray grazes the dome (measured), so a thousandth of the pitch with T up to one and a half radii.
 LEAST_HALF = 1 << 12
 #: Lenslets that a ray may leave from beyond the one that it starts in: aims of 1.5 pitches, and four further domes.
 MAX_ASTRAY = 8
