@@ -77,10 +77,10 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(code)
 
 
-def run(arguments: list[str]) -> int:
-    """Run the command line and return the exit code."""
+def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
+    """Run the command line, or another command (None: named as it was called), and return the exit code."""
     try:
-        code = cli.main(args=arguments, prog_name="lippmann", standalone_mode=False)
+        code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except SystemExit:
         raise
     except BrokenPipeError:

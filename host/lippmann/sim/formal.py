@@ -14,8 +14,9 @@ from pathlib import Path
 
 import click
 
+from lippmann.cli import run
 from lippmann.cli.common import log
-from lippmann.errors import InputError, LippmannError, MissingLibraryError
+from lippmann.errors import InputError, MissingLibraryError
 from lippmann.sim.tools import PROOF_TOOLS, repository
 
 
@@ -76,8 +77,4 @@ def main(name: str, task: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(standalone_mode=False)
-    except (LippmannError, click.ClickException) as error:
-        log(f"lippmann: {error.format_message() if isinstance(error, click.ClickException) else error}")
-        sys.exit(error.exit_code)
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,8 +1,6 @@
 """Makes of rtl/registers.rdl what the RTL, the host and the documentation know of the registers.
 
-    python -m lippmann.sim.generate_registers [FOLDER]
-
-writes them into a checkout, or into a folder that stands for one.
+`python -m lippmann.sim.generate_registers` (`make registers`) writes them.
 """
 
 from __future__ import annotations
@@ -15,6 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
+
+from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.sim.tools import repository
 
@@ -341,7 +342,17 @@ def _tables(part: _Map, top: Any, registers: list[_Register]) -> str:
     return "\n".join(lines) + "\n"
 
 
-if __name__ == "__main__":
+@click.command()
+@click.argument("folder", required=False, type=click.Path(path_type=Path))
+def main(folder: Path | None) -> None:
+    """Write what is made of rtl/registers.rdl into the checkout, or into a FOLDER that stands for one.
+
+    Example: python -m lippmann.sim.generate_registers
+    """
     checkout = repository()
-    for path in generate(checkout, Path(sys.argv[1]) if len(sys.argv) > 1 else checkout):
-        print(path)
+    for path in generate(checkout, folder or checkout):
+        click.echo(path)
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

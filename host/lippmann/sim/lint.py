@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import click
 
+from lippmann.cli import run
 from lippmann.cli.common import log
-from lippmann.errors import LippmannError
 from lippmann.sim.tools import RTL_FOLDERS, repository, rtl_sources, verilator_environment
 
 
@@ -56,8 +56,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(standalone_mode=False)
-    except LippmannError as error:
-        log(f"lippmann: {error}")
-        sys.exit(error.exit_code)
+    sys.exit(run(sys.argv[1:], main, None))

@@ -25,10 +25,12 @@ import click
 import numpy as np
 
 from lippmann.bench.report import table, write_report
+from lippmann.cli import run
 from lippmann.cli.common import log
 from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.sim.harness import Harness, RtlError, compile_library
 from lippmann.sim.random_cases import configured_display, random_rays
@@ -262,6 +264,7 @@ def main(count: int, seed: int, report: str) -> None:
 
     Example: python -m lippmann.sim.mutation --count 20 --report out
     """
+    check_output(Path(report) / "mutation.md", (".md",))
     random = np.random.default_rng(seed)
     verilator_environment()  # a missing tool is no fault caught
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
@@ -281,7 +284,7 @@ def main(count: int, seed: int, report: str) -> None:
                     rows.append((fault, end))
     caught, survived = (sum(end == what for _, end in rows) for what in ("caught", "survived"))
     same = len(rows) - caught - survived
-    share = 100.0 * caught / (caught + survived)
+    share = 100.0 * caught / max(caught + survived, 1)
     columns: dict[str, list[Any]] = {
         "file": [fault.file for fault, _ in rows],
         "line": [fault.line for fault, _ in rows],
@@ -307,8 +310,4 @@ def main(count: int, seed: int, report: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(standalone_mode=False)
-    except LippmannError as error:
-        log(f"lippmann: {error}")
-        sys.exit(error.exit_code)
+    sys.exit(run(sys.argv[1:], main, None))

@@ -24,8 +24,10 @@ import click
 
 from lippmann.bench.fixed import FixedError, frame_words, measure
 from lippmann.bench.report import table, write_report
+from lippmann.cli import run
 from lippmann.cli.common import log
 from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.images import check_output
 from lippmann.machine import provenance
 from lippmann.sim.configurations import Named, chosen
 from lippmann.sim.harness import parameters
@@ -294,7 +296,11 @@ Available: 83640 LUT and FF, 156 MULT18X18D, 208 DP16KD, 10455 RAMW (16 x 4 bits
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="nextpnr's seed.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(names: tuple[str, ...], seed: int, report: str) -> None:
-    """Place and route named configurations (all when none is named), and write the report."""
+    """Place and route named configurations (all when none is named), and write the report.
+
+    Example: python -m lippmann.sim.synthesis compact-square --report out
+    """
+    check_output(Path(report) / "synthesis.md", (".md",))
     scenes = repository() / "scenes"
     rows = []
     for named in chosen(names):
@@ -321,8 +327,4 @@ def main(names: tuple[str, ...], seed: int, report: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(standalone_mode=False)
-    except LippmannError as error:
-        log(f"lippmann: {error}")
-        sys.exit(error.exit_code)
+    sys.exit(run(sys.argv[1:], main, None))
