@@ -12,19 +12,20 @@ uvec2 view_pixel(vec2 fragment) {
 }
 
 // A ray into the display through a place of the view (pixels) and a point of the pupil (of the unit disk); its point is
-// where it crosses the plane at height z. That is worked out from the window, not from the far eye: float32 then keeps
-// it to 30 nm across a panel of 700 mm.
+// where it crosses the plane at height z. That is worked out from the window, not from the far eye or the plane in
+// focus: float32 then keeps it to 30 nm across a panel of 700 mm.
 Ray eye_ray(vec2 place, vec2 pupil_point, float z) {
   vec2 share = place / vec2(window_px) - 0.5;
-  vec3 seen = vec3(share.x * window_mm.x, -share.y * window_mm.y, 0.0);
-  vec3 from = eye;
+  vec2 seen = vec2(share.x, -share.y) * window_mm;
+  vec2 point = seen + z / eye.z * (eye.xy - seen);
+  vec3 way = vec3(seen - eye.xy, -eye.z);
 #ifndef GLANCE
   if (pupil > 0.0) {
-    // The line through the pupil's centre says which point of the focused plane this pixel shows.
-    seen = vec3(seen.xy + (eye.xy - seen.xy) * (focus / eye.z), focus);
-    from.xy += 0.5 * pupil * pupil_point;
+    // On the focused plane a pixel's rays meet, where the one through the pupil's centre crosses it.
+    vec2 aside = 0.5 * pupil * pupil_point / (eye.z - focus);
+    point += (z - focus) * aside;
+    way.xy -= eye.z * aside;
   }
 #endif
-  vec3 way = seen - from;
-  return Ray(vec3(seen.xy + (z - seen.z) / way.z * way.xy, z), normalize(way));
+  return Ray(vec3(point, z), normalize(way));
 }
