@@ -41,14 +41,17 @@ from lippmann.optics.panel import PanelFrame
 from lippmann.optics.trace import Rays, trace
 from lippmann.render.sampling import R2_STEPS
 
+Floats = npt.NDArray[np.float64]
+
 #: Samples that a fit goes up to.
 MOST_SAMPLES = 1024
-#: Places along each side of the unit square in which the largest gap is sought.
-GAP_PLACES = 64
 #: How far the probe of a build goes towards a cell's border: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rounding errors of rays that the probe has not met may be larger by such a share.
-ROUNDING_MARGIN = 0.5
+#: Rays all over the panel, and as many in the corners of cells, that a build which passes the probe is tried on too:
+#: roundings differ from ray to ray; those of rays that were not tried may be larger by such a share.
+SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
+#: Which part of the way to a corner, of INSIDE, these rays take at least.
+CORNERS = 0.9
 
 
 @dataclass(frozen=True)
@@ -129,20 +132,32 @@ def gap(samples: int) -> float:
 
     One sample stands in the centre. More are the first points of the R2 sequence, shifted at random and modulo 1: the
     worst shift leaves a corner of the square as far from them as the radius of the largest empty quarter of a disk.
+    That quarter's two straight sides have just passed a point each, i and j. The way from there to point k depends on
+    k - i and k - j alone, and point k is there for i - k steps back or k - i steps on: running minima either way.
+    Quarters that open to the left are those to the right, turned by 180 degrees with the points.
     """
     if samples == 1:
         return math.sqrt(0.5)
-    points = np.outer(np.arange(samples), R2_STEPS) % 1.0
-    apex = (np.arange(GAP_PLACES) + 0.5) / GAP_PLACES
-    across = (points[:, 0] - apex[:, None]) % 1.0  # (places, samples), to the right
-    up = (points[:, 1] - apex[:, None]) % 1.0
+    steps = np.arange(samples)
+    apart = np.arange(1 - samples, samples)[:, None]  # j - i
+    both = (steps + apart >= 0) & (steps + apart < samples)
     worst = 0.0
-    for x in (across, 1.0 - across):
-        for y in (up, 1.0 - up):
-            nearest = np.min(x[:, None, :] ** 2 + y[None, :, :] ** 2, axis=2)
-            worst = max(worst, float(nearest.max()))
-    # A quarter that begins between two places reaches at most one step farther.
-    return math.sqrt(worst) + math.sqrt(0.5) / GAP_PLACES
+    for upward in (1, -1):
+        across, up = (_squares(samples, step) for step in (R2_STEPS[0], upward * R2_STEPS[1]))
+
+        def nearest(ahead: npt.NDArray[np.intp], across: Floats = across, up: Floats = up) -> Floats:
+            squares = across[ahead + 2 * samples] + up[ahead - apart + 2 * samples]
+            return np.asarray(np.minimum.accumulate(squares, axis=1))
+
+        worst = max(worst, float(np.minimum(nearest(-steps), nearest(steps)[:, ::-1])[both].max()))
+    return math.sqrt(worst)
+
+
+def _squares(samples: int, step: float) -> Floats:
+    """Return squared ways, modulo 1, to the points 2 `samples` steps back to 2 `samples` on; 1 to the point itself."""
+    ahead = np.arange(-2 * samples, 2 * samples + 1)
+    squares: Floats = np.where(ahead == 0, 1.0, ahead * step % 1.0) ** 2
+    return squares
 
 
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
@@ -151,27 +166,50 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
     Cheaper hardware first (pinhole, paraxial, exact), and of each the shortest words. None, with the least error, when
     there is none.
     """
-    pixels = probe(display, "chief", INSIDE)[0]
     try:
         # As the words hold them, so that rounding moves none over a border.
-        pixels = away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
+        few, many = (
+            away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
+            for pixels in (probe(display, "chief", INSIDE)[0], _spread(display))
+        )
     except InputError:  # a panel larger than the words hold
         return None, float("inf")
+
+    def error_px(pixels: Floats, model: HardwareModel, bits: int) -> float:
+        try:
+            rays = trace_fixed(display, pixels, None, model, bits)
+        except InputError:  # the registers cannot hold this display
+            return float("inf")
+        return build_error_px(display, rays, model, depth_range_mm)
+
     least = float("inf")
     for model in get_args(HardwareModel):
         for bits in FRACTIONS:
-            try:
-                rays = trace_fixed(display, pixels, None, model, bits)
-            except InputError:  # the registers cannot hold this display
-                continue
-            error = build_error_px(display, rays, model, depth_range_mm)
+            error = error_px(few, model, bits)
+            if error <= tolerance:
+                error = max(error, error_px(many, model, bits))
             if error <= tolerance:
                 return Build.of(display, model, bits, aims=False), error
             least = min(least, error)
     return None, least
 
 
-def away_from_borders(display: Display, pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _spread(display: Display) -> Floats:
+    """Return pixel coordinates (N, 2) all over the panel, and of the corners of the cells there."""
+    panel, array = display.panel, display.array
+    size = np.array([panel.width_px, panel.height_px])
+    lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
+    numbers = np.arange(SPREAD_RAYS)
+    everywhere = np.outer(numbers, R2_STEPS) % 1.0 * size
+    i, j, _, _ = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*everywhere.T)))
+    corners = cell_corners(array.grid, array.pitch_mm)
+    x, y = (corners[numbers % len(corners)] * INSIDE * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]).T
+    cx, cy = lattice.centre(i, j)
+    there = np.stack(frame.pixel_from_panel(*frame.panel_from_array(cx + x, cy + y)), axis=1)
+    return np.concatenate([everywhere, there[((there >= 0.0) & (there < size)).all(axis=1)]])
+
+
+def away_from_borders(display: Display, pixels: Floats) -> Floats:
     """Return the pixel coordinates (N, 2) that lie within INSIDE of the way from their cell's centre to its border."""
     array = display.array
     lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
@@ -179,7 +217,7 @@ def away_from_borders(display: Display, pixels: npt.NDArray[np.float64]) -> npt.
     corners = cell_corners(array.grid, array.pitch_mm)
     middles = 0.5 * (corners + np.roll(corners, 1, axis=0))  # of the border's sides
     way = np.stack([x, y], axis=1) @ middles.T / (0.5 * array.pitch_mm) ** 2
-    inside: npt.NDArray[np.float64] = pixels[way.max(axis=1) <= INSIDE * (1.0 + 1e-9)]
+    inside: Floats = pixels[way.max(axis=1) <= INSIDE * (1.0 + 1e-9)]
     return inside
 
 

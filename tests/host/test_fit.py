@@ -1,8 +1,10 @@
 """`fit`: model, samples and build within a tolerance, against brute force."""
 
+import itertools
 import json
 import math
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +20,8 @@ from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import focused_display, generator
 
 SEED = 6607
+#: The real root of x^3 = x + 1, which the renderer's samples step by.
+G = 1.32471795724474602596
 
 
 def at_depth(rays, z):
@@ -33,11 +37,13 @@ def view_pixel(display, z):
 
 
 def apart(display, truth, rays, depths):
-    """The largest distance of rays, in reconstructed pixels; infinite where they take other lenslets."""
-    if (truth.lenslet != rays.lenslet).any() or not np.isin(truth.status, (0, 4)).all():
+    """The largest distance of rays, in reconstructed pixels; infinite where only one has them or lenslets differ."""
+    there = np.isin(truth.status, (0, 4))
+    if (there != np.isin(rays.status, (0, 4))).any() or (truth.lenslet != rays.lenslet)[there].any():
         return math.inf
     return max(
-        np.linalg.norm(at_depth(truth, z) - at_depth(rays, z), axis=1).max() / view_pixel(display, z) for z in depths
+        np.linalg.norm(at_depth(truth, z) - at_depth(rays, z), axis=1)[there].max() / view_pixel(display, z)
+        for z in depths
     )
 
 
@@ -52,18 +58,30 @@ def random_case(rng):
         return display, (float(far), float(near)), float(rng.choice([0.02, 0.1, 0.25, 1.0]))
 
 
+def sides_of(display):
+    """Directions from a cell's centre to the middles of its sides, panel frame."""
+    sides = 6 if display.array.grid == "hex" else 4
+    return np.radians(display.array.rotation_deg) + 2 * np.pi / sides * np.arange(sides)
+
+
+def from_centre(display, pixels):
+    """How far pixels lie from their cell's centre towards its nearest side, mm: half a pitch on it."""
+    panel, angles = display.panel, sides_of(display)
+    x, y = (pixels - 0.5 * np.array([panel.width_px, panel.height_px])).T * panel.pixel_pitch_mm
+    cx, cy = trace(display, pixels, None, "pinhole").centre_mm.T
+    return (np.outer(x - cx, np.cos(angles)) + np.outer(-y - cy, np.sin(angles))).max(axis=1)
+
+
 def dense(rng, display, count, inside=1.0):
     """Points all over the panel, and as many towards the corners of cells, as far from their borders as `inside`."""
     panel, array = display.panel, display.array
     size = np.array([panel.width_px, panel.height_px])
     pixels = rng.uniform(0.0, 1.0, (count, 2)) * size
     centre = trace(display, pixels, None, "pinhole").centre_mm
-    sides = 6 if array.grid == "hex" else 4
-    angles = np.radians(array.rotation_deg) + 2 * np.pi / sides * np.arange(sides)
-    normals = np.stack([np.cos(angles), np.sin(angles)])
+    angles = sides_of(display)
+    sides = len(angles)
     flip = np.array([1.0, -1.0]) / panel.pixel_pitch_mm  # y is up, rows go down
-    from_centre = ((pixels - 0.5 * size) / flip - centre) @ normals
-    good = from_centre.max(axis=1) <= inside * 0.5 * array.pitch_mm
+    good = from_centre(display, pixels) <= inside * 0.5 * array.pitch_mm
     turn = rng.choice(angles, count) + np.pi / sides
     radius = rng.choice([0.9, 0.97, 0.9999], count) * inside * 0.5 * array.pitch_mm / np.cos(np.pi / sides)
     corners = (centre + radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)) * flip + 0.5 * size
@@ -80,35 +98,52 @@ def test_auto_is_within_tolerance_and_no_dearer_than_brute_force(number):
     truth = trace(display, pixels)
     between = np.linspace(*depths, 9)
     true = {model: apart(display, truth, trace(display, pixels, None, model), between) for model in MODELS}
-    assert true["exact"] == 0.0 or math.isinf(true["exact"])
+    assert true["exact"] == 0.0
     if choice.model != "exact":
         assert true[choice.model] <= tolerance
-    best = next(model for model in MODELS if true[model] <= tolerance or model == "exact")
-    # A cheaper one may pass at all points that were tried and fail at a corner between them.
-    cheaper = MODELS[MODELS.index(best) : MODELS.index(choice.model)]
-    assert all(true[model] > 0.9 * tolerance for model in cheaper)
+    # What brute force takes is what auto takes: 1.00 times its cost.
+    assert choice.model == next(model for model in MODELS if true[model] <= tolerance or model == "exact")
 
 
-@pytest.mark.parametrize("number", [*range(12), *(pytest.param(k, marks=pytest.mark.full) for k in range(12, 200))])
+@pytest.mark.parametrize("number", [*range(8), *(pytest.param(k, marks=pytest.mark.full) for k in range(8, 200))])
 def test_the_build_is_within_tolerance_and_no_dearer_than_brute_force(number):
     rng = generator(SEED, "build", number)
     display, depths, tolerance = random_case(rng)
     tolerance *= 0.1
     chosen = fit_of_build(display, depths, tolerance)
-    pixels = dense(rng, display, 3000, 0.95)
+    few, many = (as_words(display, dense(rng, display, count, 0.97)) for count in (3000, 150_000))
+    # Where a pixel begins to spread beyond the lenslet the error may be larger than at the ends.
+    kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+    between = [*np.linspace(*depths, 9), *(z for z in (-kink, kink) if depths[0] < z < depths[1])]
+    lossy = not np.isin(trace(display, many).status, (0, 4)).all()
     for model in ("pinhole", "paraxial", "exact"):
         for bits in range(14, 24):
-            try:
-                rays = trace_fixed(display, pixels, None, model, bits)
-            except InputError:
-                continue
-            error = apart(display, trace(display, rays.pixel), rays, depths)
             if (model, bits) == chosen:
-                assert error <= tolerance
+                assert build_error(display, many, model, bits, between) <= tolerance
                 return
-            # Rounding may be worse than at the points that were tried; the margin for it costs one bit at most.
-            assert error > 0.6 * tolerance, (model, bits)
+            error = build_error(display, few, model, bits, between)
+            if error <= tolerance:
+                # All these rays pass only where others would not, or the margin for rounding decides: by little then.
+                # Where rays are lost, the few at the onset decide.
+                error = math.inf if lossy else build_error(display, many, model, bits, between)
+            assert error > 0.93 * tolerance, (model, bits)
     assert chosen is None
+
+
+def as_words(display, pixels):
+    """Those of the pixels that stay as far from the borders when words round them to 1/16."""
+    pixels = np.floor(16.0 * pixels + 0.5) / 16.0
+    pixels = pixels[(pixels <= [display.panel.width_px, display.panel.height_px]).all(axis=1)]
+    return pixels[from_centre(display, pixels) <= 0.97 * 0.5 * display.array.pitch_mm]
+
+
+def build_error(display, pixels, model, bits, depths):
+    """Of a build's rays, reconstructed pixels; infinite where its registers do not hold the display."""
+    try:
+        rays = trace_fixed(display, pixels, None, model, bits)
+    except InputError:
+        return math.inf
+    return apart(display, trace(display, rays.pixel), rays, depths)
 
 
 def fit_of_build(display, depths, tolerance):
@@ -120,8 +155,7 @@ def fit_of_build(display, depths, tolerance):
 def test_no_light_passes_farther_than_the_gap(samples):
     """Random shifts of the renderer's samples, and places all over the pixel: the gap bounds them and is reached."""
     rng = generator(SEED, samples)
-    g = 1.32471795724474602596  # the real root of x^3 = x + 1
-    base = np.outer(np.arange(samples), [1 / g, 1 / g**2])
+    base = np.outer(np.arange(samples), [1 / G, 1 / G**2])
     side = np.linspace(0.0, 1.0, 33)
     places = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     worst = 0.0
@@ -131,6 +165,25 @@ def test_no_light_passes_farther_than_the_gap(samples):
         worst = max(worst, distance.max())
     assert worst <= gap(samples) + 1e-12
     assert worst > 0.8 * gap(samples)
+
+
+@cache
+def largest_quarter(samples):
+    """The largest empty quarter of a disk among the samples, the square repeated: by trying all that cannot grow."""
+    base = np.outer(np.arange(samples), [1 / G, 1 / G**2])
+    worst = 0.0
+    for signs in itertools.product((1, -1), repeat=2):
+        ahead = signs * (base[None] - base[:, None]) % 1.0  # (from, to, axis)
+        ahead[np.arange(samples), np.arange(samples)] = 1.0
+        x, y = np.moveaxis(ahead**2, 2, 0)
+        # The sides of the quarter have just passed the points i (row of x) and j (row of y).
+        worst = max(worst, *((x[i] + y).min(axis=1).max() for i in range(samples)))
+    return math.sqrt(worst)
+
+
+@pytest.mark.parametrize("samples", [*range(2, 20), 49, 83, 144])
+def test_the_gap_is_the_largest_empty_quarter(samples):
+    assert gap(samples) == pytest.approx(largest_quarter(samples), rel=1e-9)
 
 
 def test_samples_follow_from_the_spread():
@@ -146,10 +199,16 @@ def test_samples_follow_from_the_spread():
 
 
 @pytest.mark.parametrize("spread", [0.3, 0.6, 1.0])
-@pytest.mark.parametrize("tolerance", [0.1, 0.2, 0.25, 0.5, 1.0])
+@pytest.mark.parametrize("tolerance", [0.1, 0.2, 0.2205, 0.25, 0.5, 1.0])
 def test_no_fewer_samples_would_do(spread, tolerance):
+    """At 0.2205 a gap that was bounded from above took 83 samples for 49."""
     chosen = choose_samples(spread, tolerance)
-    assert [n for n in range(1, chosen + 1) if gap(n) * spread <= tolerance] == [chosen]
+    if math.sqrt(0.5) * spread <= tolerance:
+        assert chosen == 1
+        return
+    # One sample more can but shrink the gap.
+    assert largest_quarter(chosen) * spread <= tolerance
+    assert chosen == 2 or largest_quarter(chosen - 1) * spread > tolerance
 
 
 @pytest.mark.parametrize("tolerance", ["0.05", "0.01"])
