@@ -107,6 +107,18 @@ def test_pixels_that_the_words_do_not_hold_are_refused(pixel):
         words_of_pixels(display, np.array([centre + pixel]))
 
 
+@pytest.mark.parametrize("grid", GRIDS)
+def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
+    """1.5 pitches along the rows and 1.5 rows across them, either way."""
+    display = display_of(grid, "panel", pitch=0.8)
+    edge = 1.5 * np.diag([0.8, 0.8 if grid == "square" else 0.8 * np.sqrt(0.75)])
+    held = np.concatenate([edge, -edge]) * (1.0 - 1e-12)
+    np.testing.assert_allclose(aims_of_words(display, *words_of_aims(display, held, 20), 20), held, atol=1e-6)
+    for point in held:
+        with pytest.raises(InputError, match=r"more than 1\.5 pitches from their lenslet's centre"):
+            words_of_aims(display, np.array([[0.0, 0.0], 1.0001 * point]), 20)
+
+
 @pytest.mark.parametrize(
     ("parameters", "says"),
     [
