@@ -8,7 +8,8 @@ import pytest
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.register_file import build_of, optics_writes, read, table_writes, write
+from lippmann.fixed.raster import Raster
+from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
 from lippmann.fixed.registers import REGISTERS
 from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
 from lippmann.sim.generate_registers import generate
@@ -159,6 +160,13 @@ def test_values_out_of_range_are_refused():
         table_writes([0] * 3, 62)
 
 
+def test_the_most_samples_are_written_as_0():
+    for samples, field in ((65536, 0), (65535, 65535), (1, 1)):
+        words = dict(raster_writes(Raster(4, 3, (0, 3), (0, 2), samples, "lfsr")))
+        jitter = REGISTERS["raster_jitter"].address
+        assert read("raster_jitter", words[jitter]) == {"samples": field, "mode": 2, "table_first": 0}
+
+
 def test_a_block_tells_its_build():
     words = {"identity": 0x4C495050, "version": 0x00010007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
     build = Build(23, "hex", "exact", viewer=True, aims=True, walk=3)
@@ -166,8 +174,9 @@ def test_a_block_tells_its_build():
     assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
     with pytest.raises(InputError, match="0x4C495051"):
         build_of({**words, "identity": 0x4C495051})
-    with pytest.raises(InputError, match="version 2"):
-        build_of({**words, "version": 0x00020000})
+    for major in (0, 2):
+        with pytest.raises(InputError, match=f"version {major}, this host knows 1"):
+            build_of({**words, "version": major << 16 | 7})
     with pytest.raises(InputError, match="field model: 3 is no model that this host knows, 0 to 2"):
         build_of({**words, "build": words["build"] | 3 << 6})
     with pytest.raises(InputError, match="register version, build was not read"):
