@@ -125,6 +125,13 @@ def test_the_middle_of_a_panel(most, size):
 # ---- growth ----
 
 
+@pytest.mark.parametrize("plan", [WHOLE, QUICK])
+def test_what_scatters_is_measured_three_times(plan):
+    """Twice calls noise a move in one figure of eight, once in all of them."""
+    assert plan.rounds >= 3
+    assert plan.memory_rounds >= 3
+
+
 @pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 1.0, 2.0])
 def test_exponent_of_a_power_law(power):
     sizes = np.array([1, 2, 5, 30])
