@@ -55,6 +55,8 @@ SAME = {
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
     ("pixel_to_panel.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("optics_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
+    ("optics_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
 }
 
 #: Operators and what each is mistaken for.
@@ -102,9 +104,11 @@ def faults_of(path: Path) -> list[Fault]:
     """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
     found: list[Fault] = []
     illegal = False
-    for number, text in enumerate(path.read_text().splitlines(), 1):
-        # The condition of an elaboration check stands on the lines before its $fatal.
-        illegal = "gen_illegal" in text or (illegal and "end" not in text)
+    lines = path.read_text().splitlines()
+    for number, (text, following) in enumerate(zip(lines, [*lines[1:], ""], strict=True), 1):
+        # An elaboration check goes from its condition, which may stand a line before the block's name, to the `end`.
+        begins = "gen_illegal" in text or ("gen_illegal" in following and text.lstrip().startswith("if ("))
+        illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
         if not illegal and code.strip() and not NO_HARDWARE.search(code):
             found += [Fault(path.name, number, text, changed) for changed in _changes(code)]
