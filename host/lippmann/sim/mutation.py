@@ -307,8 +307,8 @@ def main(count: int, seed: int, report: str) -> None:
         f"{caught} of {caught + survived} faults caught ({share:.1f} %); {same} more changes are no faults: "
         "the words that come out are the same, and the table says why. Each is one changed operator, one "
         "negated condition, one choice with its branches swapped, or one flipped bit; those that do not elaborate "
-        "are not counted. A fault is caught when a word differs from the twin's, rays stop coming, one build elaborates "
-        "no more where others do, or a test of its module fails.\n\n"
+        "are not counted. A fault is caught when a word differs from the twin's, rays stop coming, one build "
+        "elaborates no more where others do, or a test of its module fails.\n\n"
         f"{table(shown)}"
     )
     origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
