@@ -47,7 +47,7 @@ lint: $(READY) ## style, format and types; every RTL module alone
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/python -m lippmann.sim.lint
+	$(BIN)/python -m lippmann.dev.lint
 
 bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
 	$(BIN)/lippmann bench trace
@@ -56,10 +56,10 @@ bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
 	$(BIN)/lippmann bench view
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
-	$(BIN)/python -m lippmann.sim.generate_registers
+	$(BIN)/python -m lippmann.dev.generate_registers
 
 synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
-	$(BIN)/python -m lippmann.sim.synthesis
+	$(BIN)/python -m lippmann.dev.synthesis
 
 report: $(READY) ## speed against error of everything, into docs/reports (quarter of an hour; report.html too)
 	$(BIN)/lippmann report -o docs/reports
@@ -81,7 +81,7 @@ report-hard: $(READY) ## every engine on the hard cases, and what the formulas g
 	$(BIN)/lippmann bench hard --report docs/reports > /dev/null
 
 mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)
-	$(BIN)/python -m lippmann.sim.mutation
+	$(BIN)/python -m lippmann.dev.mutation
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

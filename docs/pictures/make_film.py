@@ -1,11 +1,11 @@
 """Makes the picture of the shipped film: what an eye sees of four of its frames. `make pictures` runs it."""
 
 from lippmann import load_display
+from lippmann.animation import to_srgb8
 from lippmann.film.film import load_film
 from lippmann.film.shot import Options, render_shot, shots_of
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.render.variant import start_mitsuba
-from lippmann.sheet import to_srgb8
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.variant import start_mitsuba
 from make_pictures import EYE_MM, SCENES, row
 from PIL import Image
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from lippmann import load_display, parse_display, trace
-from lippmann.choose import TOLERANCE, choose_model, model_error_px, probe
+from lippmann.animation import to_srgb8
 from lippmann.display import Display
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.optics.trace import MODELS
-from lippmann.sheet import to_srgb8
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import MODELS
+from lippmann.select.model import TOLERANCE, choose_model, model_error_px, probe
 from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent
@@ -94,8 +94,8 @@ def save(image, name, **options):
 
 
 def make_pictures(mi):
-    from lippmann.render.renderer import Settings, render_integral, render_view
-    from lippmann.render.scene import load_scene
+    from lippmann.rendering.renderer import Settings, render_integral, render_view
+    from lippmann.rendering.scene import load_scene
 
     square, hexagonal = (load_display(SCENES / f"displays/paper-{name}.toml") for name in ("square", "hex"))
     fish, chart = (load_scene(mi, SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
@@ -241,7 +241,7 @@ def make_plot():
 def main():
     write_table()
     if "--table" not in sys.argv[1:]:
-        from lippmann.render.variant import start_mitsuba
+        from lippmann.rendering.variant import start_mitsuba
 
         make_plot()
         make_pictures(start_mitsuba())

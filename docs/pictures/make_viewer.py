@@ -6,12 +6,12 @@ import tempfile
 from pathlib import Path
 
 from lippmann import load_display
-from lippmann.bench.browser import Browser
-from lippmann.observe import whole_window
-from lippmann.render.renderer import Settings, render_integral, render_view
-from lippmann.render.scene import load_scene
-from lippmann.render.variant import start_mitsuba
-from lippmann.view.page import Direct, page_html
+from lippmann.dev.browser import Browser
+from lippmann.observer import whole_window
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.variant import start_mitsuba
+from lippmann.viewer.page import Direct, page_html
 from PIL import Image
 
 HERE = Path(__file__).resolve().parent

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lippmann.display import Display, load_display, parse_display
-    from lippmann.optics.status import Status
-    from lippmann.optics.trace import Hits, Rays, trace, trace_to_panel
+    from lippmann.engines import trace, trace_to_panel
+    from lippmann.optics.rays import Hits, Rays, Status
 
 __version__ = "0.1.0"
 
@@ -25,8 +25,8 @@ __all__ = [
 
 _HOMES = {
     "lippmann.display": ("Display", "load_display", "parse_display"),
-    "lippmann.optics.status": ("Status",),
-    "lippmann.optics.trace": ("Hits", "Rays", "trace", "trace_to_panel"),
+    "lippmann.engines": ("trace", "trace_to_panel"),
+    "lippmann.optics.rays": ("Hits", "Rays", "Status"),
 }
 
 

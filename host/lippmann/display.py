@@ -17,7 +17,7 @@ from typing import Literal, cast, get_args
 
 from lippmann.errors import InputError, input_error
 from lippmann.glass import DESIGN_WAVELENGTH_NM, index_of
-from lippmann.toml_table import Table
+from lippmann.toml import Table
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import DeviceError, InputError
-from lippmann.quiet import quiet_libraries
+from lippmann.stderr import silent_stderr
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -104,7 +104,7 @@ def _pygame() -> Any:
 
     remedy = "run it in a graphical session, such as with DISPLAY=:0"
     try:
-        with quiet_libraries():
+        with silent_stderr():
             pygame.display.init()
     except pygame.error as error:
         raise DeviceError(f"no desktop ({error}); {remedy}") from None

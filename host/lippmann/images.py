@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, MissingLibraryError, input_error
-from lippmann.quiet import quiet_libraries
+from lippmann.stderr import silent_stderr
 
 #: Formats and what they hold.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
@@ -189,7 +189,7 @@ def write_picture(
         out = oiio.ImageOutput.create(str(partial))
         if out is None:
             raise input_error(str(path), oiio.geterror(), "choose another extension")
-        with quiet_libraries():
+        with silent_stderr():
             good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
             trouble = _first_line(out.geterror(), partial)
             good = out.close() and good
@@ -202,7 +202,7 @@ def write_picture(
 
 def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
     """Tell whether a file holds these pixels."""
-    with quiet_libraries():
+    with silent_stderr():
         source = oiio.ImageInput.open(str(path))
         if source is None:
             oiio.geterror()  # else it prints it at exit
@@ -247,7 +247,7 @@ def read_picture(
     if not path.is_file():
         raise input_error(str(path), "no such image", "render it first: lippmann render")
     try:
-        with quiet_libraries():
+        with silent_stderr():
             return _read(oiio, path, limit, accept)
     except UnicodeDecodeError:  # OpenImageIO quotes a broken header
         raise input_error(str(path), "is broken", "render it again") from None

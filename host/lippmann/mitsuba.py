@@ -16,10 +16,10 @@ import numpy.typing as npt
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.trace import MODELS, Model
-from lippmann.render.sampling import square_to_cell
-from lippmann.render.sources import APERTURES, STRIPES, lines_from_pixels
-from lippmann.render.variant import VARIANTS, device_of
+from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.sampling import square_to_cell
+from lippmann.rendering.sources import APERTURES, STRIPES, lines_from_pixels
+from lippmann.rendering.variant import VARIANTS, device_of
 
 #: Singular values of `to_world` that are as good as equal: float32 transforms, many of them in a row.
 SAME_SCALE = 1e-4

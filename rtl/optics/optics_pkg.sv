@@ -11,7 +11,7 @@ package optics_pkg;
   // A module seldom needs all of them.
   /* verilator lint_off UNUSEDPARAM */
 
-  /// The fate of a ray; the same numbers as in `lippmann.optics.status`.
+  /// The fate of a ray; the same numbers as in `lippmann.optics.rays`.
   typedef enum logic [2:0] {
     StatusOk = 3'd0,
     StatusMissed = 3'd1,

@@ -1,7 +1,7 @@
 """Fixtures that several tests share: Mitsuba started once a worker."""
 
 import pytest
-from lippmann.render.variant import start_mitsuba
+from lippmann.rendering.variant import start_mitsuba
 
 
 @pytest.fixture(scope="session")

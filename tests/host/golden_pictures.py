@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from lippmann.animation import to_srgb8
 from lippmann.display import Display, Grid
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import Scene
-from lippmann.sheet import to_srgb8
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import Scene
 from scene_cases import focused_display
 
 SCENES = Path(__file__).parents[2] / "scenes"

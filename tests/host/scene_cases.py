@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from lippmann.display import Display, Grid, PlanoSide
-from lippmann.observe import Window
+from lippmann.observer import Window
 from optics_cases import display_of
 
 Floats = npt.NDArray[np.float64]

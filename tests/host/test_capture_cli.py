@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.capture.capture import vignetting
-from lippmann.capture.rays import CaptureSource
-from lippmann.capture.rotation import rotate_elemental_images
-from lippmann.capture.setup import load_setup
+from lippmann.capturing.capture import vignetting
+from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.rotation import rotate_elemental_images
+from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
 from lippmann.display import display_text, load_display, parse_display
 from lippmann.images import read_picture
-from lippmann.render.placement import Placement
+from lippmann.rendering.placement import Placement
 from scene_cases import generator, glowing_sphere, write_scene
 
 TOP = Path(__file__).parents[2]
@@ -201,7 +201,7 @@ def test_vignetting_of_a_large_picture_is_that_of_all_its_pixels(mi, monkeypatch
     setup = dataclasses.replace(setup, display=dataclasses.replace(setup.display, panel=panel))
     source = CaptureSource(setup, 1, "chief", 0, "llvm")
     probed = vignetting(mi, source)
-    monkeypatch.setattr("lippmann.capture.capture.PROBE_PIXELS", 4096 * 4096)
+    monkeypatch.setattr("lippmann.capturing.capture.PROBE_PIXELS", 4096 * 4096)
     whole = vignetting(mi, source)
     # A share p of 2^20 random pixels is off by sqrt(p (1 - p) / 2^20), 0.05 % at most: four times that.
     assert probed.lens_percent == pytest.approx(whole.lens_percent, abs=0.2)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.bench.depth import CENTRES, WIDE, Depth, measure_depths, report_text, strip_of
-from lippmann.bench.depth import SETUPS as FIGURE
-from lippmann.capture.depths import shown
-from lippmann.capture.imaging_lens import ThinLens
-from lippmann.capture.setup import Pickup, load_setup
+from lippmann.capturing.depths import shown
+from lippmann.capturing.imaging_lens import ThinLens
+from lippmann.capturing.setup import Pickup, load_setup
+from lippmann.measure.depth import CENTRES, WIDE, Depth, measure_depths, report_text, strip_of
+from lippmann.measure.depth import SETUPS as FIGURE
 
 SETUPS = Path(__file__).parents[2] / "scenes/setups"
 

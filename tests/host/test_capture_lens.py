@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.capture.imaging_lens import Face, LensPair, ThinLens, refract_face
+from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens, refract_face
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from scene_cases import generator

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lippmann.capture.imaging_lens import ThinLens
-from lippmann.capture.rays import rays_from_picture, system_of
-from lippmann.capture.setup import Camera, Pickup, Setup, Subject
+from lippmann.capturing.imaging_lens import ThinLens
+from lippmann.capturing.rays import rays_from_picture, system_of
+from lippmann.capturing.setup import Camera, Pickup, Setup, Subject
+from lippmann.engines import trace, trace_to_panel
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
-from lippmann.optics.status import gets_through
-from lippmann.optics.trace import leave_panel, trace, trace_to_panel
-from lippmann.render.placement import Placement
+from lippmann.optics.pixel_rays import leave_panel
+from lippmann.optics.rays import gets_through
+from lippmann.rendering.placement import Placement
 from optics_cases import display_of
 from scene_cases import generator
 

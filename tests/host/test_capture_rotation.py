@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.capture.rotation import cells_of, rotate_elemental_images, rotation_map
+from lippmann.capturing.rotation import cells_of, rotate_elemental_images, rotation_map
 from optics_cases import display_of
 from scene_cases import generator
 

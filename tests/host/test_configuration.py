@@ -5,13 +5,13 @@ import os
 
 import numpy as np
 import pytest
+from lippmann.dev.random_cases import configured_display
+from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import LEAST_HALF, configuration
-from lippmann.fixed.trace import aims_of_words, pixels_of_words, trace_fixed, words_of_aims, words_of_pixels
-from lippmann.optics.status import Status, gets_through
-from lippmann.optics.trace import trace
-from lippmann.sim.random_cases import configured_display
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, trace_fixed, words_of_aims, words_of_pixels
+from lippmann.optics.rays import Status, gets_through
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

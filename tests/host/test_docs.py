@@ -18,11 +18,11 @@ from pathlib import Path
 
 import click
 import pytest
-from lippmann.capture.setup import load_setup
+from lippmann.capturing.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import load_display
 from lippmann.film.film import load_film
-from lippmann.render.placement import load_placement
+from lippmann.rendering.placement import load_placement
 
 TOP = Path(__file__).parents[2]
 PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/**/*.md")])
@@ -186,7 +186,7 @@ def test_every_display_key_is_documented():
 
 def test_every_setup_key_is_documented():
     text = (TOP / "docs/reference/setup-file.md").read_text()
-    source = (TOP / "host/lippmann/capture/setup.py").read_text()
+    source = (TOP / "host/lippmann/capturing/setup.py").read_text()
     keys = set(re.findall(r"\b(?:table|top)\.\w+\(\"(\w+)\"", source)) | {"image_distance_mm", "radius_mm"}
     assert {"distance_mm", "position_mm", "gap_mm", "convex"} <= keys
     assert not [

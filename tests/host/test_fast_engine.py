@@ -11,8 +11,7 @@ import math
 import lippmann
 import numpy as np
 import pytest
-from lippmann.optics.status import Status
-from lippmann.optics.trace import MODELS
+from lippmann.optics.rays import MODELS, Status
 from optics_cases import (
     GRIDS,
     SIDES,

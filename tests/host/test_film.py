@@ -21,9 +21,9 @@ from lippmann.film.path import Path as FilmPath
 from lippmann.film.shot import Options, render_shot, shots_of
 from lippmann.film.video import write_video
 from lippmann.images import encode, psnr_db, read_picture
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings
-from lippmann.render.scene import depths_of, load_scene
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import depths_of, load_scene
 from PIL import Image
 from scipy.spatial.transform import Rotation
 

@@ -8,13 +8,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from lippmann.choose import choose_model
 from lippmann.cli import run
 from lippmann.display import load_display
+from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.fit import choose_build, choose_samples, fit, gap
-from lippmann.fixed.trace import trace_fixed
-from lippmann.optics.trace import MODELS, trace
+from lippmann.fixed.conversion import trace_fixed
+from lippmann.optics.rays import MODELS
+from lippmann.select.build import choose_build, choose_samples, fit, gap
+from lippmann.select.model import choose_model
 from lippmann.sim.tools import repository
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import focused_display, generator

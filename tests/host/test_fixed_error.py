@@ -11,19 +11,19 @@ import dataclasses
 import click.testing
 import numpy as np
 import pytest
-from lippmann.bench import fixed, stages
 from lippmann.cli import cli
 from lippmann.display import load_display
+from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
+from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, turned_over
+from lippmann.fixed.conversion import aims_of_words, trace_fixed, words_of_aims
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.trace import aims_of_words, trace_fixed, words_of_aims
+from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3
-from lippmann.optics.status import Status, gets_through
+from lippmann.optics.rays import MODELS, Status, gets_through
 from lippmann.optics.system import System
-from lippmann.optics.trace import MODELS, trace
-from lippmann.sim.configurations import CONFIGURATIONS, DISPLAYS, turned_over
 from lippmann.sim.tools import repository
 from optics_cases import exit_cosine, random_in_cell
 

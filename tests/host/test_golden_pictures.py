@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from golden_pictures import GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
-from lippmann.render.scene import load_scene
+from lippmann.rendering.scene import load_scene
 from PIL import Image
 
 #: dB, of sRGB values with 255 as the peak. Equal code on another processor differs by rounding: a ray on an outline

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 import truth
+from lippmann.conditioning.cases import CASES, Back, Out, changed, hard_sets, refused_rays
+from lippmann.conditioning.digits import Numbers, exact_array, size, true_hits, true_rays
+from lippmann.conditioning.measure import measure, truth_of
 from lippmann.display import load_display
+from lippmann.engines import trace, trace_to_panel
 from lippmann.errors import InputError
-from lippmann.hard.cases import CASES, Back, Out, changed, hard_sets, refused_rays
-from lippmann.hard.digits import Numbers, exact_array, size, true_hits, true_rays
-from lippmann.hard.measure import measure, truth_of
-from lippmann.optics.trace import trace, trace_to_panel
 from lippmann.sim.tools import repository
 from optics_cases import GRIDS, SIDES, optics_of
 

@@ -8,14 +8,14 @@ import pkgutil
 import lippmann.fixed
 import numpy as np
 import pytest
+from lippmann.conditioning.cases import Out, changed, hard_sets
+from lippmann.conditioning.measure import fixed_words, measure_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import fits, wrapped
-from lippmann.hard.cases import Out, changed, hard_sets
-from lippmann.hard.measure import fixed_words, measure_fixed
-from lippmann.optics.status import gets_through
+from lippmann.optics.rays import gets_through
 from optics_cases import GRIDS, SIDES
 from test_hard_cases import SEED, base
 

@@ -9,16 +9,16 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.conditioning.cases import Out, changed, hard_sets
+from lippmann.conditioning.measure import fixed_words
+from lippmann.conditioning.search import random_aims, random_pixels
+from lippmann.conditioning.vectors import INPUTS, display_text
+from lippmann.diagnose.foreign import Foreign
+from lippmann.diagnose.judge import _rounding, judge
 from lippmann.display import load_display
 from lippmann.fixed import leave_dome
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
-from lippmann.hard.cases import Out, changed, hard_sets
-from lippmann.hard.foreign import Foreign
-from lippmann.hard.judge import _rounding, judge
-from lippmann.hard.measure import fixed_words
-from lippmann.hard.search import random_aims, random_pixels
-from lippmann.hard.vectors import INPUTS, display_text
 from lippmann.sim.tools import repository
 from optics_cases import display_of
 

@@ -2,8 +2,8 @@
 
 import csv
 
-from lippmann.bench.naive import measured
-from lippmann.hard.cases import CASES
+from lippmann.conditioning.cases import CASES
+from lippmann.measure.naive import measured
 from lippmann.sim.tools import repository
 
 REPORTS = repository() / "docs/reports"

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.conditioning.cases import changed
+from lippmann.conditioning.vectors import display_text, memory_lines, output_widths, words_of_memory
 from lippmann.display import load_display
+from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.hard.cases import changed
-from lippmann.hard.vectors import display_text, memory_lines, output_widths, words_of_memory
-from lippmann.optics.trace import trace
 from lippmann.sim.tools import repository
 
 SQUARE = str(repository() / "scenes/displays/paper-square.toml")

@@ -11,10 +11,10 @@ import zlib
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from lippmann.animation import FRAME_MS, write_animation, write_contact_sheet
+from lippmann.board.frames import Target, load_frame
 from lippmann.errors import InputError
 from lippmann.images import PREFIX, check_output, decode, encode, read_picture, replacing, write_picture
-from lippmann.link.frames import Target, load_frame
-from lippmann.sheet import FRAME_MS, write_animation, write_contact_sheet
 from PIL import Image
 from scene_cases import generator
 

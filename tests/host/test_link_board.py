@@ -17,19 +17,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import serial
+from lippmann.board.board import BACK, FRONT, Board
+from lippmann.board.check import check_rays
+from lippmann.board.discovery import find_board, find_boards
+from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.link import port as port_module
-from lippmann.link.board import BACK, FRONT, Board
-from lippmann.link.check import check_rays
 from lippmann.link.faults import Faults, Proxy
 from lippmann.link.packets import Kind, Status, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
-from lippmann.link.search import find_board, find_boards
-from lippmann.link.stream import send_frame
 from model_board import OPTICS_BUILD, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator

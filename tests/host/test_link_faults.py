@@ -7,10 +7,10 @@ import time
 
 import numpy as np
 import pytest
+from lippmann.board.board import SEND_S, Board
+from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError
-from lippmann.link.board import SEND_S, Board
 from lippmann.link.faults import NO_FAULTS, Faults, Mangler, Proxy
-from lippmann.link.stream import send_frame
 from model_board import ModelBoard
 from scene_cases import generator
 

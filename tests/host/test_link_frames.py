@@ -3,10 +3,10 @@
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from lippmann.board.board import Hello
+from lippmann.board.frames import load_frame
 from lippmann.errors import InputError
 from lippmann.images import write_picture
-from lippmann.link.board import Hello
-from lippmann.link.frames import load_frame
 from scene_cases import generator
 
 SEED = 4506

@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from lippmann.board.board import BACK, FRONT, Board
+from lippmann.board.stream import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.link.board import BACK, FRONT, Board
 from lippmann.link.faults import Proxy
 from lippmann.link.packets import Kind, packed
 from lippmann.link.round_trip import RoundTrip
-from lippmann.link.stream import Sent, send_frame
 from model_board import ModelBoard
 from scene_cases import generator
 

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 import qoi
-from lippmann.link.tiles import Coding, Grid, code_tile, frame_crc, raw_tile
+from lippmann.board.tiles import Coding, Grid, code_tile, frame_crc, raw_tile
 from model_board import qoi_pixels
 from scene_cases import generator
 

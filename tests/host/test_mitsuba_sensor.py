@@ -8,9 +8,9 @@ import drjit as dr
 import lippmann
 import numpy as np
 import pytest
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings, make_integrator, render_integral
-from lippmann.render.scene import load_scene
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, make_integrator, render_integral
+from lippmann.rendering.scene import load_scene
 from optics_cases import GRIDS
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import truth
 from lippmann.display import parse_display
-from lippmann.optics.status import Status
-from lippmann.optics.trace import MODELS, backend_of
+from lippmann.engines import backend_of
+from lippmann.optics.rays import MODELS, Status
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
 SEED = 2005

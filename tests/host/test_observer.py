@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from lippmann.errors import InputError
 from lippmann.images import Picture
-from lippmann.observe import Eye, View, check_identity, observe, whole_window
-from lippmann.optics.trace import MODELS
-from lippmann.render.sources import Window
+from lippmann.observer import Eye, View, check_identity, observe, whole_window
+from lippmann.optics.rays import MODELS
+from lippmann.rendering.sources import Window
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import centres, focused_display, generator
 
@@ -324,7 +324,7 @@ def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
     first = see(mi, noise, display, eye, seed=3)
     np.testing.assert_array_equal(see(mi, noise, display, eye, seed=3).radiance, first.radiance)
     assert (see(mi, noise, display, eye, seed=4).radiance != first.radiance).any()
-    monkeypatch.setattr("lippmann.observe.CHUNK_RAYS", 16 * 37)
+    monkeypatch.setattr("lippmann.observer.CHUNK_RAYS", 16 * 37)
     pieces = see(mi, noise, display, eye, seed=3)
     np.testing.assert_array_equal(pieces.radiance, first.radiance)
     assert pieces.status_share == first.status_share

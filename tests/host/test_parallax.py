@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.choose import choose_model
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import load_scene
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import load_scene
+from lippmann.select.model import choose_model
 from scene_cases import centres, focused_display, glowing_sphere, on_screen, write_scene
 
 #: Depth of each sphere, mm, and the row that it has for itself.

@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from lippmann.bench.peers import OUTLINE_PX, Rows, around, compare, near_seams
-from lippmann.bench.seed import Timed, findings, lenslets_in, with_window
-from lippmann.capture.rays import CaptureSource
-from lippmann.capture.setup import load_setup
+from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
+from lippmann.dev.peers import OUTLINE_PX, Rows, around, compare, near_seams
+from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
@@ -17,8 +17,8 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import lattice_rows, setup_view
-from lippmann.render.renderer import Settings, render
-from lippmann.render.scene import load_scene, placement_beside
+from lippmann.rendering.renderer import Settings, render
+from lippmann.rendering.scene import load_scene, placement_beside
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light
 

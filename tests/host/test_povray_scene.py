@@ -12,9 +12,9 @@ from lippmann.errors import InputError, MissingLibraryError
 from lippmann.images import encode
 from lippmann.povray import program
 from lippmann.povray.export import MAX_RAYS, export_display, export_view
-from lippmann.render.renderer import Settings, render_integral, render_view
-from lippmann.render.scene import load_scene
-from lippmann.render.sources import Window
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import Window
 from optics_cases import GRIDS
 from scene_cases import centres, display_toml, focused_display, generator, rgb, write_scene
 

@@ -5,6 +5,7 @@ import math
 import re
 
 import pytest
+from lippmann.dev.generate_registers import generate
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
@@ -12,7 +13,6 @@ from lippmann.fixed.raster import Raster
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
 from lippmann.fixed.registers import REGISTERS
 from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
-from lippmann.sim.generate_registers import generate
 from lippmann.sim.tools import repository
 from optics_cases import display_of
 

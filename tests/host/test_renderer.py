@@ -9,16 +9,17 @@ from pathlib import Path
 import lippmann
 import numpy as np
 import pytest
+from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.trace import MODELS, trace
-from lippmann.render import renderer, sources
-from lippmann.render.placement import Placement, load_placement
-from lippmann.render.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
-from lippmann.render.sampling import points_in_square, square_to_cell
-from lippmann.render.scene import load_scene
-from lippmann.render.sources import STRIPES, Window
+from lippmann.optics.rays import MODELS
+from lippmann.optics.sampling import points_in_square, square_to_cell
+from lippmann.rendering import renderer, sources
+from lippmann.rendering.placement import Placement, load_placement
+from lippmann.rendering.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import STRIPES, Window
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
 from scipy.spatial.transform import Rotation
@@ -492,7 +493,7 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
 
 def test_peak_memory_is_the_process_s_own():
     """Not that of who started it, which its resource usage begins with; and the most there was, not what is left."""
-    code = "import numpy as np; from lippmann.render.renderer import peak_memory_mb; "
+    code = "import numpy as np; from lippmann.rendering.renderer import peak_memory_mb; "
     peaks = []
     large = np.ones(75_000_000)  # 600 MB
     for filled in ("", "np.ones(25_000_000); "):  # 200 MB, given back at once

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.bench.report import write_report
 from lippmann.errors import InputError
 from lippmann.report import changes
 from lippmann.report.compare import compare, has_moved
 from lippmann.report.figures import Figures, Measured, in_turn, read_figures, read_stored
 from lippmann.report.pareto import pareto_front
+from lippmann.report.tables import write_report
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
 

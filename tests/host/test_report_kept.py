@@ -4,12 +4,12 @@ import itertools
 import re
 
 import pytest
-from lippmann.optics.trace import ENGINES, MODELS
+from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.optics.rays import ENGINES, MODELS
 from lippmann.report.figures import read_stored
 from lippmann.report.hardware import on_front
 from lippmann.report.plan import WHOLE
 from lippmann.report.run import TABLES
-from lippmann.sim.configurations import CONFIGURATIONS
 from lippmann.sim.tools import repository
 
 REPORTS = repository() / "docs/reports"

@@ -8,16 +8,16 @@ import math
 import numpy as np
 import pytest
 from lippmann.display import load_display
+from lippmann.engines import trace
 from lippmann.errors import InputError
+from lippmann.fixed.configurations import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import decode
-from lippmann.optics.status import Status
-from lippmann.optics.trace import trace
+from lippmann.optics.rays import Status
 from lippmann.report import engines, growth, hardware, load, renderer
 from lippmann.report.figures import Figures, Measured
 from lippmann.report.plan import QUICK, WHOLE
 from lippmann.report.views import middle
-from lippmann.sim.configurations import CONFIGURATIONS
 from lippmann.sim.tools import repository
 
 SCENES = repository() / "scenes"

@@ -6,7 +6,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 from lippmann.cli import run
-from lippmann.sim import mutation
+from lippmann.dev import mutation
 
 COMMANDS = ("formal", "generate_registers", "lint", "mutation", "synthesis")
 

@@ -77,7 +77,7 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
     api = (tmp_path / "site/docs/site/api.html").read_text()
     for name in (
         "lippmann.display.load_display",
-        "lippmann.observe.observe",
+        "lippmann.observer.observe",
         "lippmann.film.film.Film.placement",
     ):
         assert f'id="{name}"' in api

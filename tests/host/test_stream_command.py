@@ -5,11 +5,11 @@ import time
 
 import numpy as np
 import pytest
+from lippmann.board.board import Board
+from lippmann.board.registers import REGISTERS
 from lippmann.cli import run
 from lippmann.images import decode, write_picture
-from lippmann.link.board import Board
 from lippmann.link.faults import Proxy
-from lippmann.link.registers import REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, ModelBoard, RefusedError
 from scene_cases import generator
 

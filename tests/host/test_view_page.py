@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.derived import derive
 from lippmann.display import load_display
+from lippmann.display_properties import display_properties
 from lippmann.errors import InputError
 from lippmann.images import decode, write_picture
-from lippmann.view import template
-from lippmann.view.controls import eye_reach_mm, focus_reach_mm, sliders
-from lippmann.view.direct import grid_of_eyes
-from lippmann.view.page import SCRIPTS, SHADERS, Direct, page_html
+from lippmann.viewer import template
+from lippmann.viewer.controls import eye_reach_mm, focus_reach_mm, sliders
+from lippmann.viewer.direct import grid_of_eyes
+from lippmann.viewer.page import SCRIPTS, SHADERS, Direct, page_html
 from optics_cases import GRIDS, SIDES, random_display
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
@@ -201,7 +201,7 @@ def test_sliders_stay_within_what_can_be_built():
 
 def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye():
     for display in displays():
-        derived = derive(display)
+        derived = display_properties(display)
         # |C - ex| D / 600 > p / 2 at the panel's far edge, C = -w / 2, too: all lenslets show neighbours' images.
         least = 0.5 * display.panel.width_mm + 600.0 * math.tan(math.radians(derived.crosstalk_angle_deg))
         assert eye_reach_mm(display, derived) >= least * (1.0 - 1e-12)
@@ -215,7 +215,7 @@ def test_direct_eyes_stand_in_the_viewing_zone():
         eyes = np.array(grid_of_eyes(display))
         assert eyes.shape == (21, 3)
         assert (0.0, 0.0, 600.0) in map(tuple, eyes)
-        assert np.abs(eyes[:, 0]).max() == pytest.approx(max(derive(display).viewing_zone_mm, 30.0))
+        assert np.abs(eyes[:, 0]).max() == pytest.approx(max(display_properties(display).viewing_zone_mm, 30.0))
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -6,14 +6,15 @@ import os
 
 import numpy as np
 import pytest
+from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.display import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
+from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.trace import WIDEST, words_of_pixels
-from lippmann.optics.status import Status
+from lippmann.fixed.words import WIDEST
+from lippmann.optics.rays import Status
 from lippmann.sim.harness import harness
-from lippmann.sim.random_cases import configured_display, random_rays
 from lippmann.sim.tools import repository
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

@@ -10,8 +10,8 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.sim.configurations import CONFIGURATIONS
-from lippmann.sim.synthesis import REPLACED, elaborate, place, run_tool, sources, stages
+from lippmann.dev.synthesis import REPLACED, elaborate, place, run_tool, sources, stages
+from lippmann.fixed.configurations import CONFIGURATIONS
 from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
 
 TOP = repository()

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from lippmann.sim.formal import run_proof, tasks
+from lippmann.dev.formal import run_proof, tasks
 
 TOP = Path(__file__).resolve().parents[2]
 FORMAL = TOP / "sim" / "formal"

@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.bench.browser import Browser
+from lippmann.dev.browser import Browser
 from lippmann.display import Array, Display, Panel, load_display
+from lippmann.engines import trace, trace_to_panel
 from lippmann.images import decode, encode, psnr_db, write_picture
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.optics.status import Status
-from lippmann.optics.trace import trace, trace_to_panel
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import load_scene
-from lippmann.render.variant import start_mitsuba
-from lippmann.view.page import Direct, page_html
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Status
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.variant import start_mitsuba
+from lippmann.viewer.page import Direct, page_html
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]

@@ -19,18 +19,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cobs import cobs
-from lippmann.closed_loop import run_on_virtual_board
+from lippmann.board.board import BACK, FRONT, Board
+from lippmann.board.closed_loop import run_on_virtual_board
+from lippmann.board.registers import REGISTERS
+from lippmann.board.stream import send_frame
 from lippmann.display import load_display
 from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.link.board import BACK, FRONT, Board
 from lippmann.link.faults import NO_FAULTS, Faults, Proxy
 from lippmann.link.packets import Kind, PacketReader, Status, packed
-from lippmann.link.registers import REGISTERS
-from lippmann.link.stream import send_frame
 from lippmann.sim import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

@@ -12,7 +12,7 @@ from types import FrameType
 import click
 
 from lippmann import __version__
-from lippmann.cli.common import EXIT_INTERRUPTED
+from lippmann.cli.output import EXIT_INTERRUPTED
 from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.

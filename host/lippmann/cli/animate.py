@@ -9,8 +9,11 @@ from typing import Any, Literal, cast
 
 import click
 
-from lippmann.cli.common import Vector, device_option, display_option, emit, json_option, log, progress_bar, seed_option
-from lippmann.cli.how import check_fraction_bits, how_options
+from lippmann.animation import ANIMATION_SUFFIXES, to_srgb8, write_animation
+from lippmann.board.frames import panel_values
+from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
+from lippmann.cli.options.rendering import check_fraction_bits, render_options
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.film.cluster import render_on_cluster
@@ -19,15 +22,13 @@ from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Options, Shot, render_shot, shots_of
 from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, write_video
 from lippmann.images import Image, check_output, read_picture
-from lippmann.link.frames import panel_values
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.optics.trace import Engine, Model
-from lippmann.render.placement import SCALE_RANGE
-from lippmann.render.renderer import Settings, check_memory
-from lippmann.render.scene import check_scene_file
-from lippmann.render.sources import Aperture, Window
-from lippmann.render.variant import start_mitsuba
-from lippmann.sheet import ANIMATION_SUFFIXES, to_srgb8, write_animation
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.placement import SCALE_RANGE
+from lippmann.rendering.renderer import Settings, check_memory
+from lippmann.rendering.scene import check_scene_file
+from lippmann.rendering.sources import Aperture, Window
+from lippmann.rendering.variant import start_mitsuba
 
 MAX_VIEW_PX = 4096
 VIEW_PX = 600
@@ -46,7 +47,7 @@ GIF_SPEED = 50.0
     show_default=True,
     help="The whole film larger or smaller, about the display's middle.",
 )
-@how_options
+@render_options
 @click.option("--video", metavar="FILE.mkv", help="The panel's frames as a lossless video.")
 @click.option("--view", metavar="FILE", help="What an eye sees of the film: .mp4, .gif or .png.")
 @click.option("--eye", type=Vector(3), help="The eye of --view, mm; the display is at z = 0.")

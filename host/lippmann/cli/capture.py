@@ -8,18 +8,19 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from lippmann.capture.capture import capture, stand_of
-from lippmann.capture.depths import shown
-from lippmann.capture.setup import Pickup, Setup, load_setup
-from lippmann.cli.common import device_option, emit, json_option, log, progress_bar, seed_option
+from lippmann.capturing.capture import capture, stand_of
+from lippmann.capturing.depths import shown
+from lippmann.capturing.setup import Pickup, Setup, load_setup
+from lippmann.cli.options.common import device_option, json_option, seed_option
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import display_text
 from lippmann.errors import InputError, input_error
 from lippmann.images import check_output, replacing, write_picture
-from lippmann.render.metadata import image_metadata
-from lippmann.render.renderer import Settings, check_memory, peak_memory_mb
-from lippmann.render.scene import Scene, check_scene_file, load_scene
-from lippmann.render.sources import APERTURES, Aperture
-from lippmann.render.variant import device_of, start_mitsuba
+from lippmann.rendering.metadata import image_metadata
+from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
+from lippmann.rendering.scene import Scene, check_scene_file, load_scene
+from lippmann.rendering.sources import APERTURES, Aperture
+from lippmann.rendering.variant import device_of, start_mitsuba
 
 #: Vignetting that is mentioned, per cent.
 NOTED_PERCENT = 1.0

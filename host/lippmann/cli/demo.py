@@ -10,19 +10,20 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.cli.common import device_option, emit, json_option, log, progress_bar
-from lippmann.closed_loop import run_on_virtual_board
+from lippmann.animation import write_animation, write_contact_sheet
+from lippmann.board.closed_loop import run_on_virtual_board
+from lippmann.board.frames import panel_values
+from lippmann.cli.options.common import device_option, json_option
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import decode, psnr_db, replacing, write_picture
-from lippmann.link.frames import panel_values
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.render.metadata import image_metadata
-from lippmann.render.renderer import Settings, render_integral, render_view
-from lippmann.render.scene import load_scene
-from lippmann.render.variant import start_mitsuba
-from lippmann.sheet import write_animation, write_contact_sheet
-from lippmann.view.page import Direct, page_html
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.metadata import image_metadata
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.variant import start_mitsuba
+from lippmann.viewer.page import Direct, page_html
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import click
 
-from lippmann.cli.common import Finite, emit, json_option
-from lippmann.cli.line import baud_option
+from lippmann.board.board import Board
+from lippmann.board.frames import Target, load_frame
+from lippmann.cli.options.common import Finite, json_option
+from lippmann.cli.options.port import baud_option
+from lippmann.cli.output import emit
 from lippmann.display import Transfer, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.fullscreen import show
-from lippmann.link.board import Board
-from lippmann.link.frames import Target, load_frame
 
 
 @click.command("display")

@@ -9,14 +9,15 @@ from typing import Any
 import click
 
 from lippmann import __version__
-from lippmann.cli.common import emit, json_option
+from lippmann.board.discovery import baud_of_board
+from lippmann.cli.options.common import json_option
+from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, LippmannError, MissingLibraryError
 from lippmann.link.port import port_trouble, ports
-from lippmann.link.search import baud_of_board
-from lippmann.machine import machine
 from lippmann.povray.program import POVRAY
-from lippmann.render.renderer import free_memory_mb
-from lippmann.render.variant import start_mitsuba
+from lippmann.provenance import machine_name
+from lippmann.rendering.renderer import free_memory_mb
+from lippmann.rendering.variant import start_mitsuba
 from lippmann.sim.tools import RTL_TOOLS
 
 PACKAGES = (
@@ -86,10 +87,10 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
             code = code or (trouble or DeviceError).exit_code
 
     def text() -> None:
-        click.echo(f"lippmann {__version__} on {machine()}")
+        click.echo(f"lippmann {__version__} on {machine_name()}")
         for c in checks:
             mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
             click.echo(f"{mark:<8}{c['check']:<20}{c['detail']}")
 
-    emit({"ok": not code, "version": __version__, "machine": machine(), "checks": checks}, as_json, text)
+    emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, text)
     ctx.exit(code)

@@ -8,17 +8,18 @@ from typing import cast
 
 import click
 
-from lippmann.capture.capture import check_stand, stand_of
-from lippmann.capture.setup import load_setup
-from lippmann.cli.common import device_option, emit, json_option
+from lippmann.capturing.capture import check_stand, stand_of
+from lippmann.capturing.setup import load_setup
+from lippmann.cli.options.common import device_option, json_option
+from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.errors import InputError
-from lippmann.optics.trace import MODELS, Model
+from lippmann.optics.rays import MODELS, Model
 from lippmann.povray.export import Exported, check_folder, export_display, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
-from lippmann.render.scene import check_scene_file, load_scene
-from lippmann.render.variant import start_mitsuba
+from lippmann.rendering.scene import check_scene_file, load_scene
+from lippmann.rendering.variant import start_mitsuba
 
 
 @click.group("export")

@@ -8,12 +8,13 @@ from decimal import ROUND_CEILING, Context
 
 import click
 
-from lippmann.choose import TOLERANCE
-from lippmann.cli.common import Finite, Vector, emit, json_option
-from lippmann.derived import derive
+from lippmann.cli.options.common import Finite, Vector, json_option
+from lippmann.cli.output import emit
 from lippmann.display import load_display
+from lippmann.display_properties import display_properties
 from lippmann.errors import input_error
-from lippmann.fit import MOST_SAMPLES, fit
+from lippmann.select.build import MOST_SAMPLES, fit
+from lippmann.select.model import TOLERANCE
 
 
 @click.command("fit")
@@ -35,7 +36,7 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
     Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
     """
     display = load_display(display_path)
-    own = derive(display).depth_range_mm
+    own = display_properties(display).depth_range_mm
     far, near = depths or own
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")

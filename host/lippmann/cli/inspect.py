@@ -7,9 +7,10 @@ import math
 
 import click
 
-from lippmann.cli.common import emit, json_option
-from lippmann.derived import VIEWING_DISTANCE_MM, derive
+from lippmann.cli.options.common import json_option
+from lippmann.cli.output import emit
 from lippmann.display import load_display
+from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
 
 
 @click.command("inspect")
@@ -21,7 +22,7 @@ def command(display_path: str, as_json: bool) -> None:
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
     display = load_display(display_path)
-    derived = derive(display)
+    derived = display_properties(display)
     panel, array = display.panel, display.array
     result = {
         "name": display.name,

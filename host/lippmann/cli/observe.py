@@ -8,25 +8,16 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from lippmann.cli.common import (
-    Finite,
-    Vector,
-    device_option,
-    display_option,
-    emit,
-    json_option,
-    log,
-    progress_bar,
-    seed_option,
-)
+from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
+from lippmann.cli.options.common import Finite, Vector, device_option, display_option, json_option, seed_option
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
-from lippmann.observe import Eye, check_identity, observe, whole_window
-from lippmann.optics.trace import MODELS, Model
-from lippmann.render.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
-from lippmann.render.variant import start_mitsuba
-from lippmann.sheet import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
+from lippmann.observer import Eye, check_identity, observe, whole_window
+from lippmann.optics.rays import MODELS, Model
+from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
+from lippmann.rendering.variant import start_mitsuba
 
 MAX_VIEW_PX = 16384
 

@@ -8,12 +8,12 @@ from typing import cast
 
 import click
 
-from lippmann.cli.common import Finite, display_option, emit, json_option
+from lippmann.cli.options.common import Finite, display_option, json_option
+from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.errors import input_error
-from lippmann.fixed.trace import WIDEST
-from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.trace import MODELS, Model
+from lippmann.fixed.words import FRACTIONS, WIDEST
+from lippmann.optics.rays import MODELS, Model
 
 #: Exit code when rays were judged and found wrong: nothing failed, so it is none of the failures' codes.
 FOUND_WRONG = 4
@@ -62,8 +62,8 @@ def command(
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
     """
-    from lippmann.hard.foreign import read_foreign
-    from lippmann.hard.judge import judge
+    from lippmann.diagnose.foreign import read_foreign
+    from lippmann.diagnose.judge import judge
 
     for name, value in (("--tolerance-urad", tolerance_urad), ("--tolerance-nm", tolerance_nm)):
         if value <= 0.0:

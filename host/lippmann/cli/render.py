@@ -6,32 +6,20 @@ from typing import Any, cast
 
 import click
 
-from lippmann.choose import choose_model
-from lippmann.cli.common import (
-    device_option,
-    display_option,
-    emit,
-    json_option,
-    log,
-    progress_bar,
-    seed_option,
-)
-from lippmann.cli.how import check_fraction_bits, how_options
-from lippmann.cli.stand import placement_of, stand_options
+from lippmann.cli.options.common import device_option, display_option, json_option, seed_option
+from lippmann.cli.options.placement import placement_of, placement_options
+from lippmann.cli.options.rendering import check_fraction_bits, render_options
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output, write_picture
-from lippmann.optics.trace import Engine, Model
-from lippmann.render.metadata import image_metadata
-from lippmann.render.renderer import (
-    Settings,
-    check_memory,
-    peak_memory_mb,
-    render_integral,
-)
-from lippmann.render.scene import Scene, check_scene_file, load_scene
-from lippmann.render.sources import Aperture
-from lippmann.render.variant import device_of, start_mitsuba
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.metadata import image_metadata
+from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb, render_integral
+from lippmann.rendering.scene import Scene, check_scene_file, load_scene
+from lippmann.rendering.sources import Aperture
+from lippmann.rendering.variant import device_of, start_mitsuba
+from lippmann.select.model import choose_model
 
 #: Widths of a scene, in widths of the panel, that raise no question.
 SIZE_SHARE = (0.02, 1000.0)
@@ -41,8 +29,8 @@ SIZE_SHARE = (0.02, 1000.0)
 @click.argument("scene_path", metavar="SCENE")
 @display_option
 @click.option("-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel.")
-@how_options
-@stand_options
+@render_options
+@placement_options
 @seed_option
 @device_option
 @json_option

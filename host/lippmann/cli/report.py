@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
-from lippmann.cli.common import device_option, emit, json_option, log, seed_option
+from lippmann.cli.options.common import device_option, json_option, seed_option
+from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, input_error
 from lippmann.images import check_output
-from lippmann.render.variant import start_mitsuba
+from lippmann.rendering.variant import start_mitsuba
 
 
 @click.command("report")

@@ -8,15 +8,16 @@ from typing import Any, get_args
 
 import click
 
-from lippmann.cli.common import Finite, emit, json_option, log, progress_bar
-from lippmann.cli.line import baud_option, chosen_port, port_option
+from lippmann.board.board import Board, Hello
+from lippmann.board.displayed import shown_crc
+from lippmann.board.frames import load_frame
+from lippmann.board.registers import REGISTERS
+from lippmann.board.stream import Sent, send_frame
+from lippmann.cli.options.common import Finite, json_option
+from lippmann.cli.options.port import baud_option, chosen_port, port_option
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Transfer
 from lippmann.errors import DeviceError, NoBoardError, device_error
-from lippmann.link.board import Board, Hello
-from lippmann.link.frames import load_frame
-from lippmann.link.registers import REGISTERS
-from lippmann.link.shown import shown_crc
-from lippmann.link.stream import Sent, send_frame
 
 #: Seconds between attempts to find a lost board again.
 RETRY_S = 0.5

@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 from click.core import ParameterSource
 
-from lippmann.cli.common import device_option, display_option, emit, json_option, seed_option
+from lippmann.cli.options.common import device_option, display_option, json_option, seed_option
+from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
+from lippmann.engines import trace
 from lippmann.errors import input_error
-from lippmann.fixed.trace import WIDEST
-from lippmann.fixed.words import FRACTIONS
+from lippmann.fixed.words import FRACTIONS, WIDEST
 from lippmann.images import check_output, replacing
-from lippmann.optics.status import Status
-from lippmann.optics.trace import ENGINES, MODELS, Engine, Model, trace
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Status
 
 #: Rays that one call may ask for: what fits in memory.
 MAX_RAYS = 100_000_000
@@ -90,7 +90,7 @@ def command(
     pixel = _pixels(pixels, display, random)
     points = _aperture(display, len(pixel), random) if aperture == "full" else None
     if engine == "fast":
-        from lippmann.render.variant import device_of, start_mitsuba
+        from lippmann.rendering.variant import device_of, start_mitsuba
 
         device = device_of(start_mitsuba(device))
     if engine == "rtl":

@@ -8,12 +8,12 @@ from typing import cast
 
 import click
 
-from lippmann.cli.common import display_option, emit, json_option, log, seed_option
+from lippmann.cli.options.common import display_option, json_option, seed_option
+from lippmann.cli.output import emit, log
 from lippmann.display import load_display
-from lippmann.fixed.trace import WIDEST
-from lippmann.fixed.words import FRACTIONS
-from lippmann.machine import provenance
-from lippmann.optics.trace import MODELS, Model
+from lippmann.fixed.words import FRACTIONS, WIDEST
+from lippmann.optics.rays import MODELS, Model
+from lippmann.provenance import provenance
 
 
 @click.command("vectors")
@@ -45,7 +45,7 @@ def command(
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
     """
-    from lippmann.hard.vectors import write_vectors
+    from lippmann.conditioning.vectors import write_vectors
 
     display = load_display(display_path)
     said = (

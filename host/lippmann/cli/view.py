@@ -10,26 +10,18 @@ from typing import Any
 import click
 
 from lippmann.cli import interrupts
-from lippmann.cli.common import (
-    Vector,
-    device_option,
-    display_option,
-    emit,
-    json_option,
-    log,
-    progress_bar,
-    seed_option,
-)
-from lippmann.cli.stand import placement_of, stand_options
+from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
+from lippmann.cli.options.placement import placement_of, placement_options
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError
 from lippmann.images import check_output, read_picture, replacing
-from lippmann.observe import Eye, check_identity
-from lippmann.render.scene import check_scene_file, load_scene
-from lippmann.render.variant import start_mitsuba
-from lippmann.view.direct import render_directs
-from lippmann.view.page import Direct, check_direct, page_html
-from lippmann.view.serve import page_server
+from lippmann.observer import Eye, check_identity
+from lippmann.rendering.scene import check_scene_file, load_scene
+from lippmann.rendering.variant import start_mitsuba
+from lippmann.viewer.direct import render_directs
+from lippmann.viewer.page import Direct, check_direct, page_html
+from lippmann.viewer.serve import page_server
 
 
 @click.command("view")
@@ -45,7 +37,7 @@ from lippmann.view.serve import page_server
     help="A direct render of the scene from that eye, through the panel's window; may be repeated.",
 )
 @click.option("--scene", "scene_path", metavar="SCENE", help="Render direct views of this scene from a grid of eyes.")
-@stand_options
+@placement_options
 @click.option("--title", help="Heading of the page.  [default: the image's name]")
 @click.option("--serve", is_flag=True, help="Serve the page on loopback until Ctrl-C, instead of writing it.")
 @click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Of --serve; 0: any that is free.")

@@ -15,11 +15,11 @@ from typing import Any
 import click
 
 from lippmann.cli import interrupts
-from lippmann.cli.common import display_option, emit, json_option, log
+from lippmann.cli.options.common import display_option, json_option
+from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
-from lippmann.fixed.trace import COMPACT
-from lippmann.fixed.words import FRACTIONS
+from lippmann.fixed.words import COMPACT, FRACTIONS
 from lippmann.images import replacing
 
 #: Seconds between two looks at a board that runs, and that it has to end.

@@ -21,8 +21,8 @@ from lippmann import __version__
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
 from lippmann.film.shot import Shot, render_shot
 from lippmann.images import Image
-from lippmann.render.scene import digest_of
-from lippmann.render.variant import start_mitsuba
+from lippmann.rendering.scene import digest_of
+from lippmann.rendering.variant import start_mitsuba
 
 #: Seconds in which the scheduler must answer, and a first worker join.
 ANSWER_S = 10.0

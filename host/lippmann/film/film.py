@@ -9,9 +9,9 @@ from pathlib import Path
 from lippmann.errors import InputError, input_error
 from lippmann.film.path import MOTIONS, Motion, read_path
 from lippmann.film.path import Path as FilmPath
-from lippmann.render.moved import Move
-from lippmann.render.placement import Placement
-from lippmann.toml_table import Table
+from lippmann.rendering.moved import Move
+from lippmann.rendering.placement import Placement
+from lippmann.toml import Table
 
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000

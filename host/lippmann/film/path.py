@@ -8,8 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from lippmann.errors import input_error
-from lippmann.render.placement import SCALE_RANGE, Placement
-from lippmann.toml_table import Table
+from lippmann.rendering.placement import SCALE_RANGE, Placement
+from lippmann.toml import Table
 
 #: How a path runs from key to key.
 Motion = Literal["smooth", "linear"]

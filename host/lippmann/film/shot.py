@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lippmann import __version__
-from lippmann.choose import TOLERANCE, choose_model
 from lippmann.display import Display
 from lippmann.film.film import Film
 from lippmann.images import Image
-from lippmann.optics.trace import Engine, Model
-from lippmann.render.metadata import image_metadata
-from lippmann.render.moved import Move
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.metadata import image_metadata
+from lippmann.rendering.moved import Move
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.select.model import TOLERANCE, choose_model
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.trace import Model
+from lippmann.optics.rays import Model
 
 #: What the RTL distinguishes; `thin` is the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]

@@ -25,8 +25,8 @@ from lippmann.fixed.words import (
     SLOPE_FRACTION,
 )
 from lippmann.optics.models import ray_matrix
+from lippmann.optics.rays import Model
 from lippmann.optics.system import System
-from lippmann.optics.trace import Model
 
 #: Square of the largest slope to the axis, 60 degrees: what `unit_slope` takes.
 MAX_SLOPE_SQUARE = 3.0

@@ -23,7 +23,7 @@ from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.unit_slope import unit_slope
 from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
-from lippmann.optics.status import Status
+from lippmann.optics.rays import Status
 
 
 class FixedRays(NamedTuple):

@@ -27,6 +27,8 @@ MUL_BITS = 18
 GUARD = 3
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
+#: Fraction bits of the widest and of the compact shipped configuration.
+WIDEST, COMPACT = 23, 16
 
 
 def guarded(x: Ints) -> Ints:

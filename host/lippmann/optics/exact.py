@@ -12,7 +12,7 @@ from lippmann.optics.aim import Ray, mirrored, transported, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.dome import Crossing, blocked_above, blocked_below, meet, refract_dome
 from lippmann.optics.flat import refract_flat
-from lippmann.optics.status import Status, gets_through
+from lippmann.optics.rays import Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 

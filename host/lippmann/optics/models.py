@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.status import Status
+from lippmann.optics.rays import Status
 from lippmann.optics.system import Exit, Landing, System
 
 

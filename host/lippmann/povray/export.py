@@ -20,16 +20,16 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
+from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
 from lippmann.images import read_picture, replacing
-from lippmann.optics.status import gets_through
-from lippmann.optics.trace import Model, trace
+from lippmann.optics.rays import Model, gets_through
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
 from lippmann.povray.program import Run, run_povray
 from lippmann.povray.scene import write_scene
 from lippmann.povray.text import plain
-from lippmann.render.scene import Scene
-from lippmann.render.sources import Window
+from lippmann.rendering.scene import Scene
+from lippmann.rendering.sources import Window
 
 #: Most pixels that a camera of single rays may have: each is a triangle in a text file.
 MAX_RAYS = 1 << 20

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from lippmann.capture.imaging_lens import Face, LensPair, ThinLens
-from lippmann.capture.setup import Pickup, Setup
+from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
+from lippmann.capturing.setup import Pickup, Setup
 from lippmann.errors import InputError
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.panel import PanelFrame

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lippmann.povray.materials import Material, Materials, point_light
 from lippmann.povray.source import Item, Tree
 from lippmann.povray.text import block, identifier, matrix, plain, rows
-from lippmann.render.placement import Placement
+from lippmann.rendering.placement import Placement
 
 Array = npt.NDArray[Any]
 

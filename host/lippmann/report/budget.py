@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.bench.fixed import BUDGET, budget
+from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.measure.fixed import BUDGET, budget
 from lippmann.report.figures import Figures, Measured
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, drawn, finish
 from lippmann.report.section import Plot, Section, Shown, column
-from lippmann.sim.configurations import CONFIGURATIONS
 
-#: Figures of a step, and what they are called in `lippmann.bench.fixed.StageError`.
+#: Figures of a step, and what they are called in `lippmann.measure.fixed.StageError`.
 FIGURES = {
     "max_urad": "max_direction_urad",
     "rms_urad": "rms_direction_urad",

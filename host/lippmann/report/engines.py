@@ -13,24 +13,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.bench.rtl import Simulation
-from lippmann.bench.trace import fast_launch
-from lippmann.choose import crossing
+from lippmann.conditioning.digits import Numbers, TrueRays, exact_array, size, true_rays
 from lippmann.display import Display, load_display
+from lippmann.engines import trace
 from lippmann.fixed.build import Build
-from lippmann.fixed.trace import WIDEST, aims_of_words, words_of_aims
-from lippmann.hard.digits import Numbers, TrueRays, exact_array, size, true_rays
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
+from lippmann.fixed.words import WIDEST
 from lippmann.images import psnr_db
-from lippmann.optics.status import gets_through
-from lippmann.optics.trace import ENGINES, MODELS, Engine, Model, Rays, trace
-from lippmann.render.sampling import square_to_cell
-from lippmann.render.sources import APERTURES, Aperture
-from lippmann.render.variant import device_of
+from lippmann.measure.rtl import Simulation
+from lippmann.measure.trace import fast_launch
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
+from lippmann.optics.sampling import square_to_cell
+from lippmann.rendering.sources import APERTURES, Aperture
+from lippmann.rendering.variant import device_of
 from lippmann.report.figures import Figures, Measured, in_turn
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, MARKS, drawn, finish, legend
 from lippmann.report.section import Plot, Section, Shown, column
 from lippmann.report.views import EYE_MM, Stage
+from lippmann.select.model import crossing
 
 Row = dict[str, Any]
 Floats = npt.NDArray[np.float64]

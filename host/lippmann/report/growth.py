@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.bench.render import separately, with_lenslets_across
 from lippmann.display import Display, display_text, load_display
-from lippmann.render.placement import Placement
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import Scene, load_scene
-from lippmann.render.variant import device_of
+from lippmann.measure.render import separately, with_lenslets_across
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import Scene, load_scene
+from lippmann.rendering.variant import device_of
 from lippmann.report.figures import Figures, Measured, Row, in_turn
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, drawn, finish

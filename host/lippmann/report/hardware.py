@@ -9,13 +9,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lippmann.bench.rtl import Simulation, words_differ
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
-from lippmann.fixed.trace import trace_fixed
+from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
+from lippmann.fixed.conversion import trace_fixed
 from lippmann.images import psnr_db
-from lippmann.render.sources import Aperture
+from lippmann.measure.rtl import Simulation, words_differ
+from lippmann.rendering.sources import Aperture
 from lippmann.report.engines import Sample, errors
 from lippmann.report.figures import Figures, Measured, in_turn, read_csv
 from lippmann.report.pareto import pareto_front
@@ -23,7 +24,6 @@ from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, MARKS, drawn, finish
 from lippmann.report.section import Plot, Section, Shown, column
 from lippmann.report.views import Image, Stage
-from lippmann.sim.configurations import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.sim.tools import repository
 
 #: What is simulated; the others would each take half a minute to compile.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lippmann.bench.report import table
 from lippmann.report.page import said
 from lippmann.report.section import Section
+from lippmann.report.tables import table
 
 
 def page_text(title: str, origin: Mapping[str, str], sections: Sequence[Section]) -> str:
-    """Return the page, its pictures beside it, as `lippmann.bench.report.write_report` takes it."""
+    """Return the page, its pictures beside it, as `lippmann.report.tables.write_report` takes it."""
     small = f"<sub>{said(origin)}</sub>"
     parts = [f"# {title}"]
     for section in sections:

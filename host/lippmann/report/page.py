@@ -7,9 +7,9 @@ import html
 import re
 from collections.abc import Mapping, Sequence
 
-from lippmann.bench.report import figure
 from lippmann.report.section import Plot, Section, Shown
-from lippmann.view.template import filled, read
+from lippmann.report.tables import figure
+from lippmann.viewer.template import filled, read
 
 PACKAGE = "lippmann.report"
 CODE = re.compile(r"`([^`]+)`")

@@ -12,8 +12,8 @@ import numpy as np
 
 from lippmann.display import load_display
 from lippmann.images import encode, psnr_db
-from lippmann.render.renderer import Settings, render_integral
-from lippmann.render.scene import load_scene
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import load_scene
 from lippmann.report.figures import Figures, Measured, in_turn
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, MARKS, drawn, finish

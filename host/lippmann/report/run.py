@@ -12,9 +12,8 @@ from typing import Any
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from lippmann.bench.report import write_report
 from lippmann.images import replacing
-from lippmann.machine import provenance
+from lippmann.provenance import provenance
 from lippmann.report import budget, changes, engines, growth, hardware, renderer
 from lippmann.report.compare import Comparison, compare
 from lippmann.report.figures import Figures, Stored
@@ -23,6 +22,7 @@ from lippmann.report.markdown import page_text
 from lippmann.report.page import page_html
 from lippmann.report.plan import Plan
 from lippmann.report.section import Section
+from lippmann.report.tables import write_report
 
 TITLE = "Speed against error"
 #: Name of the pages.

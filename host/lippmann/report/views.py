@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.observe import Eye, observe, whole_window
-from lippmann.optics.trace import Engine, Model
-from lippmann.render.renderer import Settings, render_integral, render_view
-from lippmann.render.scene import Scene, load_scene
-from lippmann.render.sources import Aperture
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import Scene, load_scene
+from lippmann.rendering.sources import Aperture
 
 #: Off the axis, and within the viewing angle of the displays that ship.
 EYE_MM = (20.0, -20.0, 600.0)

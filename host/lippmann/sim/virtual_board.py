@@ -26,7 +26,7 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
-from lippmann.fixed.trace import COMPACT
+from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
 from lippmann.sim.harness import SPEED_FLAGS, RtlError, parameters, processor
 from lippmann.sim.tools import MAKE_FLAGS, RTL_FOLDERS, repository, rtl_sources, verilator_environment

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 from click.testing import CliRunner
-from lippmann.sim.lint import folder_of_modules, lint, main
+from lippmann.dev.lint import folder_of_modules, lint, main
 from lippmann.sim.tools import RTL_FOLDERS, rtl_sources, verilator_environment
 from runner import TOP
 
@@ -184,19 +184,19 @@ def test_bad_parameter_stops_elaboration(module, parameters, message):
 
 
 def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
-    """`python -m lippmann.sim.lint`, which `make lint` runs; all modules themselves are seen to above."""
+    """`python -m lippmann.dev.lint`, which `make lint` runs; all modules themselves are seen to above."""
 
     def found(module):
         said = f"%Warning-WIDTH: {module}.sv" if module in ("aim", "ring") else ""
         return subprocess.CompletedProcess([], 1 if module == "ring" else 0, "", said)
 
-    monkeypatch.setattr("lippmann.sim.lint.lint", found)
+    monkeypatch.setattr("lippmann.dev.lint.lint", found)
     result = CliRunner().invoke(main)
     assert result.exit_code == 1
     assert result.stderr.splitlines() == [
         "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: mend what Verilator says above",
     ]  # fmt: skip
-    assert "-m lippmann.sim.lint\n" in (TOP / "Makefile").read_text()
+    assert "-m lippmann.dev.lint\n" in (TOP / "Makefile").read_text()
 
 
 @pytest.mark.parametrize("module", ["ray_lenslet", "optics_block"])

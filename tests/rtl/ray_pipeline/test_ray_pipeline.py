@@ -5,7 +5,7 @@ import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.optics.status import Status
+from lippmann.optics.rays import Status
 from lippmann.sim.harness import packed, parameters
 from optics import random_configuration, ray_words
 from rtl_coverage import Coverage

@@ -1,0 +1,76 @@
+"""Parameter types, and the options that most commands have."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+
+class Vector(click.ParamType[tuple[float, ...]]):
+    """Comma-separated finite numbers, such as 0,0,600."""
+
+    name = "vector"
+
+    def __init__(self, size: int, form: str | None = None) -> None:
+        self.size = size
+        self.form = form or ",".join("XYZ"[:size])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Parse the numbers."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        try:
+            numbers = tuple(float(part) for part in parts)
+        except ValueError:
+            self.fail(f"'{value}' is not {self.form}; give {self.size} numbers with commas", param, ctx)
+        if len(numbers) != self.size or not all(math.isfinite(x) for x in numbers):
+            self.fail(f"'{value}' is not {self.form}; give {self.size} finite numbers with commas", param, ctx)
+        return numbers
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Name the form in help texts."""
+        return self.form
+
+
+class Finite(click.ParamType[float]):
+    """A finite number, perhaps not below another."""
+
+    name = "float"
+
+    def __init__(self, least: float = -math.inf) -> None:
+        self.least = least
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse a number and refuse nan and inf."""
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            self.fail(f"'{value}' is not a finite number", param, ctx)
+        if number < self.least:
+            self.fail(f"{value} is less than {self.least:g}", param, ctx)
+        return number
+
+
+json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
+display_option = click.option(
+    "--display",
+    "display_path",
+    required=True,
+    metavar="FILE",
+    help="Display file (.toml).",
+)
+device_option = click.option(
+    "--device",
+    default="auto",
+    show_default=True,
+    type=click.Choice(["auto", "llvm", "cuda"]),
+    help="Where the fast engine and Mitsuba run.",
+)
+seed_option = click.option(
+    "--seed", default=0, show_default=True, type=click.IntRange(0, 2**32 - 1), help="Random seed."
+)

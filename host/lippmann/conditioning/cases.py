@@ -1,0 +1,450 @@
+"""Hard cases: named sets of rays where numbers go bad, made for any display from a seed.
+
+A case takes a display and gives sets of rays, each with the display that it is for: the given one, or one like it with
+a single property driven to an extreme. All engines are judged on the same sets, and `lippmann vectors` writes them for
+designs of others. What each case is for is its function's docstring.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lippmann.conditioning.search import Floats, around, onset, pixels_at, random_aims, random_pixels
+from lippmann.display import MAX_SIDE_PX, Display
+from lippmann.engines import trace
+from lippmann.errors import InputError
+from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
+from lippmann.optics.rays import Status
+
+
+@dataclass(frozen=True)
+class Out:
+    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2), mm, None for chief rays."""
+
+    name: str
+    display: Display
+    pixels: Floats
+    aperture: Floats | None
+
+
+@dataclass(frozen=True)
+class Back:
+    """Rays from the world: `origin_mm` (N, 3) and unit `direction` (N, 3)."""
+
+    name: str
+    display: Display
+    origin_mm: Floats
+    direction: Floats
+
+
+Sets = Iterator[Out | Back]
+Generator = Callable[[Display, np.random.Generator, int], Sets]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A named generator; `why` is its docstring."""
+
+    name: str
+    make: Generator
+
+    @property
+    def why(self) -> str:
+        """What the case is for, in one paragraph."""
+        return " ".join((self.make.__doc__ or "").split())
+
+
+#: All cases by name, in the order of this file.
+CASES: dict[str, Case] = {}
+
+
+def _case(make: Generator) -> Generator:
+    name = make.__name__.replace("_", "-")
+    CASES[name] = Case(name, make)
+    return make
+
+
+def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
+    """Yield the sets of a case, or of all.
+
+    Parameters
+    ----------
+    display
+        The display to start from.
+    name
+        Of a case, or "all".
+    seed
+        Of the random places.
+    count
+        Rays of a set, about.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    """
+    if name != "all" and name not in CASES:
+        raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
+    for number, case in enumerate(CASES.values()):
+        if name in ("all", case.name):
+            yield from case.make(display, np.random.default_rng([seed, number]), count)
+
+
+def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
+    """Return a display with other numbers of its array; its glass, if named, becomes a plain index.
+
+    The substrate grows where it would be thinner than the dome is deep.
+    """
+    made = replace(display.array, **{"glass": None, **array})
+    made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
+    return dataclasses.replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+
+
+def steep(display: Display, share: float = 1.02) -> Display:
+    """Return a display of thin, nearly hemispherical domes, a pitch from the panel."""
+    array = display.array
+    thin = changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0)
+    return changed(thin, gap_mm=array.pitch_mm)
+
+
+def _spread(name: str, display: Display, random: np.random.Generator, count: int) -> Out:
+    """Return rays from anywhere on the panel to anywhere in their cells."""
+    return Out(name, display, random_pixels(display, random, count), random_aims(display, random, count))
+
+
+# --- places on one display --------------------------------------------------------------------------------------
+
+
+@_case
+def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays from right behind a lenslet's vertex through it, and a few roundings beside: they leave unbent."""
+    lenslets = random.integers(-3, 4, (count, 2))
+    at = np.concatenate([pixels_at(display, np.zeros((1, 2)), (int(i), int(j)))[0] for i, j in lenslets])
+    near = at + random.integers(-2, 3, at.shape) * np.spacing(np.abs(at))
+    yield Out("chief-ray", display, np.concatenate([at, near]), None)
+
+
+def _corners(display: Display) -> Floats:
+    """Return the corners of a cell, counter-clockwise, mm."""
+    angles = np.radians([45, 135, 225, 315] if display.array.grid == "square" else [30, 90, 150, 210, 270, 330])
+    return display.array.half_diagonal_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+@_case
+def cell_edges(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels and aims on the edges of cells, and a few roundings beside: each ray has exactly one lenslet."""
+    corners = _corners(display)
+    side, along = random.integers(0, len(corners), 2 * count), random.random((2 * count, 1))
+    points = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
+    pixels, _ = pixels_at(display, points[:count], (1, -2))
+    pixels += random.integers(-2, 3, pixels.shape) * np.spacing(np.abs(pixels))
+    yield Out("cell-edges/pixels", display, pixels, None)
+    aims = points[count:] + random.integers(-2, 3, (count, 2)) * np.spacing(points[count:])
+    yield Out("cell-edges/aims", display, random_pixels(display, random, count), aims)
+
+
+@_case
+def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
+    corners = _corners(display)
+    which = random.integers(0, len(corners), 2 * count)
+    points = corners[which]
+    pixels, _ = pixels_at(display, points[:count], (-1, 3))
+    pixels += random.integers(-2, 3, pixels.shape) * np.spacing(np.abs(pixels))
+    yield Out("cell-corners/pixels", display, pixels, None)
+    aims = points[count:] + random.integers(-2, 3, (count, 2)) * np.spacing(points[count:])
+    yield Out("cell-corners/aims", display, random_pixels(display, random, count), aims)
+
+
+@_case
+def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels exactly on edges and corners, in numbers that float64 holds exactly: the half-open rule decides."""
+    del random
+    square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
+    tied = changed(display, pitch_mm=1.0, radius_mm=1.5, rotation_deg=0.0, offset_mm=(0.0, 0.0), gap_mm=0.5)
+    tied = dataclasses.replace(tied, panel=square)
+    steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
+    yield Out("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
+
+
+@_case
+def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays that leave the panel ever flatter, until they are parallel to it within rounding, or no lenslet is there."""
+    pixels = random_pixels(display, random, count)
+    angle = random.uniform(0.0, 2.0 * math.pi, count)
+    # Half of what the engines take: inputs that are moved by a rounding, or by a tolerance, stay within it.
+    farthest = 0.5 * FARTHEST_LENSLETS * display.array.pitch_mm / display.aperture_distance_mm
+    far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, min(8.0, math.log10(farthest)), count)
+    yield Out("grazing-launch", display, pixels, np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
+
+
+def _flips(
+    display: Display, random: np.random.Generator, count: int, has: Callable[[Any], Any], reach: float = 1.5
+) -> tuple[Floats, Floats, Floats]:
+    """Return pixels, the last aims without something, and aims well inside of those; (M, 2) each, M <= count."""
+    many = 400 * count
+    pixels = pixels_at(display, random_aims(display, random, many))[0]
+    inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
+    mixed = ~has(trace(display, pixels, inner)) & has(trace(display, pixels, outer))
+    chosen = np.flatnonzero(mixed)[:count]
+    pixels, inner = pixels[chosen], inner[chosen]
+    return pixels, onset(display, pixels, inner, outer[chosen], has), inner
+
+
+def _having(status: Status) -> Callable[[Any], Any]:
+    """Return what tells which rays have a status."""
+    return lambda rays: rays.status == int(status)
+
+
+_reflected = _having(Status.INTERNAL_REFLECTION)
+
+
+@_case
+def total_reflection(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Steep, dense lenslets at the onset of total internal reflection: within 64 roundings of it on both sides."""
+    dense = changed(steep(display), index=1.9)
+    pixels, aims, _ = _flips(dense, random, max(2, count // 4), _reflected)
+    near = around(aims)
+    yield Out("total-reflection", dense, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+
+
+@_case
+def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays that leave the last face ever flatter: down to 10^-15 of the way from the onset of total reflection."""
+    dense = changed(steep(display), index=1.9)
+    pixels, last, inner = _flips(dense, random, count, _reflected)
+    back = 10.0 ** random.uniform(-15.0, -1.0, (len(pixels), 1))
+    yield Out("grazing-exit", dense, pixels, last + back * (inner - last))
+
+
+@_case
+def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Where a ray begins to be blocked, to miss, or to leave through a neighbour: both sides."""
+    array = display.array
+    rho = array.half_diagonal_mm
+    thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
+    canyon = changed(display, radius_mm=400.0 * array.pitch_mm, thickness_mm=0.0, gap_mm=0.0)
+    for status, made, reach in (
+        (Status.CROSSTALK, steep(display), 1.5),
+        (Status.BLOCKED, thin, 6.0),
+        (Status.MISSED, canyon, 200.0),
+    ):
+        pixels, aims, _ = _flips(made, random, max(2, count // 8), _having(status), reach)
+        near = around(aims)
+        if len(aims):
+            name = f"fates/{status.name.lower()}"
+            yield Out(name, made, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+
+
+def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Return points (N, 3) near a dome and tangent directions (N, 3), lens-local, the dome bulging to +z.
+
+    The points lie some roundings above and below the sphere; N = 2 count.
+    """
+    R = display.array.radius_mm
+    foot = random_aims(display, random, 40 * count)
+    slope = np.hypot(*foot.T) / R
+    foot = foot[slope > 0.75][: 2 * count]
+    normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
+    # Downhill, and turned from it to either side.
+    down = np.column_stack([foot, np.zeros(len(foot))])
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    down = down - (down * normal).sum(axis=1)[:, None] * normal
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    turn = random.uniform(-0.6, 0.6, (len(foot), 1))
+    direction = np.cos(turn) * down + np.sin(turn) * np.cross(normal, down)
+    lift = random.choice((0, 1, 2, 4, 16, 64, 1 << 10, 1 << 20, 1 << 30), (len(foot), 1)) * 2.0**-52 * R
+    lift *= random.choice((-1.0, 1.0), (len(foot), 1))
+    point = R * normal - (0.0, 0.0, R) + lift * normal
+    return point, direction
+
+
+@_case
+def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays in the air that touch a dome: the discriminant within a few roundings of zero, on both sides, and beyond."""
+    hilly = steep(display, 1.001)
+    point, direction = _tangents(hilly, random, count)
+    if display.array.plano_side == "panel":
+        # From the world; the dome bulges to the viewer.
+        shift = np.append(hilly.array.offset_mm, 0.0)
+        cos, sin = math.cos(math.radians(hilly.array.rotation_deg)), math.sin(math.radians(hilly.array.rotation_deg))
+        to_panel = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        away = 10.0 ** random.uniform(0.0, 2.0, (len(point), 1))
+        yield Back("tangent", hilly, (point - away * direction) @ to_panel.T + shift, direction @ to_panel.T)
+        return
+    # From the panel, which stands above the dome seen in the mirror.
+    start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
+    aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
+    pixels, own = pixels_at(hilly, start[:, :2])
+    yield Out("tangent", hilly, pixels, aim[:, :2] - own)
+
+
+# --- displays driven to an extreme ------------------------------------------------------------------------------
+
+
+@_case
+def flat_domes(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Nearly flat lenslets, R from 10 mm to 10^6 mm: nothing may grow with R."""
+    for exponent in range(1, 7):
+        made = changed(display, radius_mm=max(10.0**exponent, 1.1 * display.array.half_diagonal_mm))
+        yield _spread(f"flat-domes/1e{exponent}-mm", made, random, count)
+
+
+@_case
+def full_spheres(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Nearly full hemispheres: R above half the cell's diagonal by a tenth down to one rounding; rims stand upright."""
+    rho = display.array.half_diagonal_mm
+    for name, radius in (
+        *((f"1e-{k}", rho * (1.0 + 10.0**-k)) for k in (1, 3, 6, 12)),
+        ("1-ulp", math.nextafter(rho, math.inf)),
+    ):
+        yield _spread(f"full-spheres/{name}", changed(display, radius_mm=radius), random, count)
+
+
+@_case
+def indices(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Indices from 1 + 10^-9, glass that is hardly there, to 2.4, diamond, where most steep rays are reflected."""
+    for index in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4):
+        yield _spread(f"indices/{index:.10g}", changed(display, index=index), random, count)
+
+
+@_case
+def f_numbers(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
+    array = display.array
+    for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
+        focal = number * array.pitch_mm
+        index = max(array.index, 1.0 + 1.01 * array.half_diagonal_mm / focal)
+        made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
+        to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
+        yield _spread(f"f-numbers/{number:g}", changed(made, gap_mm=max(0.0, to_panel)), random, count)
+
+
+@_case
+def gaps(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Panels in contact, within roundings of contact, and within roundings of the focus."""
+    array = display.array
+    focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
+    focus = focus if focus > 0.0 else array.focal_length_mm
+    for name, gap in (
+        ("0", 0.0),
+        ("smallest", 5e-324),
+        ("1e-12-mm", 1e-12),
+        ("f-less-1e-6", focus * (1.0 - 1e-6)),
+        ("f-less-1-ulp", math.nextafter(focus, 0.0)),
+        ("f", focus),
+    ):
+        yield _spread(f"gaps/{name}", changed(display, gap_mm=gap), random, count)
+
+
+@_case
+def rotations(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Arrays turned by 30, 45 and 90 degrees, and by a rounding or 10^-9 more or less."""
+    for angle in (30.0, 45.0, 90.0):
+        for name, turn in (
+            ("", angle),
+            ("+1ulp", math.nextafter(angle, 360.0)),
+            ("-1ulp", math.nextafter(angle, 0.0)),
+            ("+1e-9", angle + 1e-9),
+            ("-1e-4", angle - 1e-4),
+        ):
+            made = changed(display, rotation_deg=turn)
+            yield _spread(f"rotations/{angle:g}{name}", made, random, max(4, count // 3))
+
+
+@_case
+def offsets(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Arrays off the panel's centre: by half a lenslet, by thirds, by a metre, by next to nothing."""
+    p, row = display.array.pitch_mm, display.array.row_pitch_mm
+    for name, offset in (
+        ("half", (0.5 * p, 0.5 * row)),
+        ("third", (p / 3.0, -row / 3.0)),
+        ("metre", (1000.0, -1000.0)),
+        ("1e-300", (1e-300, -1e-300)),
+    ):
+        yield _spread(f"offsets/{name}", changed(display, offset_mm=offset), random, count)
+
+
+@_case
+def huge_panels(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """The largest panels that a file may describe, 65,535 pixels either way: rays from the corners.
+
+    Float32 holds their coordinates to some micrometres only.
+    """
+    panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
+    pitch = min(panel.pixel_pitch_mm, 0.4)
+    made = dataclasses.replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
+    corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
+    pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
+    yield Out("huge-panels", made, pixels, random_aims(made, random, count))
+
+
+@_case
+def tiny_values(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Coordinates that are zero, minus zero, subnormal, or whose squares vanish."""
+    tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
+    aims = random.choice(tiny, (count, 2))
+    yield Out("tiny-values/aims", display, random_pixels(display, random, count), aims)
+    yield Out("tiny-values/pixels", display, np.abs(random.choice(tiny, (count, 2))), None)
+    direction = np.column_stack([random.choice(tiny, (count, 2)), -np.ones(count)])
+    origin = np.column_stack([random.choice(tiny, (count, 2)), np.full(count, 100.0)])
+    yield Back("tiny-values/world", display, origin, direction)
+
+
+@_case
+def far_origins(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays from the world that start 1 m and 1 km away: the way back from an eye or a distant source."""
+    panel = display.panel
+    for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
+        half = 0.45 * np.array([panel.width_mm, panel.height_mm])
+        target = np.column_stack([random.uniform(-half, half, (count, 2)), np.zeros(count)])
+        slope = random.uniform(-0.3, 0.3, (count, 2))
+        direction = np.column_stack([slope, -np.ones(count)])
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        yield Back(f"far-origins/{name}", display, target - distance * direction, direction)
+
+
+@_case
+def register_limits(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Displays that bring each register of the fixed-point pipeline to its largest or smallest value.
+
+    Those just outside are refused (tests/host/test_hard_fixed.py).
+    """
+    array, p, rho = display.array, display.array.pitch_mm, display.array.half_diagonal_mm
+    deepest = 3.999 if array.plano_side == "viewer" else 5.999
+    limits = {
+        "index-low": changed(display, index=1.16),
+        "index-high": changed(display, index=2.2),
+        "cell-half-high": changed(display, radius_mm=1.000001 * rho),
+        "cell-half-low": changed(display, radius_mm=2047.9 * p),
+        "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
+        "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
+    }
+    for name, made in limits.items():
+        yield _spread(f"register-limits/{name}", made, random, count)
+    # Little more than 4 pixels a lenslet, and as many lenslets as an index of 12 bits holds.
+    widest = 4.001 if array.grid == "square" else 6.0
+    panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
+    yield _spread("register-limits/x-from-u-high", dataclasses.replace(display, panel=panel), random, count)
+    turned = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
+    yield _spread("register-limits/x-from-u-low", turned, random, count)
+
+
+def refused_rays(display: Display) -> Iterator[tuple[str, Floats, Floats | None]]:
+    """Yield (name, pixels, aperture) that every engine must refuse with a clear error."""
+    fine = np.array([[0.5 * display.panel.width_px, 0.5 * display.panel.height_px]])
+    for value in (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e17):
+        for k in range(2):
+            bad = fine.copy()
+            bad[0, k] = value
+            yield f"pixel {value:g}", bad, None
+            aim = np.zeros((1, 2))
+            aim[0, k] = value
+            yield f"aperture {value:g}", fine, aim

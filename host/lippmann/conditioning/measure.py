@@ -1,0 +1,307 @@
+"""What each engine makes of hard rays, against the truth in 50 digits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.conditioning.cases import Back, Out
+from lippmann.conditioning.digits import (
+    Condition,
+    Numbers,
+    TrueHits,
+    TrueRays,
+    condition,
+    exact_array,
+    hit_condition,
+    hit_on_edge,
+    on_edge,
+    size,
+    true_hits,
+    true_rays,
+)
+from lippmann.engines import trace, trace_to_panel
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.conversion import (
+    Pipeline,
+    aims_of_words,
+    pixels_of_words,
+    rays_of_words,
+    words_of_aims,
+    words_of_pixels,
+)
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import Ints
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.rays import Engine, Hits, Model, Rays, gets_through
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+#: Golden's bound in units of a ray's condition, and the band beside an edge where a ray may have either fate: so many
+#: units of the last place of one input, which are a float32's for the fast engine.
+GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
+#: A float32's last place in a float64's.
+FLOAT32_ULP = 1 << 29
+#: The fast engine's bound on rays that are conditioned: those that one rounding of a float32 at the start, half a pitch
+#: from the lenslet's centre, turns by less than a quarter of the bound.
+FAST_URAD, CONDITIONED_URAD = 2.0, 0.5
+#: The same for rays from the world: micrometres on the panel for microradian.
+FAST_UM = 2.0
+#: Fraction of a radian and of the radius beyond which a word is not inexact but has overflowed.
+OVERFLOW = 0.01
+
+
+@dataclass(frozen=True)
+class Row:
+    """One set of rays through one engine.
+
+    `rays` traced; `through` leave (or arrive) in engine and truth alike. `worst` is the largest error in `unit`, of
+    `bound`; `conditioned` the rays that it holds for. `status_differs` counts other fates than the truth's,
+    `outside_band` those that no input within four units of its last place explains; `condition` is the largest turn for
+    one unit in the last place of every input, over that of a number near 1. `kept` tells whether the bound holds.
+    """
+
+    set: str
+    grid: str
+    plano_side: str
+    engine: str
+    rays: int
+    through: int
+    conditioned: int
+    worst: float
+    unit: str
+    bound: float
+    status_differs: int
+    outside_band: int
+    not_a_number: int
+    condition: float
+    kept: bool
+
+
+@dataclass(frozen=True)
+class TrueOut:
+    """A set from the panel with its truth and condition, found once for all engines."""
+
+    set: Out
+    true: TrueRays
+    condition: Condition
+
+    @classmethod
+    def of(cls, rays: Out) -> TrueOut:
+        """Trace a set in 50 digits."""
+        true = true_rays(Numbers.of(rays.display), rays.pixels, rays.aperture)
+        return cls(rays, true, condition(rays.display, rays.pixels, rays.aperture, true))
+
+    def on_edge(self, some: Bools, ulps: int) -> Bools:
+        """Tell which of some rays are within so many units of the last place of an input of another fate."""
+        rays, true = self.set, TrueRays(*(column[some] for column in self.true))
+        aims = None if rays.aperture is None else rays.aperture[some]
+        return on_edge(rays.display, rays.pixels[some], aims, true, ulps)
+
+
+@dataclass(frozen=True)
+class TrueBack:
+    """A set from the world with its truth and condition (mm on the panel)."""
+
+    set: Back
+    true: TrueHits
+    condition: Floats
+
+    @classmethod
+    def of(cls, rays: Back) -> TrueBack:
+        """Trace a set in 50 digits."""
+        true = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
+        return cls(rays, true, hit_condition(rays.display, rays.origin_mm, rays.direction, true))
+
+    def on_edge(self, some: Bools, ulps: int) -> Bools:
+        """As `TrueOut.on_edge`."""
+        rays, true = self.set, TrueHits(*(column[some] for column in self.true))
+        return hit_on_edge(rays.display, rays.origin_mm[some], rays.direction[some], true, ulps)
+
+
+def truth_of(rays: Out | Back) -> TrueOut | TrueBack:
+    """Return a set with its truth."""
+    return TrueOut.of(rays) if isinstance(rays, Out) else TrueBack.of(rays)
+
+
+def measure(known: TrueOut | TrueBack, engine: Engine, device: str = "llvm") -> Row:
+    """Measure golden or fast on a set."""
+    if isinstance(known, TrueBack):
+        return _measure_back(known, engine, device)
+    rays = known.set
+    got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
+    true, unit = known.true, known.condition
+    same = _same(got, true)
+    if engine == "golden":
+        turn = size(exact_array(got.direction) - true.direction) / unit.turn
+        shift = size(exact_array(got.local_mm) - true.local_mm) / unit.shift_mm
+        return _row(known, got, same, np.ones_like(same), np.maximum(turn, shift), "units", GOLDEN_UNITS)
+    turn = size(exact_array(got.direction) - true.direction) * 1e6
+    conditioned = unit.start * _rounding(known) * 1e6 <= CONDITIONED_URAD
+    return _row(known, got, same & gets_through(true.status), conditioned, turn, "microradian", FAST_URAD)
+
+
+def _rounding(known: TrueOut) -> float:
+    """Return the last place of a float32 half a pitch from the lenslet's centre, mm."""
+    return float(np.spacing(np.float32(0.5 * known.set.display.array.pitch_mm)))
+
+
+def _same(got: Rays | Hits, true: TrueRays | TrueHits) -> Bools:
+    """Tell which rays have the truth's status and lenslet."""
+    return np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))
+
+
+def _measure_back(known: TrueBack, engine: Engine, device: str) -> Row:
+    rays = known.set
+    got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
+    apart = size(exact_array(got.pixel) - known.true.pixel) * rays.display.panel.pixel_pitch_mm
+    same = _same(got, known.true)
+    if engine == "golden":
+        return _row(known, got, same, np.ones_like(same), apart / known.condition, "units", GOLDEN_UNITS)
+    # A float32's roundings are 2^29 times a float64's.
+    conditioned = known.condition * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM
+    return _row(known, got, same & gets_through(known.true.status), conditioned, apart * 1e3, "micrometre", FAST_UM)
+
+
+def _row(
+    known: TrueOut | TrueBack, got: Rays | Hits, same: Bools, conditioned: Bools, error: Floats, unit: str, bound: float
+) -> Row:
+    true, rays = known.true, known.set
+    engine = {"units": "golden"}.get(unit, "fast")
+    other = ~_same(got, true)
+    ulps = EDGE_ULPS if engine == "golden" else EDGE_ULPS * FLOAT32_ULP
+    outside = int((~known.on_edge(other, ulps)).sum()) if other.any() else 0
+    counted = same & conditioned
+    worst = float(error[counted].max(initial=0.0))
+    values = (got.direction, got.local_mm) if isinstance(got, Rays) else (got.pixel,)
+    lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
+    turn = known.condition.turn if isinstance(known, TrueOut) else known.condition / rays.display.array.pitch_mm
+    return Row(
+        rays.name,
+        rays.display.array.grid,
+        rays.display.array.plano_side,
+        engine,
+        len(same),
+        int((same & gets_through(true.status)).sum()),
+        int(counted.sum()),
+        worst,
+        unit,
+        bound,
+        int(other.sum()),
+        outside,
+        lost,
+        float(turn.max(initial=0.0) / np.spacing(1.0)),
+        worst <= bound and not outside and not lost,
+    )
+
+
+# --- fixed point ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FixedCase:
+    """A set in the words of a build: inputs (u, v, a, b) and registers; `kept` tells which of its rays they are."""
+
+    build: Build
+    words: tuple[Ints, Ints, Ints, Ints]
+    registers: Configuration
+    kept: Bools
+
+
+def fixed_words(
+    rays: Out, fraction_bits: int, walk: int | None = None, model: Model = "exact"
+) -> tuple[FixedCase | None, str]:
+    """Return a set in words, None when it is refused whole, and the reason of the last refusal.
+
+    Aims that the words do not hold are left out; then those outside their own cell, when the registers refuse the rest.
+    """
+    display, array = rays.display, rays.display.array
+    aims = rays.aperture if rays.aperture is not None else np.zeros_like(rays.pixels)
+    build = Build.of(display, model, fraction_bits, True, walk)
+    near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
+    inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])
+    why = "aperture points beyond 1.4 pitches" if not near.all() else ""
+    for kept in (near, near & inside):
+        if not kept.any():
+            continue
+        reach = float(np.hypot(*aims[kept].T).max())
+        try:
+            registers = configuration(display, build, model, reach)
+            u, v = words_of_pixels(display, rays.pixels[kept])
+        except InputError as error:
+            why = str(error)
+            continue
+        a, b = words_of_aims(display, aims[kept], fraction_bits)
+        return FixedCase(build, (u, v, a, b), registers, kept), why
+    return None, why
+
+
+@dataclass(frozen=True)
+class FixedRow:
+    """One set of rays in fixed point.
+
+    `refused` rays are not traced: formats or registers do not hold them, and the host says so (`why`). `flagged` have a
+    status that says they failed; `through` leave in the same way as golden's, at most `worst_urad` and `worst_nm` away.
+    `overflowed` leave with status ok or crosstalk, but more than a hundredth of a radian or radius away, a word that
+    wrapped unseen. `words_differ` counts words of the RTL that are not the twin's (None: not simulated).
+    """
+
+    set: str
+    grid: str
+    plano_side: str
+    fraction_bits: int
+    rays: int
+    refused: int
+    flagged: int
+    through: int
+    worst_urad: float
+    worst_nm: float
+    overflowed: int
+    words_differ: int | None
+    why: str
+
+
+def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) -> FixedRow:
+    """Measure the twin on a set, and the RTL against it when its pipeline is given."""
+    array = rays.display.array
+    case, why = fixed_words(rays, fraction_bits)
+    refused = len(rays.pixels) if case is None else int((~case.kept).sum())
+    head = (rays.name, array.grid, array.plano_side, fraction_bits, len(rays.pixels), refused)
+    if case is None:
+        return FixedRow(*head, 0, 0, 0.0, 0.0, 0, None, why)
+    words, build, registers = case.words, case.build, case.registers
+    out = ray_pipeline(*words, registers, build)
+    differ = None
+    if rtl is not None:
+        differ = words_differ(rtl(*words, registers, build), out)
+    u, v, a, b = words
+    pixels, aims = pixels_of_words(rays.display, u, v), aims_of_words(rays.display, a, b, fraction_bits)
+    got = rays_of_words(rays.display, pixels, out, fraction_bits)
+    golden = trace(rays.display, pixels, aims)
+    alive = gets_through(got.status) & gets_through(golden.status)
+    same = alive & (got.lenslet == golden.lenslet).all(axis=1)
+    turn = np.linalg.norm(got.direction - golden.direction, axis=1)
+    shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
+    # A rounding may turn a ray far that just escapes total reflection; its length stays 1, its point where it was.
+    escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
+    overflowed = gets_through(got.status) & (escaped | (same & (shift > OVERFLOW * array.radius_mm)))
+    return FixedRow(
+        *head,
+        int((~gets_through(got.status)).sum()),
+        int(same.sum()),
+        float(turn[same].max(initial=0.0) * 1e6),
+        float(shift[same].max(initial=0.0) * 1e6),
+        int(overflowed.sum()),
+        differ,
+        why,
+    )
+
+
+def words_differ(one: FixedRays, other: FixedRays) -> int:
+    """Return how many words of two sets of rays differ."""
+    return int(sum((a != b).sum() for a, b in zip(one, other, strict=True)))

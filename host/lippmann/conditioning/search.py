@@ -1,0 +1,84 @@
+"""Rays on the onset of something: found by bisection between a ray of one fate and a ray of another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.engines import trace
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.rays import Rays
+from lippmann.optics.system import System
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+#: Halvings that bring two floats next to each other, wherever they began.
+HALVINGS = 64
+#: Where rays are taken around an onset: units of the last place of the aim.
+ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
+
+
+def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
+    """Return points anywhere on the panel, (count, 2)."""
+    size = np.array([display.panel.width_px, display.panel.height_px], np.float64)
+    return np.asarray(random.uniform(0.0, size, (count, 2)), np.float64)
+
+
+def random_aims(display: Display, random: np.random.Generator, count: int, reach: float = 1.0) -> Floats:
+    """Return points anywhere in a lenslet's cell, (count, 2), mm; `reach` times as far."""
+    array = display.array
+    lattice = Lattice(array.grid, array.pitch_mm)
+    points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitch_mm
+    points = points[lattice.holds(points[:, 0], points[:, 1])]
+    return np.asarray(points[:count] * reach, np.float64)
+
+
+def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
+    """Return the pixel coordinates (N, 2) of points measured from a lenslet's centre along the array's axes.
+
+    The second array (N, 2) is the centre of the cell that each point lies in, from that lenslet's, mm: what aims of
+    these pixels are measured from.
+    """
+    system = System.of(display)
+    i, j, _, _ = system.lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
+    own = np.stack(system.lattice.centre(i, j), axis=1)
+    cx, cy = system.lattice.centre(float(lenslet[0]), float(lenslet[1]))
+    at = system.frame.panel_from_array(local_mm[:, 0] + cx, local_mm[:, 1] + cy)
+    return np.stack(system.frame.pixel_from_panel(*at), axis=1), own
+
+
+def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: Callable[[Rays], Bools]) -> Floats:
+    """Find where, from aims `inner` to `outer` of the same pixels, golden rays begin to have something.
+
+    Parameters
+    ----------
+    display
+        The display.
+    pixels, inner, outer
+        (N, 2) each; `has` is false of the rays to `inner` and true of those to `outer`.
+    has
+        What is looked for, of rays.
+
+    Returns
+    -------
+    aims
+        (N, 2), the last ones without it, to a rounding.
+    """
+    low, high = np.zeros(len(pixels)), np.ones(len(pixels))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        found = has(trace(display, pixels, inner + middle[:, None] * (outer - inner)))
+        low, high = np.where(found, low, middle), np.where(found, middle, high)
+    return np.asarray(inner + low[:, None] * (outer - inner))
+
+
+def around(aims: Floats) -> Floats:
+    """Return (N, len(ULPS), 2) aims some units of the last place from given ones (N, 2), in both coordinates."""
+    return np.asarray(
+        aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :], np.float64
+    )

@@ -1,0 +1,329 @@
+"""Test vectors for designs of others: hard rays with the truth, in millimetres and in the RTL's words.
+
+A folder for each set of rays: `display.toml`, `rays.npz`, and where the registers hold the display `words.csv` and the
+memory files `registers.mem`, `inputs.mem`, `expected.mem` for `$readmemh`. `vectors.json` lists them and says what the
+columns and bits are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lippmann.conditioning.cases import CASES, Back, Out, hard_sets
+from lippmann.conditioning.digits import Numbers, condition, hit_condition, true_hits, true_rays
+from lippmann.conditioning.measure import fixed_words
+from lippmann.conditioning.steps import steps
+from lippmann.display import Display
+from lippmann.errors import input_error
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
+from lippmann.optics.rays import Model
+
+#: Words of an input and of an output ray, in the order of their bits, most significant first.
+INPUTS = ("u", "v", "a", "b")
+OUTPUTS = FixedRays._fields
+#: The one unsigned word.
+STATUS_BITS = 3
+#: Bits of a line of `registers.mem`.
+REGISTER_BITS = 64
+
+ARRAYS = {
+    "pixel": "(N, 2) pixel coordinates that rays start from",
+    "aperture_mm": "(N, 2) aperture points, mm from the centre of the pixel's lenslet, array's axes",
+    "direction": "(N, 3) truth, rounded once: unit vectors, panel frame",
+    "local_mm": "(N, 3) truth: where they leave, mm from the lenslet's centre, panel's axes",
+    "centre_mm": "(N, 2) truth: the lenslet's centre, panel frame",
+    "origin_mm": "(N, 3) truth: their sum",
+    "lenslet": "(N, 2) truth: (i, j) of the lenslet that they leave through",
+    "status": "(N,) truth: 0 ok, 1 missed, 2 total internal reflection, 3 blocked, 4 crosstalk",
+    "turn_unit": "(N,) radians that a unit in the last place of every float64 input turns the ray by",
+    "shift_unit_mm": "(N,) the same for the exit point, mm",
+    "panel_mm": "(N, 2) step: the pixel's point, panel frame",
+    "home": "(N, 2) step: the lenslet whose cell it is in",
+    "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
+    "near_mm": "(N, 2) step: where the ray crosses the array's near plane, likewise",
+}
+#: Marks rays from the world, which `lippmann regress` does not judge.
+FROM_WORLD = "from_world"
+BACK_ARRAYS = {
+    FROM_WORLD: "() 1: rays from the world; `lippmann regress` judges the way out only and refuses them",
+    "origin_mm": "(N, 3) a point of each ray from the world, panel frame",
+    "direction": "(N, 3) its unit direction",
+    "pixel": "(N, 2) truth: pixel coordinates where it meets the panel",
+    "lenslet": "(N, 2) truth: (i, j) of the lenslet passed",
+    "status": "(N,) truth: as above",
+    "shift_unit_mm": "(N,) mm on the panel that a unit in the last place of every float64 input moves it by",
+}
+
+
+def input_widths(build: Build) -> tuple[int, ...]:
+    """Return the bits of u, v, a, b."""
+    return PIXEL_BITS, PIXEL_BITS, build.near, build.near
+
+
+def output_widths(build: Build) -> tuple[int, ...]:
+    """Return the bits of i, j, x, y, z, dx, dy, dz, status."""
+    return INDEX_BITS, INDEX_BITS, *(build.near + 2,) * 3, *(build.near,) * 3, STATUS_BITS
+
+
+def memory_lines(words: tuple[Ints, ...], widths: tuple[int, ...]) -> list[str]:
+    """Return a hexadecimal line for each ray: its words behind each other, the first in the most significant bits."""
+    digits = (sum(widths) + 3) // 4
+    lines = []
+    for ray in zip(*(column.tolist() for column in words), strict=True):
+        bits = 0
+        for word, width in zip(ray, widths, strict=True):
+            bits = bits << width | word & ((1 << width) - 1)
+        lines.append(f"{bits:0{digits}x}")
+    return lines
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file of words.
+
+    Raises
+    ------
+    InputError
+        For what is no text.
+    """
+    try:
+        text = path.read_text()
+    except (UnicodeDecodeError, OSError) as error:
+        why = "is not text" if isinstance(error, UnicodeDecodeError) else f"cannot be read ({error.strerror})"
+        raise input_error(str(path), why, "give a file of words as lippmann vectors writes them") from None
+    if "\0" in text:
+        raise input_error(str(path), "is not text", "give a file of words as lippmann vectors writes them")
+    return text
+
+
+def words_of_memory(path: Path, widths: tuple[int, ...]) -> list[Ints]:
+    """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
+
+    Raises
+    ------
+    InputError
+        For what is no such file.
+    """
+    columns: list[list[int]] = [[] for _ in widths]
+    total = sum(widths)
+    for number, line in enumerate(text_of(path).splitlines(), 1):
+        text = line.split("//")[0].strip().replace("_", "")
+        if not text:
+            continue
+        try:
+            bits = int(text, 16)
+        except ValueError:
+            raise input_error(f"{path}:{number}", f"'{text[:20]}' is not hexadecimal", "give a line a ray") from None
+        if bits >> total:
+            raise input_error(f"{path}:{number}", f"a ray has {total} bits, these are more", "see vectors.json")
+        for k in reversed(range(len(widths))):
+            word = bits & ((1 << widths[k]) - 1)
+            bits >>= widths[k]
+            negative = word >> (widths[k] - 1) and widths[k] > STATUS_BITS
+            columns[k].append(word - (1 << widths[k]) if negative else word)
+    return [np.array(column, np.int64) for column in columns]
+
+
+def display_text(display: Display) -> str:
+    """Return a display as a file that `load_display` reads to the same numbers."""
+    panel, array = display.panel, display.array
+    glass = f"index = {array.index!r}" if array.glass is None else f'glass = "{array.glass}"'
+    return (
+        f'name = "{display.name}"\ngap_mm = {display.gap_mm!r}\n\n'
+        f"[panel]\nwidth_px = {panel.width_px}\nheight_px = {panel.height_px}\n"
+        f'pixel_pitch_mm = {panel.pixel_pitch_mm!r}\nsubpixels = "{panel.subpixels}"\nbits = {panel.bits}\n'
+        f'transfer = "{panel.transfer}"\n\n'
+        f'[array]\ngrid = "{array.grid}"\npitch_mm = {array.pitch_mm!r}\nradius_mm = {array.radius_mm!r}\n{glass}\n'
+        f'thickness_mm = {array.thickness_mm!r}\nplano_side = "{array.plano_side}"\n'
+        f"rotation_deg = {array.rotation_deg!r}\noffset_mm = [{array.offset_mm[0]!r}, {array.offset_mm[1]!r}]\n"
+    )
+
+
+def write_vectors(
+    folder: Path,
+    display: Display,
+    case: str,
+    model: Model,
+    fraction_bits: int,
+    seed: int,
+    count: int,
+    origin: dict[str, str],
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """Write the sets of a case, or of "all", into a new folder; returns what `vectors.json` lists.
+
+    Parameters
+    ----------
+    folder
+        Where to; must not exist, or be empty. It appears whole or not at all.
+    display, case, seed, count
+        As `hard_sets` takes them.
+    model
+        Lens model of the expected rays. Rays from the world are written for `exact` alone.
+    fraction_bits
+        F of the words.
+    origin
+        What is said of the making.
+    progress
+        Called with the name of each set.
+
+    Raises
+    ------
+    InputError
+        For an unknown case, or a folder that holds something.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise input_error(str(folder), "is there already", "give a new folder")
+    if not folder.parent.is_dir():
+        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
+    partial = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        partial.mkdir()
+        entries = []
+        for rays in hard_sets(display, case, seed, count):
+            if isinstance(rays, Back) and model != "exact":
+                continue
+            progress(rays.name)
+            entries.append(_write_set(partial, rays, model, fraction_bits))
+        _write_header(partial, entries, model, fraction_bits, seed, origin)
+        with contextlib.suppress(FileNotFoundError):
+            folder.rmdir()
+        partial.rename(folder)
+    except OSError as error:
+        raise input_error(str(folder), f"cannot be written ({error.strerror})", "choose another place") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return entries
+
+
+def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) -> dict[str, Any]:
+    name = rays.name.replace("/", "-")
+    place = top / name
+    place.mkdir()
+    (place / "display.toml").write_text(display_text(rays.display))
+    entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
+    if isinstance(rays, Back):
+        hits = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
+        np.savez(
+            place / "rays.npz",
+            from_world=np.uint8(1),
+            origin_mm=rays.origin_mm,
+            direction=rays.direction,
+            pixel=np.asarray(hits.pixel, np.float64),
+            lenslet=hits.lenslet,
+            status=hits.status.astype(np.uint8),
+            shift_unit_mm=hit_condition(rays.display, rays.origin_mm, rays.direction, hits),
+        )
+        return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
+    aims = np.zeros_like(rays.pixels) if rays.aperture is None else rays.aperture
+    true = true_rays(Numbers.of(rays.display), rays.pixels, aims, model)
+    local, centre = np.asarray(true.local_mm, np.float64), np.asarray(true.centre_mm, np.float64)
+    arrays: dict[str, Any] = steps(rays.display, rays.pixels, aims)._asdict()
+    if model == "exact":
+        unit = condition(rays.display, rays.pixels, aims, true)
+        arrays |= {"turn_unit": unit.turn, "shift_unit_mm": unit.shift_mm}
+    origin = np.asarray(true.local_mm + np.column_stack([true.centre_mm, np.zeros(len(aims))]), np.float64)
+    np.savez(
+        place / "rays.npz",
+        pixel=rays.pixels,
+        aperture_mm=aims,
+        direction=np.asarray(true.direction, np.float64),
+        local_mm=local,
+        centre_mm=centre,
+        origin_mm=origin,
+        lenslet=true.lenslet,
+        status=true.status.astype(np.uint8),
+        **arrays,
+    )
+    fixed, why = fixed_words(rays, fraction_bits, model=model)
+    entry |= {"way": "out", "rays": len(rays.pixels), "words": 0, "refused": why}
+    if fixed is None:
+        return entry
+    out = ray_pipeline(*fixed.words, fixed.registers, fixed.build)
+    with (place / "words.csv").open("w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([*INPUTS, *OUTPUTS])
+        writer.writerows(zip(*(column.tolist() for column in (*fixed.words, *out)), strict=True))
+    (place / "registers.mem").write_text("".join(f"{line}\n" for line in register_lines(fixed.registers)))
+    (place / "inputs.mem").write_text("\n".join(memory_lines(fixed.words, input_widths(fixed.build))) + "\n")
+    (place / "expected.mem").write_text("\n".join(memory_lines(tuple(out), output_widths(fixed.build))) + "\n")
+    return entry | {"words": len(out.status), "build": dataclasses.asdict(fixed.build)}
+
+
+def register_lines(registers: Configuration) -> list[str]:
+    """Return a line of 64 bits, sign extended, for each register of `optics_config_t`, in its order."""
+    mask = (1 << REGISTER_BITS) - 1
+    return [
+        f"{getattr(registers, field.name) & mask:0{REGISTER_BITS // 4}x} // {field.name}"
+        for field in dataclasses.fields(registers)
+    ]
+
+
+def _write_header(
+    top: Path, entries: list[dict[str, Any]], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
+) -> None:
+    near = fraction_bits + 2
+    widths = (PIXEL_BITS, PIXEL_BITS, near, near), (INDEX_BITS,) * 2 + (near + 2,) * 3 + (near,) * 3 + (STATUS_BITS,)
+    fractions = {
+        **{"u": 4, "v": 4, "a": fraction_bits, "b": fraction_bits, "i": 0, "j": 0, "status": 0},
+        **dict.fromkeys(("x", "y", "z", "dx", "dy", "dz"), fraction_bits + 1),
+    }
+    header = {
+        **origin,
+        "model": model,
+        "fraction_bits": fraction_bits,
+        "seed": seed,
+        "arrays": ARRAYS,
+        "arrays_of_rays_from_the_world": BACK_ARRAYS,
+        "words": {
+            "inputs.mem": [
+                {"word": word, "bits": bits, "fraction_bits": fractions[word]}
+                for word, bits in zip(INPUTS, widths[0], strict=True)
+            ],
+            "expected.mem": [
+                {"word": word, "bits": bits, "fraction_bits": fractions[word]}
+                for word, bits in zip(OUTPUTS, widths[1], strict=True)
+            ],
+            "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
+        },
+        "cases": {name: case.why for name, case in CASES.items()},
+        "sets": entries,
+    }
+    (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")
+    (top / "README.md").write_text(_readme(fraction_bits, widths[1]))
+
+
+def _readme(fraction_bits: int, widths: tuple[int, ...]) -> str:
+    rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
+    return (
+        "# Test vectors for a ray-lenslet design\n\n"
+        "A folder for each set of rays; `vectors.json` lists them, with what each case is for.\n\n"
+        "| file | holds |\n| --- | --- |\n"
+        "| `display.toml` | the display that the rays are for |\n"
+        "| `rays.npz` | rays in millimetres, with the truth from 50 digits |\n"
+        "| `words.csv` | the same rays in fixed point: words in, words out; missing where the registers hold no such "
+        "display (`refused` in `vectors.json` says why) |\n"
+        "| `registers.mem` | for `$readmemh`: a register a line, 64 bits |\n"
+        "| `inputs.mem` | a ray a line: u, v, a, b behind each other, u in the most significant bits |\n"
+        f"| `expected.mem` | likewise {', '.join(OUTPUTS)}: {sum(widths)} bits in all |\n\n"
+        f"Words are signed two's complement. u, v: {PIXEL_BITS} bits, 4 of them fraction, pixels from the panel's "
+        f"centre, v upward. a, b: F + 2 bits, F = {fraction_bits} of them fraction, pitches and rows. i, j: lenslet. "
+        "x, y, z: F + 4 bits, F + 1 of them fraction, radii of curvature from the lenslet's vertex. dx, dy, dz: F + 2 "
+        "bits, F + 1 of them fraction. status: 3 bits, unsigned. Axes: the array's.\n\n"
+        f"| array of `rays.npz` | |\n| --- | --- |\n{rows}\n"
+        "Judge your results: `lippmann regress --rays YOURS --display SET/display.toml`, YOURS an `.npz` with the "
+        "arrays `pixel`, `direction` and what else you have, a `.csv` like `words.csv`, or a `.mem` like "
+        "`expected.mem`.\n"
+    )

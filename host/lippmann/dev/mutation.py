@@ -1,0 +1,321 @@
+"""`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
+
+A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
+in one line of rtl/optics. The faulty RTL is compiled into the batch harness and compared with the twin, ray by ray,
+over random displays, rays and stalls, as tests/rtl/test_batch.py does; what passes, and what the harness does not
+contain, is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught when a
+word differs, rays stop coming, one build elaborates no more where others do, or a test fails.
+
+Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.dev.random_cases import configured_display, random_rays
+from lippmann.errors import LippmannError
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.images import check_output
+from lippmann.provenance import provenance
+from lippmann.report.tables import table, write_report
+from lippmann.sim.harness import Harness, RtlError, compile_library
+from lippmann.sim.tools import optics_sources, repository, verilator_environment
+
+#: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
+BUILDS = (
+    Build(20, "square"),
+    Build(18, "hex", aims=True, walk=1),
+    Build(18, "square", viewer=True, aims=True, walk=1),
+    Build(17, "hex", "paraxial", aims=True),
+    Build(19, "square", cross_cells=True),
+    Build(23, "square", viewer=True),
+)
+
+#: Modules of rtl/optics that the harness does not contain.
+OUTSIDE = ("optics_block", "raster")
+
+#: Changes that no test can tell, for the words that come out are the same: file, changed line, and why.
+SAME = {
+    ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
+    ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
+    ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
+    ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
+    ("pixel_to_panel.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("optics_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
+    ("optics_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
+    ("cell_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
+}
+
+#: Operators and what each is mistaken for.
+SWAPS = {
+    " + ": " - ",
+    " - ": " + ",
+    " * ": " + ",
+    " < ": " <= ",
+    " >= ": " > ",
+    " <= ": None,  # nearly always an assignment
+    " == ": " != ",
+    " != ": " == ",
+    " && ": " || ",
+    " || ": " && ",
+    " ^ ": " | ",
+    " <<< ": " >>> ",
+    " >>> ": " <<< ",
+    " << ": " >> ",
+    " >> ": " << ",
+}
+OPERATOR = re.compile("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)))
+CONDITION = re.compile(r"\bif \((?=\w+\))")
+UNARY = re.compile(r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)")
+CHOICE = re.compile(r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)")
+NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
+SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
+#: Lines that make no hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
+NO_HARDWARE = re.compile(
+    r"unused|\$fatal|gen_illegal|^\s*\(\*"
+    r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
+)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of one line of a file (1-based): the text as it was and as it is."""
+
+    file: str
+    line: int
+    was: str
+    now: str
+
+
+def faults_of(path: Path) -> list[Fault]:
+    """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
+    found: list[Fault] = []
+    illegal = False
+    lines = path.read_text().splitlines()
+    for number, (text, following) in enumerate(zip(lines, [*lines[1:], ""], strict=True), 1):
+        # An elaboration check goes from its condition, which may stand a line before the block's name, to the `end`.
+        begins = "gen_illegal" in text or ("gen_illegal" in following and text.lstrip().startswith("if ("))
+        illegal = begins or (illegal and "end" not in text)
+        code = text.split("//")[0]
+        if not illegal and code.strip() and not NO_HARDWARE.search(code):
+            found += [Fault(path.name, number, text, changed) for changed in _changes(code)]
+    return found
+
+
+def _changes(code: str) -> list[str]:
+    """Return a line of code with each single change."""
+    changes = []
+    for match in OPERATOR.finditer(code):
+        other = SWAPS[match[0]]
+        if other is not None:
+            changes.append(code[: match.start()] + other + code[match.end() :])
+    for match in CONDITION.finditer(code):
+        changes.append(f"{code[: match.end()]}!{code[match.end() :]}")
+    for match in UNARY.finditer(code):
+        changes.append(code[: match.start()] + code[match.end() :])
+    for match in CHOICE.finditer(code):
+        changes.append(f"{code[: match.start()]}? {match[2]} : {match[1]}{code[match.end() :]}")
+    for match in NUMBER.finditer(code):
+        changes.append(code[: match.start()] + str(int(match[1]) ^ 1) + code[match.end() :])
+    for match in SIZED.finditer(code):
+        if match[1]:
+            now = match[1] + str(int(match[2]) ^ 1)
+        elif match[3]:
+            now = match[3] + match[4][:-1] + ("0" if match[4][-1] == "1" else "1")
+        else:
+            now = "'" + ("0" if match[5] == "1" else "1")
+        changes.append(code[: match.start()] + now + code[match.end() :])
+    return changes
+
+
+def fate(fault: Fault, seed: int, work: Path) -> str:
+    """Return how a fault ends: 'refused' (does not elaborate), 'caught', or 'survived'."""
+    sources = []
+    for path in optics_sources(repository()):
+        text = path.read_text()
+        if path.name == fault.file:
+            lines = text.splitlines()
+            lines[fault.line - 1] = fault.now
+            text = "\n".join(lines) + "\n"
+        copy = work / path.name
+        copy.write_text(text)
+        sources.append(copy)
+    module = fault.file.removesuffix(".sv")
+    if module in OUTSIDE:
+        return _caught(fault, work) if _elaborates(sources) else "refused"
+    tried = refused = False
+    for build in BUILDS:
+        if not _uses(build, module):
+            continue
+        try:
+            library = work / f"{os.urandom(6).hex()}.so"
+            compile_library(build, sources, library, fast=False)
+        except RtlError:
+            refused = True
+            continue
+        tried = True
+        if not _equal(build, library, seed):
+            return "caught"
+    if not tried:
+        return "refused"
+    # One build that no longer elaborates where others do fails the tests that compare it.
+    return "caught" if refused else _caught(fault, work)
+
+
+def _counted(fault: Fault, end: str) -> str:
+    """Return how a fault ends, or why it is none."""
+    if end == "survived":
+        for (file, text), reason in SAME.items():
+            if fault.file == file and text in fault.now:
+                return f"no fault: {reason}"
+    return end
+
+
+def _caught(fault: Fault, work: Path) -> str:
+    """Return what the tests of the fault's module make of it."""
+    return "caught" if _unit_tests_fail(fault, work) else "survived"
+
+
+def _elaborates(sources: list[Path]) -> bool:
+    """Tell whether Verilator takes the register block and all that it contains."""
+    command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
+    return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
+
+
+def _unit_tests_fail(fault: Fault, work: Path) -> bool:
+    """Run the tests of the fault's module in a copy of the checkout that has the fault."""
+    top = repository()
+    module = fault.file.removesuffix(".sv")
+    folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
+    with tempfile.TemporaryDirectory(dir=work) as copy:
+        for name in ("host", "rtl", "sim", "tests", "scenes", "pyproject.toml"):
+            source = top / name
+            if source.is_dir():
+                shutil.copytree(source, Path(copy) / name, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(source, copy)
+        shutil.copy(work / fault.file, Path(copy) / "rtl" / "optics" / fault.file)
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", f"tests/rtl/{folder}"]
+        environment = {**os.environ, "PYTHONPATH": str(Path(copy) / "host")}
+        result = subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False)
+        if result.returncode not in (0, 1):
+            raise LippmannError(f"the tests of {folder} do not run (pytest's exit code {result.returncode})")
+        return result.returncode == 1
+
+
+def _uses(build: Build, module: str) -> bool:
+    """Tell whether a build instantiates a module."""
+    only = {
+        "lenslet_square": build.grid == "square",
+        "lenslet_hex": build.grid == "hex",
+        "aim": build.aims,
+        "cell_step": build.aims,
+        "move_lenslet": build.walk > 0,
+        "enter_flat": build.model == "exact" and not build.viewer,
+        "leave_dome": build.model == "exact" and not build.viewer,
+        "enter_dome": build.viewer,
+        "leave_flat": build.viewer,
+        "meet_dome": build.model == "exact",
+        "sqrt": build.model == "exact",
+        "saturate": build.model == "exact",
+    }
+    return only.get(module, True)
+
+
+def _equal(build: Build, library: Path, seed: int) -> bool:
+    """Compare a faulty build with the twin, in a child process: a fault may hang or crash the simulation."""
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if _compare(build, library, seed) else 1)
+    _, status = os.waitpid(child, 0)
+    return status == 0
+
+
+def _compare(build: Build, library: Path, seed: int) -> bool:
+    engine = Harness(build, library)
+    random = np.random.default_rng(seed)
+    for number in range(12):
+        display, config = configured_display(random, build, build.model)
+        words = random_rays(random, display, build, 3000)
+        idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
+        try:
+            rtl = engine.trace(*words, config, seed=number, idle=idle, stall=stall)
+        except LippmannError:
+            return False
+        twin = ray_pipeline(*words, config, build)
+        if any((got != wanted).any() for got, wanted in zip(rtl, twin, strict=True)):
+            return False
+    return True
+
+
+@click.command()
+@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the choice and of the rays.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+def main(count: int, seed: int, report: str) -> None:
+    """Put faults into the RTL and report how many the comparison with the twin catches.
+
+    Example: python -m lippmann.dev.mutation --count 20 --report out
+    """
+    check_output(Path(report) / "mutation.md", (".md",))
+    random = np.random.default_rng(seed)
+    verilator_environment()  # a missing tool is no fault caught
+    files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
+    per_file = [faults_of(path) for path in files]
+    rows: list[tuple[Fault, str]] = []
+    # Every file in turn, so that small modules are tried as often as large ones.
+    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
+    with tempfile.TemporaryDirectory() as folder:
+        while len(rows) < count and any(queues):
+            for queue in queues:
+                if not queue or len(rows) == count:
+                    continue
+                fault = queue.pop()
+                end = _counted(fault, fate(fault, seed, Path(folder)))
+                log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {fault.now.strip()}")
+                if end != "refused":
+                    rows.append((fault, end))
+    caught, survived = (sum(end == what for _, end in rows) for what in ("caught", "survived"))
+    same = len(rows) - caught - survived
+    share = 100.0 * caught / max(caught + survived, 1)
+    columns: dict[str, list[Any]] = {
+        "file": [fault.file for fault, _ in rows],
+        "line": [fault.line for fault, _ in rows],
+        "was": [fault.was.strip() for fault, _ in rows],
+        "faulty": [fault.now.strip() for fault, _ in rows],
+        "fate": [end for _, end in rows],
+    }
+    shown = {key: [f"`{v}`" if key in ("was", "faulty") else v for v in values] for key, values in columns.items()}
+    shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
+    text = (
+        "# Faults in the RTL\n\n"
+        f"{caught} of {caught + survived} faults caught ({share:.1f} %); {same} more changes are no faults: "
+        "the words that come out are the same, and the table says why. Each is one changed operator, one "
+        "negated condition, one choice with its branches swapped, or one flipped bit; those that do not elaborate "
+        "are not counted. A fault is caught when a word differs from the twin's, rays stop coming, one build "
+        "elaborates no more where others do, or a test of its module fails.\n\n"
+        f"{table(shown)}"
+    )
+    origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
+    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    write_report(Path(report), "mutation", origin, text, {"mutation": records})
+    click.echo(f"{caught} of {caught + survived} faults caught ({share:.1f} %): {report}/mutation.md")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

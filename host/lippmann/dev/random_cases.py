@@ -1,0 +1,73 @@
+"""Random displays that the registers hold, and random and adversarial rays for them, all from one seed.
+
+What the RTL is compared with its twin over (tests/rtl, `make mutation`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lippmann.display import Array, Display, Grid, Panel
+from lippmann.errors import InputError, LippmannError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.words import Ints
+from lippmann.optics.rays import Model
+
+#: How far random aims lie from their lenslet's centre at most, in pitches: the corner of [-3/4, 3/4]^2.
+REACH = 1.07
+
+
+def random_display(random: np.random.Generator, grid: Grid, viewer: bool) -> Display:
+    """Return any optics within reach of the registers: strong and weak domes, thick and thin, turned and moved."""
+    pitch = float(np.exp(random.uniform(np.log(0.3), np.log(3.0))))
+    rho = pitch / (np.sqrt(2.0) if grid == "square" else np.sqrt(3.0))
+    radius = rho * float(np.exp(random.uniform(np.log(1.02), np.log(20.0))))
+    sag = rho**2 / (radius + np.sqrt(radius**2 - rho**2))
+    array = Array(
+        grid=grid,
+        pitch_mm=pitch,
+        radius_mm=radius,
+        index=float(random.uniform(1.17, 2.19)),
+        thickness_mm=float(sag + random.choice([0.0, 1.0]) * random.uniform(0.0, 3.5) * radius),
+        plano_side="viewer" if viewer else "panel",
+        rotation_deg=float(random.choice([0.0, 30.0, 90.0, random.uniform(0.0, 360.0)])),
+        offset_mm=(float(random.uniform(-pitch, pitch)), float(random.uniform(-pitch, pitch))),
+    )
+    size = int(random.integers(100, 8000))
+    panel = Panel(size, size, pitch / float(random.uniform(4.5, 60.0)))
+    return Display("random", panel, array, float(random.choice([0.0, random.uniform(0.3, 4.0) * pitch])))
+
+
+def configured_display(random: np.random.Generator, build: Build, model: Model) -> tuple[Display, Configuration]:
+    """Return a random display that the registers hold, and its registers."""
+    for _ in range(1000):
+        display = random_display(random, build.grid, build.viewer)
+        try:
+            return display, configuration(display, build, model, REACH * display.array.pitch_mm)
+        except InputError:
+            continue
+    raise LippmannError("no random display passes the registers' checks")
+
+
+def random_rays(
+    random: np.random.Generator, display: Display, build: Build, count: int
+) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return pixel and aim words (count,): the whole panel, aims over a cell and a half, a third on edges and axes."""
+    half = 8 * np.array([display.panel.width_px, display.panel.height_px])
+    u, v = (random.integers(-half[k], half[k] + 1, count) for k in range(2))
+    one = 1 << build.fraction_bits
+    a, b = random.integers(-int(0.75 * one), int(0.75 * one) + 1, (2, count))
+    # Aims within a unit of the last place of cell edges, corners, hexagon vertices and the axis.
+    hard = random.random(count) < 1.0 / 3.0
+    places = np.array([-one // 2, one // 2, 0, one // 3, -one // 3, 2 * one // 3, -2 * one // 3, one // 4, -one // 4])
+    a = np.where(hard, random.choice(places, count) + random.integers(-1, 2, count), a)
+    hard = random.random(count) < 1.0 / 3.0
+    b = np.where(hard, random.choice(places, count) + random.integers(-1, 2, count), b)
+    # The panel's centre and corners.
+    corner = random.random(count) < 0.01
+    u = np.where(corner, random.choice([-half[0], 0, half[0]], count), u)
+    v = np.where(corner, random.choice([-half[1], 0, half[1]], count), v)
+    if not build.aims:
+        a = b = np.zeros_like(u)
+    return u, v, a, b

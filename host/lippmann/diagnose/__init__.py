@@ -1,0 +1,1 @@
+"""Compares foreign rays with the truth and names the fault that explains the difference."""

@@ -1,0 +1,91 @@
+"""The named configurations: builds of the RTL that are placed and routed, and whose error is published."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from lippmann.display import Display, Grid, load_display
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build, HardwareModel
+from lippmann.fixed.words import COMPACT, WIDEST
+
+#: Shipped displays (scenes/displays) of each grid.
+DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "hex": ("paper-hex", "uhd-4k")}
+
+
+@dataclass(frozen=True)
+class Named:
+    """A build with a name.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    build
+        Its parameters.
+    promise_urad, promise_nm
+        Bounds on its error against golden, direction (times min(1, 2 cos theta_t)) and exit point; None: no promise.
+    """
+
+    name: str
+    build: Build
+    promise_urad: float | None = None
+    promise_nm: float | None = None
+
+    @property
+    def model(self) -> HardwareModel:
+        """The lens model."""
+        return self.build.model
+
+    def displays(self, scenes: Path) -> list[Display]:
+        """Return the shipped displays that it can trace; for a build with the plano side to the viewer, turned over.
+
+        Parameters
+        ----------
+        scenes
+            The project's folder of scenes.
+        """
+        shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
+        return [turned_over(display) for display in shipped] if self.build.viewer else shipped
+
+
+def turned_over(display: Display) -> Display:
+    """Return the display with its array's plano side to the viewer, at least a focal length from the panel."""
+    array = dataclasses.replace(display.array, plano_side="viewer")
+    gap = max(display.gap_mm, array.focal_length_mm)
+    return dataclasses.replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
+
+
+def _named() -> dict[str, Named]:
+    grids: tuple[Grid, ...] = ("square", "hex")
+    rows = [
+        *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in grids),
+        *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, walk=1), 1.0, 2.0) for g in grids),
+        *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in grids),
+        Named("viewer-square", Build(WIDEST, "square", viewer=True, walk=2), 1.0, 2.0),
+        Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
+        Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
+        *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
+        Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
+    ]
+    return {row.name: row for row in rows}
+
+
+#: All of them, under their names.
+CONFIGURATIONS = _named()
+
+
+def chosen(names: tuple[str, ...]) -> list[Named]:
+    """Return configurations by name, all of them when none is given.
+
+    Raises
+    ------
+    InputError
+        For a name that there is not.
+    """
+    for name in names:
+        if name not in CONFIGURATIONS:
+            raise InputError(f"unknown configuration '{name}'; choose from {', '.join(CONFIGURATIONS)}")
+    return [CONFIGURATIONS[name] for name in names or CONFIGURATIONS]

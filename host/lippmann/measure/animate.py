@@ -1,0 +1,92 @@
+"""`lippmann bench animate`: a film by two workers on this machine against one process, and whether pixels are equal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lippmann.display import load_display
+from lippmann.film.cluster import render_on_cluster
+from lippmann.film.film import load_film
+from lippmann.film.shot import Options, Shot, render_shot, shots_of
+from lippmann.images import Image
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.variant import device_of
+
+WORKERS = 2
+#: Display, scale of the film, and how many of its frames.
+CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One display's film, rendered by one process and by the workers, all of them warm.
+
+    The processor's time, of all threads, tells what sharing the work costs where others use the machine too; that of
+    the process that hands the frames out is part of the workers'.
+    """
+
+    display: str
+    frames: int
+    width_px: int
+    height_px: int
+    one_seconds: float
+    one_cpu_seconds: float
+    workers: int
+    workers_seconds: float
+    workers_cpu_seconds: float
+    pixels_differ: int
+
+    @property
+    def ratio(self) -> float:
+        """Time of the workers over that of one process."""
+        return self.workers_seconds / self.one_seconds
+
+
+def bench_animate(mi: Any, scenes: Path) -> Iterator[Row]:
+    """Measure the shipped film on each display."""
+    from distributed import Client, LocalCluster
+
+    film = load_film(scenes / "films/swim.toml")
+    device = device_of(mi)
+    with LocalCluster(
+        n_workers=WORKERS, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster, Client(cluster) as client:  # fmt: skip
+        for name, scale, frames in CASES:
+            display = load_display(scenes / f"displays/{name}.toml")
+            shots = shots_of(mi, film, display, Options(settings=Settings(samples=4), scale=scale))[:frames]
+            # Scene and programs are then there, here and on every worker.
+            alone(mi, shots[:1])
+            client.run(_warm, device, shots[0])
+            started, cpu = time.perf_counter(), time.process_time()
+            ours = alone(mi, shots)
+            one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
+            started, cpu = time.perf_counter(), _cpu_seconds(client)
+            theirs = {
+                shot.frame: radiance
+                for shot, radiance, _ in render_on_cluster(cluster.scheduler_address, device, shots)
+            }
+            many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
+            differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
+            size = (display.panel.width_px, display.panel.height_px)
+            yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
+
+
+def alone(mi: Any, shots: Sequence[Shot]) -> list[Image]:
+    """Return the radiance of shots, one after the other, as `lippmann animate` renders them."""
+    return [render_shot(mi, shot)[0] for shot in shots]
+
+
+def _cpu_seconds(client: Any) -> float:
+    """Return the processor time of this process and of the workers, so far."""
+    return time.process_time() + float(sum(client.run(time.process_time).values()))
+
+
+def _warm(device: str, shot: Shot) -> None:
+    """Render a shot for nothing; runs on a worker."""
+    from lippmann.rendering.variant import start_mitsuba
+
+    render_shot(start_mitsuba(device), shot)

@@ -1,0 +1,91 @@
+"""`lippmann bench observe`: the view through the lenslets against a plain perspective render, in dB."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.images import psnr_db
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import Scene
+from lippmann.rendering.sources import Window
+
+#: Eyes at a reading distance, mm; within the viewing angle of the displays that ship.
+EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
+VIEW_SAMPLES = 64
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ViewError:
+    """PSNR (dB, of sRGB values with peak 1) of an observer's view against the perspective render.
+
+    `smooth_db` is over the scene's smooth part alone; None where the scene has none.
+    """
+
+    scene: str
+    display: str
+    eye_mm: tuple[float, float, float]
+    whole_db: float
+    smooth_db: float | None
+
+
+def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:
+    """Return the view's pixels in which only the scene's part named "smooth" is seen, or None.
+
+    The part and all other objects stand in the placement file's `[[object]]` tables; two pixels of border are left out.
+    """
+    beside = scene_path.with_suffix(".toml")
+    objects = tomllib.loads(beside.read_text()).get("object", [])
+    smooth = [entry for entry in objects if entry["name"] == "smooth"]
+    if not smooth:
+        return None
+    mask = _covered(smooth[0], eye, window, grow_px=-2.0)
+    for entry in objects:
+        # What stands in front of the smooth part hides it.
+        if entry["name"] != "smooth" and entry["centre_mm"][2] > smooth[0]["centre_mm"][2]:
+            mask &= ~_covered(entry, eye, window, grow_px=2.0)
+    return mask
+
+
+def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Window, grow_px: float) -> Mask:
+    """Return the pixels of the box that an object's projection on the plane z = 0 fills, grown by some pixels."""
+    x, y, z = entry["centre_mm"]
+    width, height = entry["size_mm"] if "size_mm" in entry else (2.0 * entry["radius_mm"],) * 2
+    scale = eye[2] / (eye[2] - z)
+    cx, cy = eye[0] + (x - eye[0]) * scale, eye[1] + (y - eye[1]) * scale
+    pixel = window.width_mm / window.width_px
+    half_x, half_y = 0.5 * width * scale + grow_px * pixel, 0.5 * height * scale + grow_px * pixel
+    px = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
+    py = (0.5 - (np.arange(window.height_px) + 0.5) / window.height_px) * window.height_mm
+    inside: Mask = (np.abs(px - cx) <= half_x)[None, :] & (np.abs(py - cy) <= half_y)[:, None]
+    return inside
+
+
+def bench_observe(mi: Any, scene: Scene, display: Display, samples: int = 16) -> list[ViewError]:
+    """Render a scene for a display and compare the views of five eyes with plain perspective renders."""
+    image = render_integral(mi, scene, display, "exact", Settings(samples=samples)).radiance
+    window = whole_window(display)
+    rows = []
+    for eye in EYES:
+        view = observe(mi, image, display, Eye(eye), window, VIEW_SAMPLES).radiance
+        direct = render_view(mi, scene, eye, window, Settings(samples=VIEW_SAMPLES)).radiance
+        mask = smooth_part(scene.path, eye, window)
+        rows.append(
+            ViewError(
+                scene=scene.path.stem,
+                display=display.name,
+                eye_mm=eye,
+                whole_db=psnr_db(view, direct),
+                smooth_db=None if mask is None or not mask.any() else psnr_db(view, direct, mask),
+            )
+        )
+    return rows

@@ -1,0 +1,217 @@
+"""What an eye sees of a panel that shows an integral image, through the real lenslets.
+
+Backwards along the light: from the eye through a point of the view's window (plane z = 0) to the array, through the
+lenslets by `trace_to_panel`'s optics, to the panel pixel, or the pixel's colour stripe, that emits there. Crosstalk
+comes out by itself: a ray that lands in a neighbour's cell sees the neighbour's pixel, as the eye does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.errors import InputError
+from lippmann.images import Picture
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.pixel_rays import pixels_from_rays
+from lippmann.optics.rays import Model, Status
+from lippmann.optics.sampling import points_in_square
+from lippmann.optics.system import System
+from lippmann.rendering.sources import STRIPES, Window
+from lippmann.rendering.variant import device_of
+
+#: Rays traced at once.
+CHUNK_RAYS = 1 << 21
+
+
+@dataclass(frozen=True)
+class Eye:
+    """An eye.
+
+    Attributes
+    ----------
+    position_mm
+        Centre of its pupil; z > 0.
+    pupil_mm
+        Diameter of the pupil; 0 for a pinhole.
+    focus_z_mm
+        Depth of the plane that it focuses on.
+    """
+
+    position_mm: tuple[float, float, float]
+    pupil_mm: float = 0.0
+    focus_z_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse an eye that cannot see the display."""
+        if not all(math.isfinite(c) for c in (*self.position_mm, self.pupil_mm, self.focus_z_mm)):
+            raise InputError("eye: a coordinate is not finite; give millimetres")
+        if self.position_mm[2] <= 0.0:
+            raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
+        if self.pupil_mm < 0.0:
+            raise InputError(f"eye: pupil {self.pupil_mm:g} mm is negative; give its diameter")
+        if self.focus_z_mm >= self.position_mm[2]:
+            raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
+
+
+@dataclass(frozen=True)
+class View:
+    """What the eye sees: (height, width, 3) float32 radiance, and the share of rays by status."""
+
+    radiance: npt.NDArray[np.float32]
+    status_share: dict[str, float]
+
+
+def whole_window(display: Display, width_px: int | None = None) -> Window:
+    """Return the window that covers the panel; left out, `width_px` is one pixel for each lenslet."""
+    panel = display.panel
+    if width_px is None:
+        width_px = max(1, round(panel.width_mm / display.array.pitch_mm))
+    height_px = max(1, round(width_px * panel.height_mm / panel.width_mm))
+    return Window(panel.width_mm, panel.height_mm, width_px, height_px)
+
+
+def check_identity(picture: Picture, display: Display, source: str, force: bool = False) -> None:
+    """Refuse an image that was rendered for another display, unless forced.
+
+    Raises
+    ------
+    InputError
+        When the identities differ or the image carries none.
+    """
+    identity = picture.metadata.get("identity")
+    if force or identity == display.identity:
+        return
+    carried = (
+        "carries no display identity"
+        if identity is None
+        else f"was rendered for display '{picture.metadata.get('display', '?')}' ({identity})"
+    )
+    raise InputError(
+        f"{source}: {carried}, not for '{display.name}' ({display.identity}); "
+        f"give the display that it was rendered for, or --force"
+    )
+
+
+def observe(
+    mi: Any,
+    radiance: npt.NDArray[Any],
+    display: Display,
+    eye: Eye,
+    window: Window,
+    samples: int = 16,
+    model: Model = "exact",
+    seed: int = 0,
+    crosstalk: bool = True,
+) -> View:
+    """Return what an eye sees.
+
+    Parameters
+    ----------
+    mi
+        Mitsuba, started.
+    radiance
+        (height, width, 3) of the panel, linear.
+    display
+        The display that shows it, which may be misaligned.
+    eye
+        Where the eye is.
+    window
+        What part of the plane z = 0 the view covers, and its pixels.
+    samples
+        Rays for each pixel of the view.
+    model
+        Lens model.
+    seed
+        Of the sample points.
+    crosstalk
+        Whether rays that land in a neighbour's cell see it (else they see black).
+
+    Raises
+    ------
+    InputError
+        When the picture has not the panel's size, or samples is out of range.
+    """
+    import drjit as dr
+
+    panel = display.panel
+    if radiance.shape != (panel.height_px, panel.width_px, 3):
+        raise InputError(
+            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
+            f"{panel.width_px} x {panel.height_px}; render it for this display"
+        )
+    if not 1 <= samples <= 65536:
+        raise InputError(f"samples {samples} is out of range; give 1 to 65536")
+    if 3 * panel.width_px * panel.height_px >= 2**32:
+        raise InputError(f"the panel of '{display.name}' has more values than 32 bits count; take a smaller one")
+    b = DrJitBackend(device_of(mi))
+    system = System.of(display)
+    light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
+    total = window.width_px * window.height_px
+    out = np.empty((total, 3), np.float32)
+    counts = np.zeros(len(Status), np.int64)
+
+    def look(first: Any, count: int) -> tuple[list[Any], Any]:
+        index = dr.arange(mi.UInt32, count * samples)
+        pixel = first + index // samples
+        sample = index % samples
+        origin, way = _eye_rays(mi, b, eye, window, pixel, sample, seed)
+        hits = pixels_from_rays(b, system, origin, way, model)
+        seen = (hits.status == int(Status.OK)) | (
+            (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
+        )
+        column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
+        row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
+        place = (row * panel.width_px + column) * 3
+        colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
+        stripes = STRIPES[panel.subpixels]
+        if stripes is not None:
+            # A stripe emits its one colour from a third of the pixel, three times as bright there.
+            stripe = mi.Int(dr.clip(dr.floor((hits.u - dr.floor(hits.u)) * 3.0), 0, 2))
+            order = [round(3.0 * offset) + 1 for offset in stripes]
+            colour = [dr.select(stripe == order[k], 3.0 * c, 0.0) for k, c in enumerate(colour)]
+        mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+        return mean, hits.status
+
+    chunk = max(1, CHUNK_RAYS // samples)
+    for start in range(0, total, chunk):
+        count = min(chunk, total - start)
+        mean, status = look(dr.opaque(mi.UInt32, start), count)
+        dr.eval(mean, status)
+        for k in range(3):
+            out[start : start + count, k] = np.asarray(mean[k])
+        counts += np.bincount(np.asarray(status), minlength=len(Status))
+    share = {status.name.lower(): float(counts[status]) / (total * samples) for status in Status}
+    return View(out.reshape(window.height_px, window.width_px, 3), share)
+
+
+def _eye_rays(
+    mi: Any, b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return origins and unit directions (double) from the pupil through the window's pixels."""
+    import drjit as dr
+
+    row = pixel // window.width_px
+    column = pixel - row * window.width_px
+    s, t = points_in_square(mi, pixel, sample, seed, stream=0)
+    x = ((b.double(column) + b.double(s)) / window.width_px - 0.5) * window.width_mm
+    y = (0.5 - (b.double(row) + b.double(t)) / window.height_px) * window.height_mm
+    ex, ey, ez = (b.double(c) for c in eye.position_mm)
+    if eye.pupil_mm > 0.0:
+        p, q = points_in_square(mi, pixel, sample, seed, stream=1)
+        disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
+        # The line through the pupil's centre says which point of the focused plane this pixel shows.
+        reach = (eye.position_mm[2] - eye.focus_z_mm) / eye.position_mm[2]
+        fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
+        ex = ex + b.double(disk.x) * (0.5 * eye.pupil_mm)
+        ey = ey + b.double(disk.y) * (0.5 * eye.pupil_mm)
+        dx, dy, dz = fx - ex, fy - ey, eye.focus_z_mm - ez
+    else:
+        dx, dy, dz = x - ex, y - ey, -ez
+    scale = 1.0 / dr.sqrt(dx * dx + dy * dy + dz * dz)
+    return (ex, ey, ez), (dx * scale, dy * scale, dz * scale)

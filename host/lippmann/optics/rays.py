@@ -1,0 +1,80 @@
+"""Rays that leave a display, where rays meet its panel, and the names of models, engines and fates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.optics.backend import Arr
+
+Model = Literal["pinhole", "thin", "paraxial", "exact"]
+Engine = Literal["golden", "fast", "twin", "rtl"]
+#: From the cheapest to the dearest.
+MODELS: tuple[Model, ...] = get_args(Model)
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+
+Floats = npt.NDArray[np.float64]
+
+
+class Status(IntEnum):
+    """What became of a ray; the same numbers in golden, fast, twin and RTL."""
+
+    OK = 0
+    MISSED = 1
+    INTERNAL_REFLECTION = 2
+    BLOCKED = 3
+    CROSSTALK = 4
+
+
+def gets_through(status: Arr) -> Arr:
+    """Tell which rays leave the lenslets: ok and crosstalk. `status` is an array of any backend."""
+    # Plain integers: Dr.Jit does not compare with an IntEnum.
+    return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays that leave a display, N of them.
+
+    Attributes
+    ----------
+    pixel
+        (N, 2) float64, pixel coordinates (column, row; continuous) that they start from.
+    lenslet
+        (N, 2) int64, (i, j) of the lenslet that they leave through.
+    centre_mm
+        (N, 2) float64, that lenslet's centre, panel frame.
+    local_mm
+        (N, 3) float64, their origins from that centre, panel's axes; z = 0 is the vertices' plane.
+    direction
+        (N, 3) float64, unit.
+    status
+        (N,) uint8, see `Status`.
+    """
+
+    pixel: Floats
+    lenslet: npt.NDArray[np.int64]
+    centre_mm: Floats
+    local_mm: Floats
+    direction: Floats
+    status: npt.NDArray[np.uint8]
+
+    @property
+    def origin_mm(self) -> Floats:
+        """(N, 3) float64, the origins in the panel frame."""
+        origin = self.local_mm.copy()
+        origin[:, :2] += self.centre_mm
+        return origin
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Where N rays from the world meet the panel: pixel (N, 2), lenslet passed (N, 2), status (N,)."""
+
+    pixel: Floats
+    lenslet: npt.NDArray[np.int64]
+    status: npt.NDArray[np.uint8]

@@ -1,0 +1,34 @@
+"""Names the machine and the moment that a measurement belongs to."""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import os
+import platform
+from pathlib import Path
+
+from lippmann import __version__
+
+
+def machine_name() -> str:
+    """Return processor and cores, such as "AMD EPYC, 2 cores, Linux x86_64"."""
+    model = platform.processor() or "unknown processor"
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        for line in information.read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+                break
+    return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
+
+
+def provenance(command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy")) -> dict[str, str]:
+    """Return what a report says of itself: machine, date, command, versions (of some packages too)."""
+    versions = {name: importlib.metadata.version(name) for name in packages}
+    return {
+        "machine": machine_name(),
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "command": command,
+        "versions": ", ".join([f"lippmann {__version__}", *(f"{k} {v}" for k, v in versions.items())]),
+    }

@@ -1,0 +1,139 @@
+"""Where a scene stands relative to the display: scale, rotation, offset, and the depths of interest."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import InputError, input_error
+from lippmann.optics.panel import exact_rotation
+from lippmann.toml import Table
+
+Matrix = npt.NDArray[np.float64]
+#: Scales that float32 scenes survive.
+SCALE_RANGE = (1e-9, 1e9)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A similarity from scene units to the display's frame (mm), and a depth range.
+
+    Attributes
+    ----------
+    scale
+        Millimetres for each scene unit.
+    rotation_deg
+        Turns about x, then y, then z.
+    offset_mm
+        Where the scene's origin comes to stand.
+    near_mm, far_mm
+        Depths z between which the scene matters; primary rays start at `near_mm`. None: the scene's bounding box.
+    """
+
+    scale: float = 1.0
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    near_mm: float | None = None
+    far_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a similarity."""
+        numbers = (
+            self.scale,
+            *self.rotation_deg,
+            *self.offset_mm,
+            self.near_mm or 0.0,
+            self.far_mm or 0.0,
+        )
+        if not all(math.isfinite(x) for x in numbers):
+            raise InputError("placement: a value is not finite; give finite numbers")
+        if not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
+            raise InputError(
+                f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
+                f"{SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g}"
+            )
+        if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
+            raise InputError(
+                f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
+            )
+
+    @property
+    def display_from_scene(self) -> Matrix:
+        """(4, 4) matrix from scene points to the display's frame."""
+        turn = np.eye(3)
+        for axis, angle in enumerate(self.rotation_deg):
+            c, s = exact_rotation(angle)
+            k, m = (axis + 1) % 3, (axis + 2) % 3
+            step = np.eye(3)
+            step[k, k], step[k, m], step[m, k], step[m, m] = c, -s, s, c
+            turn = step @ turn
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.scale * turn
+        matrix[:3, 3] = self.offset_mm
+        return matrix
+
+    @property
+    def scene_from_display(self) -> Matrix:
+        """(4, 4) inverse of `display_from_scene`."""
+        forward = self.display_from_scene
+        inverse = np.eye(4)
+        inverse[:3, :3] = forward[:3, :3].T / self.scale**2
+        inverse[:3, 3] = -inverse[:3, :3] @ forward[:3, 3]
+        return inverse
+
+    def then(self, other: Placement) -> Placement:
+        """Return the placement that stands a scene by this one and then moves all of it by another.
+
+        Depths outlast a turn about z alone; other turns leave the scene's bounding box to tell them.
+        """
+        matrix = other.display_from_scene @ self.display_from_scene
+        scale = self.scale * other.scale
+        turn = matrix[:3, :3] / scale
+        # Turns about x, then y, then z: turn = Rz Ry Rx.
+        level = math.hypot(turn[0, 0], turn[1, 0])
+        about_y = math.atan2(-turn[2, 0], level)
+        if level > 1e-9:
+            about_x, about_z = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
+        else:
+            about_x, about_z = math.atan2(-turn[1, 2], turn[1, 1]), 0.0
+        upright = other.rotation_deg[:2] == (0.0, 0.0)
+
+        def moved(z: float | None) -> float | None:
+            return other.scale * z + other.offset_mm[2] if upright and z is not None else None
+
+        return Placement(
+            scale=scale,
+            rotation_deg=(math.degrees(about_x), math.degrees(about_y), math.degrees(about_z)),
+            offset_mm=(float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3])),
+            near_mm=moved(self.near_mm),
+            far_mm=moved(self.far_mm),
+        )
+
+
+def load_placement(path: Path) -> Placement:
+    """Read the table `[placement]` of a TOML file; other tables are not looked at.
+
+    Raises
+    ------
+    InputError
+        Naming file, key and remedy.
+    """
+    try:
+        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
+        raise input_error(str(path), f"cannot be read ({error})", "give a placement file (.toml)") from None
+    table = Table(raw, str(path), "").table("placement")
+    scale = table.number("scale", default=1.0, at_least=SCALE_RANGE[0], at_most=SCALE_RANGE[1])
+    rotation_deg = table.triple("rotation_deg", (0.0, 0.0, 0.0))
+    offset_mm = table.triple("offset_mm", (0.0, 0.0, 0.0))
+    near_mm, far_mm = table.optional_number("near_mm"), table.optional_number("far_mm")
+    table.refuse_leftovers()
+    try:
+        return Placement(scale, rotation_deg, offset_mm, near_mm, far_mm)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

@@ -1,0 +1,367 @@
+"""Renders an integral image, or a plain perspective view, chunk by chunk.
+
+**One pass for both sides of the display.** A panel pixel's ray, bent by its lenslet, is the line along which a
+viewer sees that pixel. The scene is sampled along it *towards* the display, from in front of the nearest object:
+the first surface met is the one that hides the others, whether it floats before the display (real) or stands behind
+it (virtual). So the picture is orthoscopic and occludes correctly with no second pass.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.errors import InputError
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.lights import register_lights
+from lippmann.rendering.scene import Scene
+from lippmann.rendering.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
+from lippmann.rendering.variant import device_of
+
+Image = npt.NDArray[np.float32]
+
+#: Samples traced at once. Part of a picture's definition, because random integrators draw their numbers by chunk.
+CHUNK_SAMPLES = 1 << 22
+#: Side of the square tiles that pixels are taken in, in Morton order, so that rays traced side by side stay close.
+TILE_PX = 8
+#: Memory that the libraries and one chunk take, MB (measured; the output comes on top).
+BASE_MEMORY_MB = 500.0
+MAX_SAMPLES = 65536
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to render.
+
+    Attributes
+    ----------
+    samples
+        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are
+        spread over its area (anti-aliasing).
+    aperture
+        "chief": rays through the lenslet's centre; "full": spread over its cell.
+    integrator
+        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
+    max_depth
+        Surfaces that a ray may meet.
+    seed
+        The same seed gives the same pixels, bit for bit, on the same machine and versions.
+    memory_mb
+        Limit; None: four fifths of what the machine has free.
+    """
+
+    samples: int = 1
+    aperture: Aperture = "chief"
+    integrator: str = "lights"
+    max_depth: int = 4
+    seed: int = 0
+    memory_mb: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse settings out of range."""
+        if not 1 <= self.samples <= MAX_SAMPLES:
+            raise InputError(f"samples {self.samples} is out of range; give 1 to {MAX_SAMPLES}")
+        if self.aperture not in APERTURES:
+            raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
+        if not 1 <= self.max_depth <= 1000:
+            raise InputError(f"max depth {self.max_depth} is out of range; give 1 to 1000")
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed {self.seed} is out of range; give 0 to {2**32 - 1}")
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A picture and what it took.
+
+    Attributes
+    ----------
+    radiance
+        (height, width, 3) float32, linear RGB.
+    seconds
+        The render itself.
+    cpu_seconds
+        The same, of all threads.
+    prepare_seconds
+        Compilation before it.
+    samples_traced
+        Rays sent into the scene.
+    """
+
+    radiance: Image
+    seconds: float
+    cpu_seconds: float
+    prepare_seconds: float
+    samples_traced: int
+
+    @property
+    def samples_per_second(self) -> float:
+        """Rays a second, compilation left out."""
+        return self.samples_traced / max(self.seconds, 1e-9)
+
+
+Progress = Callable[[int, int], None]
+
+
+def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
+    """Return the integrator that the settings name.
+
+    Raises
+    ------
+    InputError
+        When there is none of that name, or it does not sample single rays.
+    """
+    if settings.integrator == "scene":
+        integrator = scene.mitsuba.integrator()
+    else:
+        register_lights(mi)
+        try:
+            integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
+        except Exception as error:
+            # Mitsuba's `direct` counts no surfaces.
+            try:
+                integrator = mi.load_dict({"type": settings.integrator})
+            except Exception:
+                reason = " ".join(str(error).split())[:200]
+                raise InputError(
+                    f"integrator '{settings.integrator}' cannot be had ({reason}); choose lights, direct, path or scene"
+                ) from None
+    # Mitsuba's differentiable integrators (prb, ...) count as sampling ones but want more than a ray.
+    differentiable = ".ad." in type(integrator).__module__
+    if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
+        raise InputError(
+            f"integrator '{settings.integrator}' does not sample single rays; choose lights, direct or path"
+        )
+    return integrator
+
+
+def render(
+    mi: Any,
+    scene: Scene,
+    source: RaySource,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Rendered:
+    """Render a picture from a source of rays.
+
+    Parameters
+    ----------
+    mi
+        Mitsuba, started.
+    scene
+        The scene.
+    source
+        `IntegralSource` or `PerspectiveSource`.
+    settings
+        How.
+    progress
+        Called with (tiles done, tiles in all).
+
+    Raises
+    ------
+    InputError
+        When the picture does not fit the memory limit.
+    """
+    import drjit as dr
+
+    width, height = source.width_px, source.height_px
+    check_memory(width, height, settings)
+    integrator = make_integrator(mi, scene, settings)
+    samples = settings.samples
+    tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
+    tile_pixels = TILE_PX * TILE_PX
+    chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
+    planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
+
+    def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
+        """Return (pixel numbers, inside the picture, mean radiance) of `count` tiles' pixels."""
+        index = dr.arange(mi.UInt32, count * tile_pixels * samples)
+        place = index // samples
+        pixel, inside = _pixel_of(mi, first_tile, place, width, height)
+        lines = source.lines(mi, pixel, index - place * samples, stripe)
+        alive = lines.alive & inside
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, count * tile_pixels * samples)
+        ray = _scene_ray(mi, scene, lines)
+        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
+        colour = dr.select(alive, mi.Color3f(radiance), 0.0)
+        if samples > 1:
+            # Evaluated before the sums: each of those would trace the rays again.
+            dr.eval(colour)
+            colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
+            place = dr.arange(mi.UInt32, count * tile_pixels)
+            pixel, inside = _pixel_of(mi, first_tile, place, width, height)
+        return pixel, inside, colour
+
+    stripes = source.stripes
+    passes: list[tuple[float, float, tuple[int, ...]]] = (
+        [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
+    )
+
+    def run(first_tile: int, count: int, number: int) -> None:
+        # Opaque, like all that differs from chunk to chunk: a literal would be compiled in, each time anew.
+        seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
+        for offset, stripe_width, channels in passes:
+            pixel, inside, colour = traced(
+                dr.opaque(mi.UInt32, first_tile),
+                count,
+                seed,
+                (dr.opaque(mi.Float, offset), stripe_width),
+            )
+            for k in channels:
+                dr.scatter(planes[k], colour[k], pixel, inside)
+            dr.eval(planes)
+
+    started = time.perf_counter()
+    # Compiles with a launch of the same programs over one tile.
+    run(0, 1, 0)
+    dr.sync_thread()
+    prepared, cpu_before = time.perf_counter(), time.process_time()
+    for number, first in enumerate(range(0, tiles, chunk_tiles)):
+        count = min(chunk_tiles, tiles - first)
+        run(first, count, number)
+        dr.sync_thread()
+        if progress is not None:
+            progress(first + count, tiles)
+    finished, cpu_after = time.perf_counter(), time.process_time()
+    return Rendered(
+        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
+        seconds=finished - prepared,
+        cpu_seconds=cpu_after - cpu_before,
+        prepare_seconds=prepared - started,
+        samples_traced=width * height * samples * len(passes),
+    )
+
+
+def _pixel_of(mi: Any, first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
+    """Return the pixel number of a place in the order of tiles, and whether it lies inside the picture."""
+    tiles_across = -(-width // TILE_PX)
+    tile = first_tile + place // (TILE_PX * TILE_PX)
+    bits = place & (TILE_PX * TILE_PX - 1)
+    x = (bits & 1) | ((bits >> 1) & 2) | ((bits >> 2) & 4)
+    y = ((bits >> 1) & 1) | ((bits >> 2) & 2) | ((bits >> 3) & 4)
+    tile_row = tile // tiles_across
+    column = (tile - tile_row * tiles_across) * TILE_PX + x
+    row = tile_row * TILE_PX + y
+    inside = (column < width) & (row < height)
+    return mi.UInt32(row * width + column), inside
+
+
+def _scene_ray(mi: Any, scene: Scene, lines: Lines) -> Any:
+    """Return the scene's ray along a display line, from in front of everything towards the display."""
+    import drjit as dr
+
+    point, way, _ = lines
+    near = scene.placement.near_mm
+    t = (near - point[2]) / way[2]
+    start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(near))
+    back = mi.Vector3f(-way[0], -way[1], -way[2])
+    matrix = scene.placement.scene_from_display
+    if not np.array_equal(matrix, np.eye(4)):
+        m = [[float(x) for x in line] for line in matrix]
+        start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m[:3]))
+        back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m[:3])))
+    ray = mi.RayDifferential3f(start, back)
+    ray.wavelengths = []
+    return ray
+
+
+def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
+    """Refuse a picture whose buffers would not fit.
+
+    Raises
+    ------
+    InputError
+        Naming the size that is needed and the limit.
+    """
+    # Radiance in float32: as planes, as a picture, and once more as what a file format wants.
+    needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
+    what = f"a picture of {width_px} x {height_px} pixels"
+    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
+
+
+def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
+    """Refuse work that needs more memory (MB) than a limit; None: four fifths of what the machine can give.
+
+    Raises
+    ------
+    InputError
+        Naming what it is, the need, the limit and the remedy.
+    """
+    limit = 0.8 * free_memory_mb() if limit is None else limit
+    if not limit > 0.0:
+        raise InputError(f"--memory-mb {limit:g} is no limit; give a number above 0")
+    if not needed <= limit:
+        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
+
+
+def free_memory_mb() -> float:
+    """Return the memory that this machine can give, MB: what is free, and what caches would give back."""
+    information = Path("/proc/meminfo")
+    if information.exists():
+        for line in information.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024 / 1e6
+    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def peak_memory_mb() -> float:
+    """Return the most memory that this process has held so far, MB."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text().splitlines():
+            # Unlike the resource usage, which a process begins with that of the one that started it.
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024 / 1e6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def render_integral(
+    mi: Any,
+    scene: Scene,
+    display: Display,
+    model: Model,
+    settings: Settings,
+    progress: Progress | None = None,
+    engine: Engine = "fast",
+    fraction_bits: int | None = None,
+) -> Rendered:
+    """Render the integral image of a scene for a display (see `render`), with the rays of an engine.
+
+    Raises
+    ------
+    InputError
+        As `render` and `lippmann.optics.pixel_rays.trace`.
+    MissingLibraryError
+        When an engine lacks a tool.
+    """
+    source = IntegralSource(
+        display, model, settings.samples, settings.aperture, settings.seed, device_of(mi), engine, fraction_bits
+    )
+    return render(mi, scene, source, settings, progress)
+
+
+def render_view(
+    mi: Any,
+    scene: Scene,
+    eye_mm: tuple[float, float, float],
+    window: Window,
+    settings: Settings,
+    progress: Progress | None = None,
+) -> Rendered:
+    """Render the scene as an eye sees it through a window, with no display in between (see `render`)."""
+    source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
+    near = scene.placement.near_mm
+    if near is not None and near > eye_mm[2]:
+        # What stands behind the eye is not seen.
+        scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
+    return render(mi, scene, source, settings, progress)

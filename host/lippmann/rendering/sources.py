@@ -1,0 +1,197 @@
+"""Where primary rays come from: a display's pixels through their lenslets, or an eye looking through a window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol, get_args
+
+import numpy as np
+
+from lippmann.display import Display
+from lippmann.engines import trace
+from lippmann.fixed.words import PIXEL_FRACTION
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.pixel_rays import rays_from_pixels
+from lippmann.optics.rays import Engine, Model, gets_through
+from lippmann.optics.sampling import points_in_square, square_to_cell
+from lippmann.optics.system import System
+
+Aperture = Literal["chief", "full"]
+APERTURES: tuple[Aperture, ...] = get_args(Aperture)
+
+#: Centres of the colour stripes, in pixels from the pixel's centre, for red, green and blue.
+STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0, 0.0, -1.0 / 3.0)}
+
+
+class Lines(NamedTuple):
+    """Lines of sight in the display's frame.
+
+    point
+        Three Floats, a point of each line, mm.
+    way
+        Three Floats, unit vectors along the lines, away from the display and towards the viewer.
+    alive
+        Which lines exist: a ray that the lenslets swallow has none.
+    """
+
+    point: tuple[Any, Any, Any]
+    way: tuple[Any, Any, Any]
+    alive: Any
+
+
+class RaySource(Protocol):
+    """Where primary rays come from: the display's pixels, or an eye looking through a window."""
+
+    @property
+    def width_px(self) -> int:
+        """Picture width."""
+
+    @property
+    def height_px(self) -> int:
+        """Picture height."""
+
+    @property
+    def stripes(self) -> tuple[float, float, float] | None:
+        """Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without."""
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Return the lines of sight of samples.
+
+        Parameters
+        ----------
+        mi
+            Mitsuba.
+        pixel, sample
+            UInt32, row-major pixel numbers and the samples' numbers within their pixel.
+        stripe
+            Centre (Float) and width of the part of the pixel that is sampled, in pixels from its centre.
+        """
+
+
+def lines_from_pixels(
+    mi: Any, b: DrJitBackend, display: Display, u: Any, v: Any, aperture: tuple[Any, Any] | None, model: Model
+) -> Lines:
+    """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
+    out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
+    point = (
+        mi.Float(out.centre_x + b.double(out.ray.x)),
+        mi.Float(out.centre_y + b.double(out.ray.y)),
+        mi.Float(out.ray.z),
+    )
+    return Lines(point, (out.ray.dx, out.ray.dy, out.ray.dz), gets_through(out.status))
+
+
+@dataclass(frozen=True)
+class IntegralSource:
+    """The rays of a display's pixels.
+
+    `engine` traces them: "fast" within the renderer's own program, the others outside of it, chunk by chunk, so that
+    the picture is what their rays show; `fraction_bits` belongs to "twin" and "rtl". Several samples of a pixel stand
+    anywhere in it with "fast", with all others on the same sixteenths of a pixel.
+    """
+
+    display: Display
+    model: Model
+    samples: int
+    aperture: Aperture
+    seed: int
+    device: str
+    engine: Engine = "fast"
+    fraction_bits: int | None = None
+
+    @property
+    def width_px(self) -> int:
+        """Panel width."""
+        return self.display.panel.width_px
+
+    @property
+    def height_px(self) -> int:
+        """Panel height."""
+        return self.display.panel.height_px
+
+    @property
+    def stripes(self) -> tuple[float, float, float] | None:
+        """Colour stripes of the panel."""
+        return STRIPES[self.display.panel.subpixels]
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Trace pixel samples through the lenslets (see `RaySource`)."""
+        b = DrJitBackend(self.device)
+        row = pixel // self.width_px
+        column = pixel - row * self.width_px
+        offset, width = stripe
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+        u = b.double(column) + b.double(0.5 + offset + width * (jitter_x - 0.5))
+        v = b.double(row) + b.double(jitter_y)
+        aperture = None
+        if self.aperture == "full":
+            s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
+            array = self.display.array
+            aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+        if self.engine != "fast":
+            return self._traced_outside(mi, u, v, aperture)
+        return lines_from_pixels(mi, b, self.display, u, v, aperture, self.model)
+
+    def _traced_outside(self, mi: Any, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
+        """Trace by an engine that takes and gives numpy arrays."""
+        pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
+        if self.samples > 1:
+            # Any place in a pixel will do, so all take those that the RTL's words hold, and follow the same rays.
+            steps = 1 << PIXEL_FRACTION
+            pixels = np.rint(pixels * steps) / steps
+        aims = None if aperture is None else np.stack([np.asarray(a) for a in aperture], axis=1)
+        rays = trace(self.display, pixels, aims, self.model, self.engine, fraction_bits=self.fraction_bits)
+        origin, way = rays.origin_mm.astype(np.float32), rays.direction.astype(np.float32)
+        return Lines(
+            (mi.Float(origin[:, 0]), mi.Float(origin[:, 1]), mi.Float(origin[:, 2])),
+            (mi.Float(way[:, 0]), mi.Float(way[:, 1]), mi.Float(way[:, 2])),
+            mi.Bool(gets_through(rays.status)),
+        )
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle in the plane z = 0, centred on the axis: what a view of the display covers."""
+
+    width_mm: float
+    height_mm: float
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True)
+class PerspectiveSource:
+    """The rays from an eye (mm) through a window: the scene as seen with no display in between."""
+
+    eye_mm: tuple[float, float, float]
+    window: Window
+    samples: int
+    seed: int
+    stripes: tuple[float, float, float] | None = None
+
+    @property
+    def width_px(self) -> int:
+        """View width."""
+        return self.window.width_px
+
+    @property
+    def height_px(self) -> int:
+        """View height."""
+        return self.window.height_px
+
+    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+        """Join window points and eye (see `RaySource`)."""
+        import drjit as dr
+
+        window = self.window
+        row = pixel // window.width_px
+        column = pixel - row * window.width_px
+        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
+        if self.samples > 1:
+            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+        x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
+        y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
+        way = dr.normalize(mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2])))
+        return Lines((x, y, mi.Float(0.0)), (way.x, way.y, way.z), mi.Bool(True))

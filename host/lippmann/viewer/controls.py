@@ -1,0 +1,111 @@
+"""The page's sliders: which there are, and how far they go for a display."""
+
+from __future__ import annotations
+
+import html
+import math
+from dataclasses import dataclass
+
+from lippmann.display import Display
+from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
+from lippmann.viewer.template import filled
+
+#: Eye's distances, in usual viewing distances.
+DISTANCES = (0.25, 4.0)
+#: Widest pupil, mm: a camera's lens; a wide one shows focus best.
+PUPIL_MM = 20.0
+#: Largest turn of the array, degrees, and stretch, as a share.
+TURN_DEG, STRETCH = 5.0, 0.05
+#: Step of the stretch.
+FINE = 1e-4
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A slider: its values run from `low` to `high` by `step`, and start at `value`."""
+
+    id: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    value: float = 0.0
+
+    def html(self) -> str:
+        """Return the slider with its label and its value's place."""
+        numbers = {key: f"{getattr(self, key):.12g}" for key in ("low", "high", "step", "value")}
+        return filled("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
+
+
+def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
+    """Return how far aside an eye is let go: until even the panel's far edge shows neighbours' images."""
+    zone = VIEWING_DISTANCE_MM * display.array.pitch_mm / derived.aperture_distance_mm
+    return _neat(0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
+
+
+def focus_reach_mm(derived: DisplayProperties) -> float:
+    """Return how far from the display an eye may focus: twice the depth range, but not as far as the nearest eye."""
+    return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * VIEWING_DISTANCE_MM))
+
+
+def sliders(display: Display) -> dict[str, list[Slider]]:
+    """Return the sliders by group."""
+    derived = display_properties(display)
+    array = display.array
+    reach, focus = eye_reach_mm(display, derived), focus_reach_mm(derived)
+    near, far = (share * VIEWING_DISTANCE_MM for share in DISTANCES)
+    shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
+    # Lenslets keep at least a pixel, and a radius that spans their cell.
+    shrink = max(1.0 - STRETCH, display.panel.pixel_pitch_mm / array.pitch_mm)
+    stretch = min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm)
+    return {
+        "Eye": [
+            Slider("eye-x", "Right", "mm", -reach, reach, _step(reach)),
+            Slider("eye-y", "Up", "mm", -reach, reach, _step(reach)),
+            Slider("eye-z", "Distance", "mm", near, far, 1.0, VIEWING_DISTANCE_MM),
+        ],
+        "Pupil and focus": [
+            Slider("pupil", "Pupil", "mm", 0.0, PUPIL_MM, 0.1),
+            Slider("focus", "Focus", "mm", -focus, focus, _step(focus)),
+        ],
+        "The array as built": [
+            Slider("rotation", "Turned", "°", -TURN_DEG, TURN_DEG, 0.01),
+            Slider(
+                "pitch-scale",
+                "Stretched",
+                "×",
+                1.0 - _whole(1.0 - shrink, FINE),
+                1.0 + _whole(stretch - 1.0, FINE),
+                FINE,
+                1.0,
+            ),
+            Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
+            Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
+            Slider("gap", "Lifted", "mm", 0.0 - _whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+        ],
+    }
+
+
+def controls_html(display: Display) -> str:
+    """Return the groups of sliders."""
+    return "".join(
+        f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
+        for group, members in sliders(display).items()
+    )
+
+
+def _neat(value: float) -> float:
+    """Round up to two digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit
+
+
+def _step(reach: float) -> float:
+    """Return a power of ten that divides 0 to `reach` into a hundred to a thousand steps."""
+    return 10.0 ** (math.floor(math.log10(reach)) - 2)
+
+
+def _whole(value: float, step: float) -> float:
+    """Round down to whole steps: browsers count a slider's steps from its low end, and 0 must be one of them."""
+    return math.floor(value / step + 1e-9) * step

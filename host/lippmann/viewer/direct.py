@@ -1,0 +1,46 @@
+"""Direct renders of a scene for the page: from a few eyes, with no display in between."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+from lippmann.display import Display
+from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
+from lippmann.observer import whole_window
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.scene import Scene
+from lippmann.viewer.page import Direct
+
+#: Eyes of the grid, across and down; the middle one is on the axis.
+GRID = (7, 3)
+#: Width of a render, pixels, and its samples.
+WIDTH_PX = 400
+SAMPLES = 16
+#: How far aside the grid goes where the display has no viewing zone, as a share of the viewing distance.
+LEAST_REACH = 0.05
+
+
+def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
+    """Return eyes across the viewing zone, mm, at the usual distance."""
+    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * VIEWING_DISTANCE_MM)
+
+    def spread(count: int) -> list[float]:
+        return [reach * (2.0 * k / (count - 1) - 1.0) for k in range(count)]
+
+    return [(x, y, VIEWING_DISTANCE_MM) for y, x in itertools.product(spread(GRID[1]), spread(GRID[0]))]
+
+
+def render_directs(
+    mi: Any, scene: Scene, display: Display, seed: int = 0, progress: Callable[[int, int], None] | None = None
+) -> list[Direct]:
+    """Render a scene from the grid's eyes."""
+    window = whole_window(display, WIDTH_PX)
+    eyes = grid_of_eyes(display)
+    directs = []
+    for k, eye in enumerate(eyes):
+        directs.append(Direct(eye, render_view(mi, scene, eye, window, Settings(samples=SAMPLES, seed=seed)).radiance))
+        if progress is not None:
+            progress(k + 1, len(eyes))
+    return directs

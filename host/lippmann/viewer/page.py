@@ -1,0 +1,161 @@
+"""Assembles the page: everything that the browser needs stands in one text."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from lippmann.display import Display
+from lippmann.display_properties import display_properties
+from lippmann.errors import InputError
+from lippmann.images import encode
+from lippmann.rendering.sources import STRIPES
+from lippmann.viewer.controls import controls_html, focus_reach_mm
+from lippmann.viewer.template import filled, read, shader
+
+#: In the order in which they build on each other.
+SCRIPTS = (
+    "system",
+    "lattice",
+    "renderer",
+    "pace",
+    "controls",
+    "depth_view",
+    "direct_view",
+    "panel_view",
+    "eye_control",
+    "main",
+)
+SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
+#: Half the depth drawing's width in its own units that the focus may use; the drawing ends at 110.
+DRAWN = 100.0
+
+
+@dataclass(frozen=True)
+class Direct:
+    """A direct perspective render of the scene, through the window that covers the panel.
+
+    Attributes
+    ----------
+    eye_mm
+        Where it was seen from.
+    radiance
+        (height, width, 3), linear; as wide for its height as the panel.
+    """
+
+    eye_mm: tuple[float, float, float]
+    radiance: npt.NDArray[Any]
+
+
+def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs: Sequence[Direct] = ()) -> str:
+    """Return the viewer page of an integral image.
+
+    Parameters
+    ----------
+    display
+        The display that shows it.
+    radiance
+        (height, width, 3) of the panel, linear. It travels as 8 bits sRGB: what is brighter than 1 is cut.
+    title
+        Heading of the page.
+    directs
+        Direct renders to show beside the view.
+
+    Raises
+    ------
+    InputError
+        When a picture has not the panel's size or shape.
+    """
+    panel, array = display.panel, display.array
+    if radiance.shape != (panel.height_px, panel.width_px, 3):
+        raise InputError(
+            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
+            f"{panel.width_px} x {panel.height_px}; render it for this display"
+        )
+    for direct in directs:
+        check_direct(direct, display)
+    aspect = f"{panel.width_px} / {panel.height_px}"
+    summary = (
+        f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
+        f"of {array.pitch_mm:g} mm"
+    )
+    described = {"panel": dataclasses.asdict(panel), "array": dataclasses.asdict(array), "gap_mm": display.gap_mm}
+    shown = [
+        {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
+    ]
+    return filled(
+        "page.html",
+        title=html.escape(title),
+        summary=html.escape(summary),
+        style=read("style.css"),
+        aspect=aspect,
+        direct=filled("direct.html", aspect=aspect) if directs else "",
+        controls=controls_html(display),
+        depth=_depth_drawing(display),
+        display=script_json(described),
+        shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
+        directs=script_json(shown),
+        panel=png_base64(radiance),
+        script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
+    )
+
+
+def check_direct(direct: Direct, display: Display) -> None:
+    """Refuse a direct render that has not the panel's shape."""
+    panel = display.panel
+    height, width = direct.radiance.shape[:2]
+    # Its height was rounded to whole pixels.
+    if abs(width * panel.height_px / panel.width_px - height) > 1.0:
+        raise InputError(
+            f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
+            f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"
+        )
+
+
+def png_base64(radiance: npt.NDArray[Any]) -> str:
+    """Return linear light as a PNG, 8 bits sRGB, in base64."""
+    values = np.rint(encode(radiance, "srgb") * 255.0).astype(np.uint8)
+    stream = io.BytesIO()
+    Image.fromarray(values).save(stream, "PNG")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def script_json(value: Any) -> str:
+    """Return JSON that may stand inside a `<script>`: no `<` that could end it."""
+    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def _defines(display: Display) -> dict[str, str]:
+    """Return what the shaders leave to the compiler: what no slider changes."""
+    defines = {}
+    if display.array.grid == "hex":
+        defines["HEX"] = "1"
+    if display.array.plano_side == "panel":
+        defines["PLANO_TO_PANEL"] = "1"
+    stripes = STRIPES[display.panel.subpixels]
+    if stripes is not None:
+        order = ", ".join(str(round(3.0 * offset) + 1) for offset in stripes)
+        defines["STRIPES"] = f"ivec3({order})"
+    return defines
+
+
+def _depth_drawing(display: Display) -> str:
+    derived = display_properties(display)
+    focus = focus_reach_mm(derived)
+    scale = focus / DRAWN
+    return filled(
+        "depth.svg",
+        mm_per_unit=f"{scale:.9g}",
+        reach=f"{derived.depth_range_mm[1] / scale:.6g}",
+        left_mm=f"−{focus:g}",
+    )
