@@ -5,7 +5,7 @@ from lippmann.animation import to_srgb8
 from lippmann.film.film import load_film
 from lippmann.film.shot import Options, render_shot, shots_of
 from lippmann.observer import Eye, observe, whole_window
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 from make_pictures import EYE_MM, SCENES, row
 from PIL import Image
 
@@ -14,13 +14,13 @@ WIDTH_PX = 220
 
 
 def main():
-    mi = start_mitsuba()
+    start_mitsuba()
     film, display = load_film(SCENES / "films/swim.toml"), load_display(SCENES / "displays/paper-square.toml")
-    shots = shots_of(mi, film, display, Options("exact"))
+    shots = shots_of(film, display, Options("exact"))
     views = []
     for frame in FRAMES:
-        radiance, _ = render_shot(mi, shots[frame])
-        view = observe(mi, radiance, display, Eye((0.0, 0.0, EYE_MM)), whole_window(display, WIDTH_PX))
+        radiance, _ = render_shot(shots[frame])
+        view = observe(radiance, display, Eye((0.0, 0.0, EYE_MM)), whole_window(display, WIDTH_PX))
         views.append(Image.fromarray(to_srgb8(view.radiance)))
     row(views, [f"frame {frame}" for frame in FRAMES], "film.png")
 

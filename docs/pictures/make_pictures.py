@@ -98,13 +98,13 @@ def make_pictures(mi):
     from lippmann.rendering.scene import load_scene
 
     square, hexagonal = (load_display(SCENES / f"displays/paper-{name}.toml") for name in ("square", "hex"))
-    fish, chart = (load_scene(mi, SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
+    fish, chart = (load_scene(SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
 
     def integral(scene, display):
-        return render_integral(mi, scene, display, "exact", Settings(samples=4)).radiance
+        return render_integral(scene, display, "exact", Settings(samples=4)).radiance
 
     def look(image, display, eye, width_px=300, **options):
-        return observe(mi, image, display, Eye((*eye, EYE_MM), **options), whole_window(display, width_px)).radiance
+        return observe(image, display, Eye((*eye, EYE_MM), **options), whole_window(display, width_px)).radiance
 
     on_square, on_hex = integral(fish, square), integral(fish, hexagonal)
 
@@ -148,7 +148,7 @@ def make_pictures(mi):
 
     # The chart: known depths, direct and through the arrays.
     window = whole_window(square, 300)
-    direct = render_view(mi, chart, (20.0, 0.0, EYE_MM), window, Settings(samples=16)).radiance
+    direct = render_view(chart, (20.0, 0.0, EYE_MM), window, Settings(samples=16)).radiance
     on_panels = [integral(chart, display) for display in (square, hexagonal)]
     charts = [look(image, one, (20.0, 0.0)) for image, one in zip(on_panels, (square, hexagonal), strict=True)]
     row(
@@ -241,7 +241,7 @@ def make_plot():
 def main():
     write_table()
     if "--table" not in sys.argv[1:]:
-        from lippmann.rendering.variant import start_mitsuba
+        from lippmann.variant import start_mitsuba
 
         make_plot()
         make_pictures(start_mitsuba())

@@ -19,7 +19,7 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, STRIPES, lines_from_pixels
-from lippmann.rendering.variant import VARIANTS, device_of
+from lippmann.variant import VARIANTS, current_device
 
 #: Singular values of `to_world` that are as good as equal: float32 transforms, many of them in a row.
 SAME_SCALE = 1e-4
@@ -68,7 +68,7 @@ def _sensor_class(mi: Any) -> Any:
             self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
         ) -> tuple[Any, Any]:
             """Return rays through points of the film (sample2, 0 to 1 from the top left) and their weights."""
-            b = DrJitBackend(device_of(mi))
+            b = DrJitBackend(current_device())
             panel, array = self.display.panel, self.display.array
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             weight = mi.Color3f(1.0)
@@ -77,8 +77,8 @@ def _sensor_class(mi: Any) -> Any:
                 # A point of a pixel lies in one stripe and has its one colour, three times as bright.
                 third = mi.Float(u - dr.floor(u)) - 0.5
                 weight = mi.Color3f([dr.select(dr.abs(third - offset) <= 1.0 / 6.0, 3.0, 0.0) for offset in stripes])
-            aperture = square_to_cell(mi, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
-            point, way, alive = lines_from_pixels(mi, b, self.display, u, v, aperture, self.model)
+            aperture = square_to_cell(sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
+            point, way, alive = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of everything, as the viewer looks.
             t = (self.near_mm - point[2]) / way[2]
             start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(self.near_mm))

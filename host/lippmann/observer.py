@@ -23,7 +23,7 @@ from lippmann.optics.rays import Model, Status
 from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
 from lippmann.rendering.sources import STRIPES, Window
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device, mitsuba
 
 #: Rays traced at once.
 CHUNK_RAYS = 1 << 21
@@ -99,7 +99,6 @@ def check_identity(picture: Picture, display: Display, source: str, force: bool 
 
 
 def observe(
-    mi: Any,
     radiance: npt.NDArray[Any],
     display: Display,
     eye: Eye,
@@ -113,8 +112,6 @@ def observe(
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     radiance
         (height, width, 3) of the panel, linear.
     display
@@ -137,6 +134,7 @@ def observe(
     InputError
         When the picture has not the panel's size, or samples is out of range.
     """
+    mi = mitsuba()
     import drjit as dr
 
     panel = display.panel
@@ -149,7 +147,7 @@ def observe(
         raise InputError(f"samples {samples} is out of range; give 1 to 65536")
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits count; take a smaller one")
-    b = DrJitBackend(device_of(mi))
+    b = DrJitBackend(current_device())
     system = System.of(display)
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
     total = window.width_px * window.height_px
@@ -160,7 +158,7 @@ def observe(
         index = dr.arange(mi.UInt32, count * samples)
         pixel = first + index // samples
         sample = index % samples
-        origin, way = _eye_rays(mi, b, eye, window, pixel, sample, seed)
+        origin, way = _eye_rays(b, eye, window, pixel, sample, seed)
         hits = pixels_from_rays(b, system, origin, way, model)
         seen = (hits.status == int(Status.OK)) | (
             (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
@@ -191,19 +189,20 @@ def observe(
 
 
 def _eye_rays(
-    mi: Any, b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
+    b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Return origins and unit directions (double) from the pupil through the window's pixels."""
+    mi = mitsuba()
     import drjit as dr
 
     row = pixel // window.width_px
     column = pixel - row * window.width_px
-    s, t = points_in_square(mi, pixel, sample, seed, stream=0)
+    s, t = points_in_square(pixel, sample, seed, stream=0)
     x = ((b.double(column) + b.double(s)) / window.width_px - 0.5) * window.width_mm
     y = (0.5 - (b.double(row) + b.double(t)) / window.height_px) * window.height_mm
     ex, ey, ez = (b.double(c) for c in eye.position_mm)
     if eye.pupil_mm > 0.0:
-        p, q = points_in_square(mi, pixel, sample, seed, stream=1)
+        p, q = points_in_square(pixel, sample, seed, stream=1)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
         # The line through the pupil's centre says which point of the focused plane this pixel shows.
         reach = (eye.position_mm[2] - eye.focus_z_mm) / eye.position_mm[2]

@@ -6,7 +6,6 @@ A middle part of each scene, 96 x 96 pixels of 0.25 mm behind lenslets of 2 mm: 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +48,6 @@ def path_of(scene: str, grid: Grid) -> Path:
     return GOLDEN / f"{scene}-{grid}.png"
 
 
-def render_golden(mi: Any, scene: Scene, grid: Grid) -> npt.NDArray[np.uint8]:
+def render_golden(scene: Scene, grid: Grid) -> npt.NDArray[np.uint8]:
     """(96, 96, 3), sRGB."""
-    return to_srgb8(render_integral(mi, scene, display_for(grid), "exact", SETTINGS).radiance)
+    return to_srgb8(render_integral(scene, display_for(grid), "exact", SETTINGS).radiance)

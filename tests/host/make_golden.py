@@ -5,18 +5,18 @@ To be run only when a change of the picture is wanted; look at them before they 
 
 from golden_pictures import GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
 from lippmann.rendering.scene import load_scene
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 from PIL import Image
 
 
 def main() -> None:
-    mi = start_mitsuba("llvm")
+    start_mitsuba("llvm")
     GOLDEN.mkdir(exist_ok=True)
     for name in STANDS:
-        scene = load_scene(mi, SCENES / name / f"{name}.xml", placement_of(name))
+        scene = load_scene(SCENES / name / f"{name}.xml", placement_of(name))
         for grid in SUBPIXELS:
             path = path_of(name, grid)
-            Image.fromarray(render_golden(mi, scene, grid)).save(path, optimize=True)
+            Image.fromarray(render_golden(scene, grid)).save(path, optimize=True)
             print(f"{path.name}: {path.stat().st_size} bytes")
 
 

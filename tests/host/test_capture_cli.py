@@ -200,9 +200,9 @@ def test_vignetting_of_a_large_picture_is_that_of_all_its_pixels(mi, monkeypatch
     panel = dataclasses.replace(setup.display.panel, width_px=4096, height_px=4096, pixel_pitch_mm=1.0 / 16.0)
     setup = dataclasses.replace(setup, display=dataclasses.replace(setup.display, panel=panel))
     source = CaptureSource(setup, 1, "chief", 0, "llvm")
-    probed = vignetting(mi, source)
+    probed = vignetting(source)
     monkeypatch.setattr("lippmann.capturing.capture.PROBE_PIXELS", 4096 * 4096)
-    whole = vignetting(mi, source)
+    whole = vignetting(source)
     # A share p of 2^20 random pixels is off by sqrt(p (1 - p) / 2^20), 0.05 % at most: four times that.
     assert probed.lens_percent == pytest.approx(whole.lens_percent, abs=0.2)
     assert probed.array_percent == pytest.approx(whole.array_percent, abs=0.2)

@@ -52,7 +52,7 @@ def test_an_eye_that_moves_sees_the_depth(mi, name, z, sign):
     setup = strip_of(load_setup(SETUPS / f"{name}.toml"))
     gap = setup.display.gap_mm
     for rotated in (True, False):
-        (depth,) = measure_depths(mi, setup, z, rotated)
+        (depth,) = measure_depths(setup, z, rotated)
         theory = lens_equations(z, setup.position_mm, gap=gap, rotated=rotated)
         print(f"{name} {z:g} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {theory:.2f}")
         assert np.sign(depth) == np.sign(theory) == (sign if rotated else -sign)
@@ -64,14 +64,14 @@ def test_an_ideal_lens_and_a_pickup(mi):
     setup = strip_of(load_setup(SETUPS / "pickup.toml"))
     setup = replace(setup, lens=ThinLens(1000 * 415 / 1415, 320.0))
     assert setup.pickup == Pickup(4.8)
-    (depth,) = measure_depths(mi, setup, 0.0, True)
+    (depth,) = measure_depths(setup, 0.0, True)
     assert depth == pytest.approx(60.0, rel=0.03)
     assert float(shown(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
 
 
 def test_concave_lenslets_need_no_rotation(mi):
     setup = strip_of(load_setup(SETUPS / "concave.toml"))
-    (depth,) = measure_depths(mi, setup, 0.0, False)
+    (depth,) = measure_depths(setup, 0.0, False)
     # Their pupil stands 3.3 mm behind the array, not before it.
     theory = -lens_equations(0.0, -60.0, focal=-3.3)
     assert theory > 0.0
@@ -87,8 +87,8 @@ def test_a_plain_array_converts_pseudoscopic_to_orthoscopic(mi):
     for z in (0.0, 60.0):
         far = 120.0 - z
         theory = g / v * (far - v) * length / (length + far)
-        (real,) = measure_depths(mi, setup, z, False)
-        (virtual,) = measure_depths(mi, setup, z, True)
+        (real,) = measure_depths(setup, z, False)
+        (virtual,) = measure_depths(setup, z, True)
         assert real == pytest.approx(theory, rel=0.05)
         assert virtual == pytest.approx(-theory, rel=0.05)
 
@@ -96,7 +96,7 @@ def test_a_plain_array_converts_pseudoscopic_to_orthoscopic(mi):
 def test_an_eye_that_moves_far_sees_aberrations(mi):
     """+-30 mm: through the pair of spherical lenses 2.7 to 9.5 % too near the display."""
     setup = strip_of(load_setup(SETUPS / "fig8a.toml"))
-    near, wide = measure_depths(mi, setup, 0.0, True, (CENTRES, WIDE))
+    near, wide = measure_depths(setup, 0.0, True, (CENTRES, WIDE))
     theory = lens_equations(0.0, -60.0)
     print(f"{near:.2f}, {wide:.2f}, theory {theory:.2f}")
     assert near == pytest.approx(theory, rel=0.005)

@@ -136,7 +136,7 @@ def test_shapes_move_in_the_displays_frame(place, mi, shape, centre):
     rest = Placement(0.5, (10.0, 0.0, 90.0), (0.25, 0.0, -1.0))
     keys = "keys = [{ frame = 0, offset_mm = [3, -1, 2], rotation_deg = [0, 30, -20], scale = 1.5 }]"
     film = film_of(place, FILM + f'[[object]]\nshapes = "{shape}"\npivot_mm = [1, 2, 3]\n{keys}\n')
-    scene = load_scene(mi, film.scene, rest, film.moves(0, rest))
+    scene = load_scene(film.scene, rest, film.moves(0, rest))
     found = next(s for s in scene.mitsuba.shapes() if s.id() == shape).bbox().center()
     found = rest.display_from_scene @ [*np.array(found).ravel(), 1.0]
     pivot, turn = np.array([1.0, 2.0, 3.0]), Rotation.from_euler("xyz", (0, 30, -20), degrees=True)
@@ -150,7 +150,7 @@ def test_later_objects_move_what_earlier_ones_moved(place, mi):
     shift = '[[object]]\nshapes = "b*"\nkeys = [{ frame = 0, offset_mm = [10, 0, 0] }]\n'
     for text, wanted in ((turn + shift, (9.5, -1.0, 1.0)), (shift + turn, (-0.5, 9.0, 1.0))):
         film = film_of(place, FILM + text)
-        scene = load_scene(mi, film.scene, Placement(), film.moves(3, Placement()))
+        scene = load_scene(film.scene, Placement(), film.moves(3, Placement()))
         ball = next(s for s in scene.mitsuba.shapes() if s.id() == "ball-1")
         np.testing.assert_allclose(np.array(ball.bbox().center()).ravel(), wanted, atol=1e-5)
 
@@ -159,12 +159,12 @@ def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
     display, options = load_display(place / "small.toml"), Options("exact", settings=Settings(samples=1))
-    moved, _ = render_shot(mi, shots_of(mi, film, display, options)[4])
+    moved, _ = render_shot(shots_of(film, display, options)[4])
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )
-    there, _ = render_shot(mi, shots_of(mi, film_of(place, FILM), display, options)[0])
-    still, _ = render_shot(mi, shots_of(mi, film_of(place, FILM), display, options)[4])
+    there, _ = render_shot(shots_of(film_of(place, FILM), display, options)[0])
+    still, _ = render_shot(shots_of(film_of(place, FILM), display, options)[4])
     assert psnr_db(moved, there) > 60.0
     np.testing.assert_array_equal(there, still)
 
@@ -195,10 +195,8 @@ def test_the_world_moves_as_render_places_it(place):
 def test_scale_shrinks_the_whole_film(place, mi):
     """A quarter of everything: depths, paths and all."""
     film = film_of(place, FILM + MOVE.format("ball-*", 0, 0, 40))
-    shots = [shots_of(mi, film, load_display(place / "small.toml"), Options(scale=s))[4] for s in (1.0, 0.25)]
-    boxes = [
-        depths_of(load_scene(mi, shot.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots
-    ]
+    shots = [shots_of(film, load_display(place / "small.toml"), Options(scale=s))[4] for s in (1.0, 0.25)]
+    boxes = [depths_of(load_scene(shot.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
     np.testing.assert_allclose(0.25 * np.array(boxes[0]), boxes[1], rtol=1e-6)
     assert boxes[0][1] == pytest.approx(42.0, abs=1e-4)  # ball-1's front
 
@@ -210,7 +208,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
 
     def picture(near):
         film = film_of(place, near + FILM + flight)
-        return render_shot(mi, shots_of(mi, film, load_display(place / "small.toml"), Options("exact"))[0])[0]
+        return render_shot(shots_of(film, load_display(place / "small.toml"), Options("exact"))[0])[0]
 
     seen, from_40, cut = (picture(near) for near in ("", "near_mm = 40.0\n", "near_mm = 4.0\n"))
     assert psnr_db(seen, from_40) > 50.0
@@ -304,14 +302,14 @@ def test_a_changed_picture_or_mesh_is_noticed(place, mi):
     picture = '<texture type="bitmap" name="reflectance"><string name="filename" value="skin.png" /></texture>'
     (place / "three.xml").write_text(SCENE.replace('<rgb name="reflectance" value="0.8, 0.2, 0.1" />', picture))
     film, display = load_film(place / "film.toml"), load_display(place / "small.toml")
-    before = [shot.identity for shot in shots_of(mi, film, display, Options())]
-    assert before == [shot.identity for shot in shots_of(mi, film, display, Options())]
+    before = [shot.identity for shot in shots_of(film, display, Options())]
+    assert before == [shot.identity for shot in shots_of(film, display, Options())]
     assert len(set(before)) == 5
     Image.new("RGB", (2, 2), (0, 200, 0)).save(place / "skin.png")
-    assert not set(before) & {shot.identity for shot in shots_of(mi, film, display, Options())}
+    assert not set(before) & {shot.identity for shot in shots_of(film, display, Options())}
     (place / "skin.png").unlink()
     with pytest.raises(InputError, match=r"skin\.png"):
-        shots_of(mi, film, display, Options())
+        shots_of(film, display, Options())
 
 
 def test_an_interrupted_film_goes_on(place, mi):
@@ -334,9 +332,9 @@ def test_an_interrupted_film_goes_on(place, mi):
     assert (told["kept"], told["rendered"]) == (len(there), frames - len(there))
     assert there.items() <= times(place / "out").items()
     display, options = load_display(place / "small.toml"), Options(settings=Settings(samples=16))
-    shots = shots_of(mi, load_film(place / "film.toml"), display, options)
+    shots = shots_of(load_film(place / "film.toml"), display, options)
     for k in (0, len(there) - 1, len(there), frames - 1):
-        radiance, _ = render_shot(mi, shots[k])
+        radiance, _ = render_shot(shots[k])
         frame = read_picture(place / f"out/frame_{k:04d}.exr").radiance
         np.testing.assert_array_equal(frame, radiance.astype(np.float16).astype(np.float32))
 
@@ -414,7 +412,7 @@ def test_the_shipped_film_crosses_the_displays_plane(mi):
     rest = Placement()
     heights = []
     for frame in (0, film.frames - 1):
-        scene = load_scene(mi, film.scene, rest, film.moves(frame, rest)).mitsuba
+        scene = load_scene(film.scene, rest, film.moves(frame, rest)).mitsuba
         scales = [s.bbox() for s in scene.shapes() if s.id().startswith("fish-")]
         assert len(scales) >= 280
         heights.append((min(box.min.z for box in scales), max(box.max.z for box in scales)))

@@ -165,7 +165,7 @@ def test_a_lost_scheduler_ends_the_film(place, cluster):
 def test_a_scene_that_a_worker_cannot_read_is_told(mi, tmp_path):
     """The check that runs on a worker, with a scene that is not there and one that is another."""
     with pytest.raises(InputError, match=r"worker w: .*no such scene.*share the scene's folder"):
-        _check_scene(mi, "worker w", tmp_path / "three.xml", "0" * 64)
+        _check_scene("worker w", tmp_path / "three.xml", "0" * 64)
     (tmp_path / "three.xml").write_text(SCENE)
     with pytest.raises(InputError, match=r"worker w: .*three\.xml is not the same there"):
-        _check_scene(mi, "worker w", tmp_path / "three.xml", "0" * 64)
+        _check_scene("worker w", tmp_path / "three.xml", "0" * 64)

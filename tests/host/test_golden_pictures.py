@@ -19,7 +19,7 @@ MAX_MEAN = 6.0
 
 @pytest.fixture(scope="session")
 def scene_of(mi):
-    return functools.cache(lambda name: load_scene(mi, SCENES / name / f"{name}.xml", placement_of(name)))
+    return functools.cache(lambda name: load_scene(SCENES / name / f"{name}.xml", placement_of(name)))
 
 
 def blocks(picture):
@@ -31,7 +31,7 @@ def blocks(picture):
 def test_as_stored(mi, scene_of, name, grid):
     """Wanted changes: python tests/host/make_golden.py"""
     stored = np.asarray(Image.open(path_of(name, grid)))
-    now = render_golden(mi, scene_of(name), grid)
+    now = render_golden(scene_of(name), grid)
     assert stored.shape == now.shape == (96, 96, 3)
     error = now.astype(float) - stored
     psnr = 10.0 * math.log10(255.0**2 / max((error**2).mean(), 1e-9))

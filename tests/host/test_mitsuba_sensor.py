@@ -46,7 +46,7 @@ def sensor_of(mi, tmp_path):
             '<rfilter type="box"/></film></sensor><integrator type="direct"/>'
         )
         path = write_scene(tmp_path / "scene.xml", sensor, *parts)
-        return load_scene(mi, path, Placement(near_mm=NEAR, far_mm=-40.0))
+        return load_scene(path, Placement(near_mm=NEAR, far_mm=-40.0))
 
     return made
 
@@ -85,9 +85,9 @@ def test_pixels_centres_show_what_render_shows(mi, sensor_of, grid):
     settings = Settings()
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(0, 48 * 32)
-    radiance, _, _ = make_integrator(mi, scene, settings).sample(scene.mitsuba, sampler, mi.RayDifferential3f(ray))
+    radiance, _, _ = make_integrator(scene, settings).sample(scene.mitsuba, sampler, mi.RayDifferential3f(ray))
     seen = np.array(radiance * weight).T.reshape(32, 48, 3)
-    expected = render_integral(mi, scene, display, "exact", settings).radiance
+    expected = render_integral(scene, display, "exact", settings).radiance
     assert len(np.unique(np.round(expected, 2).reshape(-1, 3), axis=0)) > 8
     # Rays within 1e-4 mm: on a ball of 1 mm a share of 1e-4 and some; more only past an outline.
     difference = np.abs(seen - expected).max(axis=-1) / expected.max()
@@ -100,7 +100,7 @@ def test_mitsuba_s_own_render_converges_to_ours(mi, sensor_of, subpixels):
     display = focused_display("hex", width_px=24, height_px=18, pixel_pitch=0.1, subpixels=subpixels)
     scene = sensor_of(display, samples=1024)
     theirs = np.array(mi.render(scene.mitsuba, seed=SEED))
-    ours = render_integral(mi, scene, display, "exact", Settings(samples=256, integrator="direct")).radiance
+    ours = render_integral(scene, display, "exact", Settings(samples=256, integrator="direct")).radiance
     assert theirs.shape == ours.shape
     # A stripe shows in a third of the samples, three times as bright: sqrt(2) its mean for a noise of 1 in 1024.
     noise = 3.0 * ours.max() / 32.0
@@ -130,7 +130,7 @@ def test_a_film_of_another_size_covers_the_panel(mi, sensor_of):
     display = focused_display("square", width_px=40, height_px=30, pixel_pitch=0.1)
     scene = sensor_of(display, film=(4, 3), samples=2048)
     small = np.array(mi.render(scene.mitsuba, seed=SEED))
-    ours = render_integral(mi, scene, display, "exact", Settings(samples=64, integrator="direct")).radiance
+    ours = render_integral(scene, display, "exact", Settings(samples=64, integrator="direct")).radiance
     np.testing.assert_allclose(small, ours.reshape(3, 10, 4, 10, 3).mean(axis=(1, 3)), atol=0.03 * ours.max())
 
 

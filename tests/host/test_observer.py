@@ -40,7 +40,7 @@ def painted(display):
 
 def see(mi, radiance, display, eye=(0.0, 0.0, FAR), window=None, **others) -> View:
     one = eye if isinstance(eye, Eye) else Eye(eye)
-    return observe(mi, radiance, display, one, window or whole_window(display), **others)
+    return observe(radiance, display, one, window or whole_window(display), **others)
 
 
 # --- which pixel is seen --------------------------------------------------------------------------

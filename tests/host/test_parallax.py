@@ -88,17 +88,17 @@ def test_apparent_shift(mi, spheres, grid, side, rotation, model, axis):
     display = display_for(grid, side, rotation)
     sweep = SWEEP if side == "panel" else NARROW_SWEEP
     # Turned by 90 degrees the rows become columns, for eyes that move up and down.
-    scene = load_scene(mi, spheres, Placement(rotation_deg=(0.0, 0.0, 90.0)) if axis == "y" else None)
+    scene = load_scene(spheres, Placement(rotation_deg=(0.0, 0.0, 90.0)) if axis == "y" else None)
     if model == "auto":
         model = choose_model(display, scene.depth_range_mm).model
-    picture = render_integral(mi, scene, display, model, Settings()).radiance
+    picture = render_integral(scene, display, model, Settings()).radiance
     window = whole_window(display, 144)
     x, y = centres(window)
     along, across = (x, y) if axis == "x" else (y, -x)
     found = {z: [] for z in ROW_OF_DEPTH}
     for step in sweep:
         eye = (step, 0.0, DISTANCE) if axis == "x" else (0.0, step, DISTANCE)
-        light = observe(mi, picture, display, Eye(eye), window).radiance.mean(axis=2)
+        light = observe(picture, display, Eye(eye), window).radiance.mean(axis=2)
         for z, row in ROW_OF_DEPTH.items():
             row_seen = on_screen((0.0, row, z), (0.0, 0.0, DISTANCE))[1]
             found[z].append(centroid(light, along, across, row_seen))
@@ -140,19 +140,19 @@ def pairs(mi, tmp_path_factory):
     for (near, far), row in PAIRS.items():
         for z, radius, colour in ((near, NEAR_RADIUS, (1, 0, 0)), (far, FAR_RADIUS, (0, 1, 0))):
             shapes.append(glowing_sphere((0.0, row * (DISTANCE - z) / DISTANCE, z), radius, colour))
-    return load_scene(mi, write_scene(tmp_path_factory.mktemp("parallax") / "pairs.xml", *shapes))
+    return load_scene(write_scene(tmp_path_factory.mktemp("parallax") / "pairs.xml", *shapes))
 
 
 @pytest.mark.parametrize("model", ["exact", "thin"])
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_nearer_spheres_hide_farther_ones(mi, pairs, grid, model):
     display = display_for(grid)
-    picture = render_integral(mi, pairs, display, model, Settings()).radiance
+    picture = render_integral(pairs, display, model, Settings()).radiance
     window = whole_window(display, 144)
     x, y = centres(window)
     pixel_mm2 = (window.width_mm / window.width_px) ** 2
     for step in (-100.0, 0.0, 100.0):
-        view = observe(mi, picture, display, Eye((step, 0.0, DISTANCE)), window).radiance
+        view = observe(picture, display, Eye((step, 0.0, DISTANCE)), window).radiance
         for (near, far), row in PAIRS.items():
             here = np.abs(y - row) < 4.5
             red, green = ((view[:, :, k] * here).sum() * pixel_mm2 for k in (0, 1))

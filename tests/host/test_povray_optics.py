@@ -85,20 +85,20 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
         card(diffuse((0.1, 0.2, 0.7)), -300.0, 3000.0),
     ]
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 60\nfar_mm = -300")
-    scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
-    theirs, _ = write_folder(mi, scene, setup_view(setup), tmp_path / "pov").render()
+    scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
+    theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
     source = CaptureSource(setup, 1, "chief", 0, "llvm")
-    ours = render(mi, scene, source, Settings()).radiance
+    ours = render(scene, source, Settings()).radiance
     assert (ours > 0.0).any(axis=-1).mean() > 0.5
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
-    difference, _ = compare(theirs, ours, around(mi, scene, source, OUTLINE_PX[:1]), setup)
+    difference, _ = compare(theirs, ours, around(scene, source, OUTLINE_PX[:1]), setup)
     print(difference)
     assert difference.median <= 0.5
     assert difference.differing < 0.05
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
     assert difference.unexplained < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
-    rows = render(mi, scene, Rows(source, 8), Settings()).radiance
+    rows = render(scene, Rows(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 
@@ -113,9 +113,9 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
         card(diffuse(two_sided=True), 2500.0, 9000.0),
     ]
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 10\nfar_mm = -150")
-    scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
-    theirs, _ = write_folder(mi, scene, setup_view(setup), tmp_path / "pov").render()
-    ours = render(mi, scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
+    scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
+    theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
+    ours = render(scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
     print(theirs.sum() / ours.sum())
     assert (ours > 0.0).mean() > 0.05
     assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)

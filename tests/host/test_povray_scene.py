@@ -72,9 +72,9 @@ def seen(mi, tmp_path):
     """POV-Ray's and our picture of a scene made of parts."""
 
     def look(*parts, placement="near_mm = 390.0\nfar_mm = -300.0", settings=None):
-        scene = load_scene(mi, write_scene(tmp_path / "scene.xml", *parts, placement=placement))
-        theirs, _ = export_view(mi, scene, EYE, WINDOW, tmp_path / "pov").render()
-        ours = render_view(mi, scene, EYE, WINDOW, settings or Settings()).radiance
+        scene = load_scene(write_scene(tmp_path / "scene.xml", *parts, placement=placement))
+        theirs, _ = export_view(scene, EYE, WINDOW, tmp_path / "pov").render()
+        ours = render_view(scene, EYE, WINDOW, settings or Settings()).radiance
         return theirs, ours
 
     return look
@@ -397,7 +397,7 @@ def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
     def export(file, extra=""):
         shape = f'<shape type="ply"><string name="filename" value="{file}.ply"/>{extra}{glass}</shape>'
         path = write_scene(tmp_path / "s.xml", light(), shape, placement="near_mm = 20\nfar_mm = -30")
-        export_view(mi, load_scene(mi, path), EYE, WINDOW, tmp_path / "pov")
+        export_view(load_scene(path), EYE, WINDOW, tmp_path / "pov")
 
     export("whole")
     export("whole", '<transform name="to_world"><rotate x="1" y="2" angle="33"/><scale value="7"/></transform>')
@@ -418,9 +418,9 @@ def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid):
         ball(-1, 12, 1.2),
         placement="near_mm = 20\nfar_mm = -30",
     )
-    scene = load_scene(mi, path)
-    theirs, _ = export_display(mi, scene, display, "exact", tmp_path / "pov").render()
-    ours = render_integral(mi, scene, display, "exact", Settings()).radiance
+    scene = load_scene(path)
+    theirs, _ = export_display(scene, display, "exact", tmp_path / "pov").render()
+    ours = render_integral(scene, display, "exact", Settings()).radiance
     assert theirs.shape == ours.shape
     difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
     assert np.median(difference) < 0.1
@@ -468,9 +468,9 @@ REFUSED = {
 def test_what_povray_cannot_express_is_refused_by_name(mi, tmp_path, flag, named):
     assert flag
     path = write_scene(tmp_path / "s.xml", card(diffuse()), REFUSED[named], placement="near_mm = 20\nfar_mm = -30")
-    scene = load_scene(mi, path)
+    scene = load_scene(path)
     with pytest.raises(InputError) as caught:
-        export_view(mi, scene, EYE, WINDOW, tmp_path / "pov")
+        export_view(scene, EYE, WINDOW, tmp_path / "pov")
     message = str(caught.value)
     assert named in message
     assert "s.xml (line 1" in message
@@ -479,12 +479,12 @@ def test_what_povray_cannot_express_is_refused_by_name(mi, tmp_path, flag, named
 
 
 def test_a_panel_too_large_and_stripes_are_refused(mi, tmp_path):
-    scene = load_scene(mi, write_scene(tmp_path / "s.xml", card(diffuse()), placement="near_mm = 20\nfar_mm = -30"))
+    scene = load_scene(write_scene(tmp_path / "s.xml", card(diffuse()), placement="near_mm = 20\nfar_mm = -30"))
     large = focused_display("square", width_px=2048, height_px=1024, pixel_pitch=0.1)
     with pytest.raises(InputError, match=str(MAX_RAYS)):
-        export_display(mi, scene, large, "exact", tmp_path / "pov")
+        export_display(scene, large, "exact", tmp_path / "pov")
     with pytest.raises(InputError, match="colour stripes"):
-        export_display(mi, scene, focused_display("square", subpixels="rgb"), "exact", tmp_path / "pov")
+        export_display(scene, focused_display("square", subpixels="rgb"), "exact", tmp_path / "pov")
 
 
 def test_the_command(mi, tmp_path, capfd):

@@ -55,7 +55,7 @@ def luminaire(corners: float, z: float, radiance=(1.0, 1.0, 1.0), x: float = 0.0
 @pytest.fixture(scope="session")
 def sky(mi, tmp_path_factory):
     path = tmp_path_factory.mktemp("sky") / "sky.xml"
-    return load_scene(mi, write_scene(path, SKY, placement="near_mm = 10.0\nfar_mm = -10.0"))
+    return load_scene(write_scene(path, SKY, placement="near_mm = 10.0\nfar_mm = -10.0"))
 
 
 @pytest.mark.parametrize("subpixels", ["none", "rgb", "bgr"])
@@ -63,7 +63,7 @@ def sky(mi, tmp_path_factory):
 @pytest.mark.parametrize("grid", GRIDS)
 def test_furnace(mi, sky, grid, model, subpixels):
     display = display_for(grid, subpixels=subpixels)
-    rendered = render_integral(mi, sky, display, model, Settings(samples=3))
+    rendered = render_integral(sky, display, model, Settings(samples=3))
     assert rendered.radiance.shape == (70, 90, 3)
     assert rendered.radiance.dtype == np.float32
     assert np.abs(rendered.radiance - 1.0).max() <= 1e-5
@@ -77,7 +77,7 @@ def test_a_furnace_of_whole_lenslets_loses_what_golden_loses(mi, sky, grid, mode
     display = display_of(grid, side, radius=0.75, index=1.9, thickness=None, gap=0.6, width_px=16, height_px=12)
     rng = generator(SEED, grid, model, side)
     samples = 1024
-    seen = render_integral(mi, sky, display, model, Settings(samples=samples, aperture="full")).radiance[:, :, 0]
+    seen = render_integral(sky, display, model, Settings(samples=samples, aperture="full")).radiance[:, :, 0]
     pixels = np.repeat(np.floor(pixel_centres(display)), 400, axis=0) + rng.random((16 * 12 * 400, 2))
     reach = display.array.half_diagonal_mm
     points = rng.uniform(-reach, reach, (len(pixels) * 2, 2))
@@ -102,7 +102,7 @@ COLOURS = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1)], floa
 @pytest.fixture(scope="session")
 def spheres(mi, tmp_path_factory):
     shapes = [glowing_sphere(*sphere) for sphere in zip(SPHERES.tolist(), RADII.tolist(), COLOURS, strict=True)]
-    return load_scene(mi, write_scene(tmp_path_factory.mktemp("spheres") / "spheres.xml", *shapes))
+    return load_scene(write_scene(tmp_path_factory.mktemp("spheres") / "spheres.xml", *shapes))
 
 
 def expected_colours(display, model, pixels):
@@ -119,7 +119,7 @@ def expected_colours(display, model, pixels):
 def test_each_pixel_shows_the_first_sphere_on_its_ray(mi, spheres, grid, side, model):
     """One sample goes through the pixel's centre; spheres before the display hide those behind it."""
     display = display_for(grid, side, rotation=7.0, offset=(0.23, -0.31))
-    seen = render_integral(mi, spheres, display, model, Settings()).radiance.reshape(-1, 3)
+    seen = render_integral(spheres, display, model, Settings()).radiance.reshape(-1, 3)
     colours, sure = expected_colours(display, model, pixel_centres(display))
     assert sure.mean() > 0.98
     np.testing.assert_array_equal(seen[sure], colours[sure])
@@ -130,8 +130,8 @@ def test_each_pixel_shows_the_first_sphere_on_its_ray(mi, spheres, grid, side, m
 @pytest.mark.parametrize("subpixels", ["rgb", "bgr"])
 def test_each_stripe_looks_along_its_own_ray(mi, spheres, subpixels):
     display = display_for(subpixels=subpixels)
-    seen = render_integral(mi, spheres, display, "exact", Settings()).radiance.reshape(-1, 3)
-    plain = render_integral(mi, spheres, display_for(), "exact", Settings()).radiance.reshape(-1, 3)
+    seen = render_integral(spheres, display, "exact", Settings()).radiance.reshape(-1, 3)
+    plain = render_integral(spheres, display_for(), "exact", Settings()).radiance.reshape(-1, 3)
     places = dict(zip(subpixels, (-1.0 / 3.0, 0.0, 1.0 / 3.0), strict=True))
     for k, name in enumerate("rgb"):
         assert STRIPES[subpixels][k] == pytest.approx(places[name])
@@ -143,7 +143,7 @@ def test_each_stripe_looks_along_its_own_ray(mi, spheres, subpixels):
 def test_more_samples_average_the_pixel(mi, spheres):
     """Against a dense grid of golden's rays in each pixel."""
     display = display_for("hex", width_px=24, height_px=16, offset=(0.1, 0.2))
-    seen = render_integral(mi, spheres, display, "exact", Settings(samples=256)).radiance.reshape(-1, 3)
+    seen = render_integral(spheres, display, "exact", Settings(samples=256)).radiance.reshape(-1, 3)
     steps = (np.arange(16) + 0.5) / 16 - 0.5
     total = np.zeros_like(seen, dtype=float)
     for dx, dy in itertools.product(steps, steps):
@@ -160,7 +160,7 @@ def test_samples_spread_evenly(mi):
     n = 4096
     index = dr.arange(mi.UInt32, n)
     for seed, stream in ((0, 0), (0, 1), (77, 0)):
-        s, t = points_in_square(mi, mi.UInt32(5), index, seed, stream)
+        s, t = points_in_square(mi.UInt32(5), index, seed, stream)
         s, t = np.array(s), np.array(t)
         assert min(s.min(), t.min()) >= 0.0
         assert max(s.max(), t.max()) < 1.0
@@ -168,7 +168,7 @@ def test_samples_spread_evenly(mi):
         # 16 in each of 256 boxes; random points would scatter by 4.
         assert counts.std() < 2.0
         for grid in GRIDS:
-            x, y = (np.array(c) for c in square_to_cell(mi, mi.Float(s), mi.Float(t), grid, 2.0))
+            x, y = (np.array(c) for c in square_to_cell(mi.Float(s), mi.Float(t), grid, 2.0))
             inside = Lattice(grid, 2.0 * (1.0 + 1e-6)).holds(x, y)
             assert inside.all()
             # Second moments of a square and of a hexagon about their axes: a^2/12, and 5/24 of the side^2.
@@ -192,14 +192,14 @@ def lit(mi, tmp_path_factory):
         glowing_sphere((15.0, 25.0, 60.0), 6.0, (40.0, 30.0, 20.0)),
     ]
     path = tmp_path_factory.mktemp("lit") / "lit.xml"
-    return load_scene(mi, write_scene(path, *parts, placement="near_mm = 20.0\nfar_mm = -20.0"))
+    return load_scene(write_scene(path, *parts, placement="near_mm = 20.0\nfar_mm = -20.0"))
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct", "lights"])
 def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
     display = display_for()
     pictures = [
-        render_integral(mi, lit, display, "exact", Settings(2, integrator=integrator, seed=seed)).radiance
+        render_integral(lit, display, "exact", Settings(2, integrator=integrator, seed=seed)).radiance
         for seed in (5, 5, 6)
     ]
     assert pictures[0].max() > 0.01
@@ -211,10 +211,10 @@ def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
 def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, monkeypatch):
     display = display_for("hex", subpixels="rgb")
     settings = Settings(samples, seed=9)
-    whole = render_integral(mi, points, display, "exact", settings).radiance
+    whole = render_integral(points, display, "exact", settings).radiance
     done = []
     monkeypatch.setattr(renderer, "CHUNK_SAMPLES", 64 * 7 * samples)
-    pieces = render_integral(mi, points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
+    pieces = render_integral(points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
     np.testing.assert_array_equal(whole, pieces)
     # 12 x 9 tiles of 8 x 8 pixels, seven at a time.
     assert done == [(min(k, 108), 108) for k in range(7, 113, 7)]
@@ -248,12 +248,12 @@ def points(mi, tmp_path_factory):
             f'<emitter type="point"><point name="position" x="{x}" y="{y}" z="{z}"/>'
             f"{rgb('intensity', intensity)}</emitter>"
         )
-    return load_scene(mi, write_scene(tmp_path_factory.mktemp("points") / "points.xml", *parts))
+    return load_scene(write_scene(tmp_path_factory.mktemp("points") / "points.xml", *parts))
 
 
 def test_light_of_points_by_hand(mi, points):
     """Lambert: radiance = albedo / pi * sum of I cos / r^2 over the lights that are seen, and E cos of the sun."""
-    seen = render_view(mi, points, EYE, VIEW, Settings()).radiance
+    seen = render_view(points, EYE, VIEW, Settings()).radiance
     x, y = centres(VIEW)
     reach = (EYE[2] - FLOOR_Z) / EYE[2]
     floor = np.stack([x * reach, y * reach, np.full_like(x, FLOOR_Z)], axis=2)
@@ -285,11 +285,9 @@ def test_light_of_points_by_hand(mi, points):
 def test_point_lights_leave_no_noise(mi, points):
     """At one sample through the pixel's centre no seed matters; Mitsuba's own `direct` picks lights at random."""
     display = display_for()
-    quiet = [render_integral(mi, points, display, "exact", Settings(seed=s)).radiance for s in (1, 2)]
+    quiet = [render_integral(points, display, "exact", Settings(seed=s)).radiance for s in (1, 2)]
     np.testing.assert_array_equal(*quiet)
-    noisy = [
-        render_integral(mi, points, display, "exact", Settings(seed=s, integrator="direct")).radiance for s in (1, 2)
-    ]
+    noisy = [render_integral(points, display, "exact", Settings(seed=s, integrator="direct")).radiance for s in (1, 2)]
     assert (noisy[0] != noisy[1]).mean() > 0.5
 
 
@@ -299,8 +297,8 @@ def test_against_the_mean_of_mitsubas_direct(mi, name, request):
     scene = request.getfixturevalue(name)
     window = Window(12.0, 10.0, 24, 20)
     samples = 2048
-    ours = render_view(mi, scene, EYE, window, Settings(samples, seed=1)).radiance
-    theirs = render_view(mi, scene, EYE, window, Settings(samples, seed=1, integrator="direct")).radiance
+    ours = render_view(scene, EYE, window, Settings(samples, seed=1)).radiance
+    theirs = render_view(scene, EYE, window, Settings(samples, seed=1, integrator="direct")).radiance
     assert ours.mean() > 0.05
     # Noise of `direct`: about the light itself at one sample, so 1 / sqrt(2048) = 2 % in a pixel, 0.1 % in the mean.
     relative = (ours - theirs) / ours.mean(axis=(0, 1))
@@ -327,16 +325,16 @@ def test_mirrors_are_followed_to_the_depth_allowed(mi, tmp_path):
         SKY,
         placement="near_mm = 10.0\nfar_mm = -60.0",
     )
-    scene = load_scene(mi, path)
+    scene = load_scene(path)
     window = Window(8.0, 8.0, 16, 16)
     for integrator, depth in itertools.product(("lights", "path"), (1, 2, 3, 6)):
-        seen = render_view(mi, scene, EYE, window, Settings(integrator=integrator, max_depth=depth)).radiance
+        seen = render_view(scene, EYE, window, Settings(integrator=integrator, max_depth=depth)).radiance
         np.testing.assert_allclose(seen, 0.125 if depth >= 3 else 0.0, rtol=1e-5)
     one = write_scene(
         tmp_path / "one.xml", mirror(20.0, "0, 0, -20", "0, 0, 0", 0.5), SKY, placement="near_mm = 10\nfar_mm = -60"
     )
     for depth, light in ((1, 0.0), (2, 0.5)):
-        seen = render_view(mi, load_scene(mi, one), EYE, window, Settings(max_depth=depth)).radiance
+        seen = render_view(load_scene(one), EYE, window, Settings(max_depth=depth)).radiance
         np.testing.assert_allclose(seen, light, rtol=1e-5)
 
 
@@ -354,9 +352,9 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
         f"{rgb('intensity', (1e3, 1e3, 1e3))}</emitter>",
         placement="near_mm = 100.0\nfar_mm = -60.0",
     )
-    scene = load_scene(mi, path)
+    scene = load_scene(path)
     eye, window = (200.0, 0.0, 600.0), Window(10.0, 10.0, 20, 20)
-    seen = [render_view(mi, scene, eye, window, Settings(seed=s)).radiance for s in (1, 2)]
+    seen = [render_view(scene, eye, window, Settings(seed=s)).radiance for s in (1, 2)]
     np.testing.assert_array_equal(*seen)
     x, y = centres(window)
     # The mirror image of the floor stands at 2 mirror_z - floor_z.
@@ -377,7 +375,7 @@ def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):
 def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
     """Their perspective sensor with its principal point moved, and a box filter; nothing is random but the samples."""
     window = Window(15.0, 10.0, 90, 60)
-    ours = render_view(mi, spheres, eye, window, Settings(samples=256)).radiance
+    ours = render_view(spheres, eye, window, Settings(samples=256)).radiance
     sensor = mi.load_dict(
         {
             "type": "perspective",
@@ -410,7 +408,7 @@ def test_a_view_matches_mitsubas_own_sensor(mi, spheres, eye):
 @pytest.mark.parametrize("eye", [EYE, (60.0, -35.0, 500.0)])
 def test_near_things_in_a_view_hide_farther_ones(mi, spheres, eye):
     window = Window(15.0, 10.0, 90, 60)
-    seen = render_view(mi, spheres, eye, window, Settings()).radiance.reshape(-1, 3)
+    seen = render_view(spheres, eye, window, Settings()).radiance.reshape(-1, 3)
     x, y = (c.ravel() for c in centres(window))
     on_plane = np.stack([x, y, 0 * x], axis=1)
     way = np.array(eye) - on_plane
@@ -434,9 +432,9 @@ def test_a_placed_scene_looks_like_the_same_scene_written_in_place(mi, spheres, 
     placement = f"""scale = {scale!r}
 rotation_deg = {angles.tolist()}
 offset_mm = {offset.tolist()}"""
-    scene = load_scene(mi, write_scene(tmp_path / "moved.xml", *shapes, placement=placement))
+    scene = load_scene(write_scene(tmp_path / "moved.xml", *shapes, placement=placement))
     display = display_for("hex")
-    seen = render_integral(mi, scene, display, "exact", Settings()).radiance.reshape(-1, 3)
+    seen = render_integral(scene, display, "exact", Settings()).radiance.reshape(-1, 3)
     colours, sure = expected_colours(display, "exact", pixel_centres(display))
     np.testing.assert_allclose(seen[sure], colours[sure], atol=1e-6)
     # Without near and far in the file the depths come from the turned bounding box: they hold all spheres.
@@ -488,7 +486,7 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
         check_memory(7680, 4320, Settings(memory_mb=needed - 1.0))
     for limit in (math.nan, -1.0, 0.0, 100.0):
         with pytest.raises(InputError, match="memory"):
-            render_integral(mi, spheres, display_for(), "exact", Settings(memory_mb=limit))
+            render_integral(spheres, display_for(), "exact", Settings(memory_mb=limit))
 
 
 def test_peak_memory_is_the_process_s_own():
@@ -529,19 +527,19 @@ def test_settings_out_of_range_are_refused(arguments, message):
 @pytest.mark.parametrize("name", ["nonsense", "ptracer", "prb", ""])
 def test_integrators_that_cannot_are_refused(mi, spheres, name):
     with pytest.raises(InputError, match=r"integrator.*choose lights"):
-        render_integral(mi, spheres, display_for(), "exact", Settings(integrator=name))
+        render_integral(spheres, display_for(), "exact", Settings(integrator=name))
 
 
 def test_the_scenes_own_integrator(mi, tmp_path):
     parts = [luminaire(50.0, -10.0), '<integrator type="path"><integer name="max_depth" value="1"/></integrator>']
-    scene = load_scene(mi, write_scene(tmp_path / "own.xml", *parts))
-    seen = render_integral(mi, scene, display_for(), "exact", Settings(integrator="scene")).radiance
+    scene = load_scene(write_scene(tmp_path / "own.xml", *parts))
+    seen = render_integral(scene, display_for(), "exact", Settings(integrator="scene")).radiance
     np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
 
 
 def test_shipped_scenes_load(mi):
     for name in ("fish", "chart", "knot"):
-        scene = load_scene(mi, ROOT / f"scenes/{name}/{name}.xml")
+        scene = load_scene(ROOT / f"scenes/{name}/{name}.xml")
         far, near = scene.depth_range_mm
         assert far < 0.0 < near
 
@@ -549,10 +547,10 @@ def test_shipped_scenes_load(mi):
 def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
     """A wall at z = 100 hides all from 600 mm; an eye at 50 mm, in front of it, sees the ball at z = -20."""
     text = glowing_sphere((0.0, 0.0, -20.0), 8.0) + luminaire(200.0, 100.0, radiance=(0.0, 0.0, 0.5))
-    scene = load_scene(mi, write_scene(tmp_path / "behind.xml", text))
+    scene = load_scene(write_scene(tmp_path / "behind.xml", text))
     window = Window(4.0, 4.0, 5, 5)
-    far = render_view(mi, scene, EYE, window, Settings()).radiance
-    near = render_view(mi, scene, (0.0, 0.0, 50.0), window, Settings()).radiance
+    far = render_view(scene, EYE, window, Settings()).radiance
+    near = render_view(scene, (0.0, 0.0, 50.0), window, Settings()).radiance
     np.testing.assert_allclose(far, np.broadcast_to([0.0, 0.0, 0.5], far.shape), atol=1e-6)
     np.testing.assert_allclose(near, np.ones_like(near), atol=1e-6)
 
@@ -573,11 +571,11 @@ def test_a_view_leaves_out_what_stands_behind_the_eye(mi, tmp_path):
 def test_pictures_by_the_rays_of_each_engine(mi, tmp_path, monkeypatch, grid, engine, fraction_bits):
     asked = []
     monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append((a[4], *k.values())) or trace(*a, **k))
-    scene = load_scene(mi, write_scene(tmp_path / "ball.xml", glowing_sphere((0.3, -0.2, -6.0), 2.5)))
+    scene = load_scene(write_scene(tmp_path / "ball.xml", glowing_sphere((0.3, -0.2, -6.0), 2.5)))
     display = display_for(grid)
-    picture = render_integral(
-        mi, scene, display, "exact", Settings(), engine=engine, fraction_bits=fraction_bits
-    ).radiance[..., 0]
+    picture = render_integral(scene, display, "exact", Settings(), engine=engine, fraction_bits=fraction_bits).radiance[
+        ..., 0
+    ]
     assert set(asked) == {(engine, fraction_bits)}
     for who, bits in ((engine, fraction_bits), ("golden", None)):
         rays = trace(display, pixel_centres(display), engine=who, fraction_bits=bits)
@@ -593,13 +591,13 @@ def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, m
     monkeypatch.setattr(sources, "trace", lambda *a, **k: asked.append(a[1]) or trace(*a, **k))
     display = display_for(grid, subpixels=subpixels, offset=(0.13, -0.21))
     settings = Settings(samples=samples)
-    by = {e: render_integral(mi, spheres, display, "exact", settings, engine=e).radiance for e in ("golden", "twin")}
+    by = {e: render_integral(spheres, display, "exact", settings, engine=e).radiance for e in ("golden", "twin")}
     places = 16.0 * np.concatenate(asked)
     np.testing.assert_array_equal(places, np.rint(places))
     # A pixel's two edges share a place's weight.
     counts = np.bincount((places % 16).astype(int).ravel(), minlength=16)
     assert counts.min() > 0.7 * counts.mean()
     assert psnr_db(by["golden"], by["twin"]) >= 50.0
-    fast = render_integral(mi, spheres, display, "exact", settings).radiance
+    fast = render_integral(spheres, display, "exact", settings).radiance
     # Other places: the mean is the same, to what random ones at outlines leave of it.
     np.testing.assert_allclose(fast.mean(axis=(0, 1)), by["golden"].mean(axis=(0, 1)), atol=0.003)

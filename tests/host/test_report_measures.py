@@ -80,7 +80,7 @@ def test_rays_lost_in_both_are_no_other_fate():
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
-    sample = engines.Sample.of(mi, shipped(name), aperture, 12, 5)
+    sample = engines.Sample.of(shipped(name), aperture, 12, 5)
     twin = sample.traced("exact", "twin")
     assert (twin.pixel == sample.pixels).all()
     found = engines.errors(sample.digits("exact"), sample.traced("exact"), DEPTHS)
@@ -158,7 +158,7 @@ def test_more_pixels_fill_the_same_window(across):
 
 @pytest.mark.parametrize(("triangles", "lights"), [(200, 1), (2_000, 5)])
 def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
-    scene = growth.waves(mi, triangles, lights).mitsuba
+    scene = growth.waves(triangles, lights).mitsuba
     (mesh,) = scene.shapes()
     assert mesh.face_count() == pytest.approx(triangles, rel=0.05)
     assert len(scene.emitters()) == lights

@@ -22,7 +22,7 @@ from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Status
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import mitsuba, start_mitsuba
 from lippmann.viewer.page import Direct, page_html
 from PIL import Image
 
@@ -54,7 +54,8 @@ def painted(display, seed=SEED):
 
 @pytest.fixture(scope="module")
 def mi():
-    return start_mitsuba("llvm")
+    start_mitsuba("llvm")
+    return mitsuba()
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +95,7 @@ def seen_in_page(browser, window, rays, **chosen):
 def seen_by_observe(mi, radiance, display, window, rays, eye, pupil=0.0, focus=0.0, built=None, crosstalk=True):
     built = {**AS_DESIGNED, **(built or {})}
     made = display.misaligned(built["rotation"], tuple(built["offset"]), built["gap"], built["pitchScale"])
-    return observe(mi, radiance, made, Eye(tuple(eye), pupil, focus), window, rays, crosstalk=crosstalk).radiance
+    return observe(radiance, made, Eye(tuple(eye), pupil, focus), window, rays, crosstalk=crosstalk).radiance
 
 
 # --- against observe ------------------------------------------------------------------------------
@@ -212,8 +213,8 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
 @pytest.mark.parametrize("name", ["paper-square", "paper-hex"])
 def test_twenty_eyes_on_the_papers_displays(browser, mi, tmp_path, name):
     display = load_display(ROOT / f"scenes/displays/{name}.toml")
-    scene = load_scene(mi, ROOT / "scenes/fish/fish.xml")
-    radiance = render_integral(mi, scene, display, "exact", Settings(samples=4)).radiance
+    scene = load_scene(ROOT / "scenes/fish/fish.xml")
+    radiance = render_integral(scene, display, "exact", Settings(samples=4)).radiance
     radiance = decode(np.rint(encode(radiance, "srgb") * 255.0) / 255.0, "srgb")
     open_page(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 600)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from lippmann.errors import InputError
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Progress, Rendered, Settings, render
 from lippmann.rendering.scene import Scene, placement_beside
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device, mitsuba
 
 #: Pixels whose rays are followed to measure the vignetting.
 PROBE_PIXELS = 1 << 20
@@ -38,8 +37,9 @@ class Captured:
     vignetting: Vignetting
 
 
-def vignetting(mi: Any, source: CaptureSource) -> Vignetting:
+def vignetting(source: CaptureSource) -> Vignetting:
     """Measure which share of the picture's rays is lost, over its pixels or a million of them at random."""
+    mi = mitsuba()
     import drjit as dr
 
     total = source.width_px * source.height_px
@@ -48,7 +48,7 @@ def vignetting(mi: Any, source: CaptureSource) -> Vignetting:
         # Scattered at random: any regular step beats with the lenslets.
         scattered, _ = mi.sample_tea_32(pixel, mi.UInt32(source.seed & 0xFFFFFFFF))
         pixel = mi.UInt32((mi.UInt64(scattered) * total) >> 32)
-    _, through_array, through_lens = source.rays(mi, pixel, mi.UInt32(0))
+    _, through_array, through_lens = source.rays(pixel, mi.UInt32(0))
     in_array = np.broadcast_to(np.asarray(through_array), len(pixel))
     in_both = in_array & np.asarray(through_lens)
     return Vignetting(100.0 * float(np.mean(in_array & ~in_both)), 100.0 * float(np.mean(~in_array)))
@@ -106,15 +106,11 @@ def stand_of(path: Path, setup: Setup, setup_path: str | Path) -> Placement:
     return own.then(setup.subject.placement)
 
 
-def capture(
-    mi: Any, scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None
-) -> Captured:
+def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Captured:
     """Take the picture of a scene.
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     scene
         The scene, placed in the object's frame (`Subject.placement`).
     setup
@@ -132,8 +128,8 @@ def capture(
         When the scene or the array stands where nothing can be seen, or no light gets through the lens.
     """
     check_stand(scene, setup)
-    source = CaptureSource(setup, settings.samples, settings.aperture, settings.seed, device_of(mi))
-    lost = vignetting(mi, source)
+    source = CaptureSource(setup, settings.samples, settings.aperture, settings.seed, current_device())
+    lost = vignetting(source)
     if lost.array_percent >= 100.0:
         raise InputError(
             f"set-up '{setup.name}': array: no ray of the picture gets through the lenslets: their domes reflect all "
@@ -144,7 +140,7 @@ def capture(
             f"set-up '{setup.name}': lens.aperture_mm: no ray of the picture gets through the lens (vignetting "
             f"{lost.lens_percent:.4g} %, lost in the array {lost.array_percent:.4g} %); make the aperture larger"
         )
-    rendered = render(mi, scene, source, settings, progress)
+    rendered = render(scene, source, settings, progress)
     if rotate:
         rendered = replace(rendered, radiance=rotate_elemental_images(rendered.radiance, setup.display))
     return Captured(rendered, lost)

@@ -18,6 +18,7 @@ from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.rendering.sources import Aperture, Lines
+from lippmann.variant import mitsuba
 
 
 class CapturedRays(NamedTuple):
@@ -110,29 +111,31 @@ class CaptureSource:
         """A camera has no colour stripes."""
         return
 
-    def rays(self, mi: Any, pixel: Any, sample: Any) -> CapturedRays:
+    def rays(self, pixel: Any, sample: Any) -> CapturedRays:
         """Trace samples of pixels, given by their numbers (UInt32)."""
+        mi = mitsuba()
         b = DrJitBackend(self.device)
         row = pixel // self.width_px
         column = pixel - row * self.width_px
         jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
         if self.samples > 1:
-            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+            jitter_x, jitter_y = points_in_square(pixel, sample, self.seed, stream=0)
         aperture = None
         if self.aperture == "full" and isinstance(self.setup.pickup, Pickup):
-            s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
-            x, y = square_to_cell(mi, s, t, self.setup.array.grid, self.setup.array.pitch_mm)
+            s, t = points_in_square(pixel, sample, self.seed, stream=1)
+            x, y = square_to_cell(s, t, self.setup.array.grid, self.setup.array.pitch_mm)
             aperture = (b.double(x), b.double(y))
         u, v = b.double(column) + b.double(jitter_x), b.double(row) + b.double(jitter_y)
         return rays_from_picture(b, self.setup, u, v, aperture)
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Return the lines of sight of samples (see `RaySource`), in the object's frame."""
-        return lines_of(mi, self.rays(mi, pixel, sample))
+        return lines_of(self.rays(pixel, sample))
 
 
-def lines_of(mi: Any, rays: CapturedRays) -> Lines:
+def lines_of(rays: CapturedRays) -> Lines:
     """Return lines of sight, in the object's frame, as the renderer wants them."""
+    mi = mitsuba()
     ray, through_array, through_lens = rays
     point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
     return Lines(point, (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz)), through_array & through_lens)

@@ -28,7 +28,7 @@ from lippmann.rendering.placement import SCALE_RANGE
 from lippmann.rendering.renderer import Settings, check_memory
 from lippmann.rendering.scene import check_scene_file
 from lippmann.rendering.sources import Aperture, Window
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 MAX_VIEW_PX = 4096
 VIEW_PX = 600
@@ -105,14 +105,14 @@ def command(
         suffix = check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
         if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
             raise InputError(f"{view}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
-    mi = start_mitsuba(device)
+    start_mitsuba(device)
     chosen = cast(Model | Literal["auto"], model)
-    shots = shots_of(mi, film, display, Options(chosen, tolerance, engine, fraction_bits, settings, scale))
+    shots = shots_of(film, display, Options(chosen, tolerance, engine, fraction_bits, settings, scale))
 
     def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, Image, dict[str, str]]]:
         if cluster is not None:
             return render_on_cluster(cluster, device, missing, log)
-        return ((shot, *render_shot(mi, shot)) for shot in missing)
+        return ((shot, *render_shot(shot)) for shot in missing)
 
     started = time.perf_counter()
     with progress_bar("frames", quiet=as_json) as progress:
@@ -122,7 +122,7 @@ def command(
         _write_panel(folder, film, display, video)
     if view is not None and looker is not None:
         with progress_bar("view", quiet=as_json) as progress:
-            _write_view(mi, folder, film, display, looker, width or VIEW_PX, view, progress)
+            _write_view(folder, film, display, looker, width or VIEW_PX, view, progress)
     result = {
         "folder": str(folder),
         "film": film.name,
@@ -162,16 +162,14 @@ def _write_panel(folder: Path, film: Film, display: Display, path: str) -> None:
     write_video(path, frames, panel.width_px, panel.height_px, film.frames_per_second)
 
 
-def _write_view(
-    mi: Any, folder: Path, film: Film, display: Display, eye: Eye, width: int, path: str, progress: Any
-) -> None:
+def _write_view(folder: Path, film: Film, display: Display, eye: Eye, width: int, path: str, progress: Any) -> None:
     """Write what an eye sees of the film as a video or an animation."""
     window = whole_window(display, width)
     even = Window(window.width_mm, window.height_mm, width + width % 2, window.height_px + window.height_px % 2)
 
     def views() -> Iterable[Image]:
         for frame, radiance in enumerate(_radiances(folder, film, display)):
-            yield observe(mi, radiance, display, eye, even).radiance
+            yield observe(radiance, display, eye, even).radiance
             if progress is not None:
                 progress(frame + 1, film.frames)
 

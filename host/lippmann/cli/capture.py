@@ -20,7 +20,7 @@ from lippmann.rendering.metadata import image_metadata
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
 from lippmann.rendering.scene import Scene, check_scene_file, load_scene
 from lippmann.rendering.sources import APERTURES, Aperture
-from lippmann.rendering.variant import device_of, start_mitsuba
+from lippmann.variant import current_device, start_mitsuba
 
 #: Vignetting that is mentioned, per cent.
 NOTED_PERCENT = 1.0
@@ -89,10 +89,10 @@ def command(
     panel = setup.display.panel
     check_memory(panel.width_px, panel.height_px, settings)
     placement = stand_of(check_scene_file(scene_path), setup, setup_path)
-    mi = start_mitsuba(device)
-    scene = load_scene(mi, scene_path, placement)
+    start_mitsuba(device)
+    scene = load_scene(scene_path, placement)
     with progress_bar("capture", quiet=as_json) as progress:
-        captured = capture(mi, scene, setup, settings, rotate, progress)
+        captured = capture(scene, setup, settings, rotate, progress)
     lost = captured.vignetting
     if lost.lens_percent > NOTED_PERCENT:
         log(
@@ -120,7 +120,7 @@ def command(
         "integrator": integrator,
         "samples": samples,
         "seed": seed,
-        "device": device_of(mi),
+        "device": current_device(),
         "seconds": rendered.seconds,
         "prepare_seconds": rendered.prepare_seconds,
         "samples_per_second": rendered.samples_per_second,

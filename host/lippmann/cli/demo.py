@@ -22,7 +22,7 @@ from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.metadata import image_metadata
 from lippmann.rendering.renderer import Settings, render_integral, render_view
 from lippmann.rendering.scene import load_scene
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 from lippmann.viewer.page import Direct, page_html
 
 SCENE = "fish/fish.xml"
@@ -56,11 +56,11 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
         raise InputError(f"{out}: cannot be made ({error.strerror}); choose another folder with -o") from None
     display = load_display(folder / DISPLAY)
     panel = display.panel
-    mi = start_mitsuba(device)
-    scene = load_scene(mi, folder / SCENE)
+    start_mitsuba(device)
+    scene = load_scene(folder / SCENE)
     settings = Settings(samples=4)
     with progress_bar("render", quiet=as_json) as progress:
-        rendered = render_integral(mi, scene, display, "exact", settings, progress)
+        rendered = render_integral(scene, display, "exact", settings, progress)
     metadata = image_metadata(display, "exact", settings, SCENE)
     write_picture(out / "fish.exr", rendered.radiance, metadata)
 
@@ -73,7 +73,7 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
     scanned = decode(loop.scanned / np.float32(255.0), panel.transfer).astype(np.float32)
     write_picture(out / "panel.png", scanned, metadata, panel.transfer, panel.bits)
 
-    directs, decibels = _looked_at(mi, scene, display, scanned, out, as_json)
+    directs, decibels = _looked_at(scene, display, scanned, out, as_json)
     page = page_html(display, scanned, "The fish, as the virtual board's panel shows it", directs)
     with replacing(out / "index.html") as partial:
         partial.write_text(page, encoding="utf-8")
@@ -120,7 +120,7 @@ def _middle(size: int) -> tuple[int, int]:
 
 
 def _looked_at(
-    mi: Any, scene: Any, display: Display, radiance: npt.NDArray[np.float32], out: Path, quiet: bool
+    scene: Any, display: Display, radiance: npt.NDArray[np.float32], out: Path, quiet: bool
 ) -> tuple[list[Direct], list[float]]:
     """Write what eyes see of a panel, moving and beside the scene itself.
 
@@ -131,19 +131,19 @@ def _looked_at(
     views = []
     with progress_bar("observe", quiet=quiet) as progress:
         for k, eye in enumerate(eyes):
-            views.append(observe(mi, radiance, display, Eye(eye), window).radiance)
+            views.append(observe(radiance, display, Eye(eye), window).radiance)
             if progress is not None:
                 progress(k + 1, FRAMES)
     write_animation(out / "views.gif", views)
     chosen = range(0, FRAMES, (FRAMES - 1) // 2)
-    direct = [render_view(mi, scene, eyes[k], window, Settings(samples=4)).radiance for k in chosen]
+    direct = [render_view(scene, eyes[k], window, Settings(samples=4)).radiance for k in chosen]
     captions = [f"through the lenslets, eye at x = {eyes[k][0]:+.0f} mm" for k in chosen]
     write_contact_sheet(out / "views.png", [views[k] for k in chosen] + direct, captions + ["the scene itself"] * 3)
     # A view has no more detail than one pixel a lenslet.
     coarse = whole_window(display)
     decibels = []
     for k in chosen:
-        seen = observe(mi, radiance, display, Eye(eyes[k]), coarse, VIEW_SAMPLES).radiance
-        itself = render_view(mi, scene, eyes[k], coarse, Settings(samples=VIEW_SAMPLES)).radiance
+        seen = observe(radiance, display, Eye(eyes[k]), coarse, VIEW_SAMPLES).radiance
+        itself = render_view(scene, eyes[k], coarse, Settings(samples=VIEW_SAMPLES)).radiance
         decibels.append(psnr_db(seen, itself))
     return [Direct(eyes[k], radiance) for k, radiance in zip(chosen, direct, strict=True)], decibels

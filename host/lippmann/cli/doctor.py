@@ -17,8 +17,8 @@ from lippmann.link.port import port_trouble, ports
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
 from lippmann.rendering.renderer import free_memory_mb
-from lippmann.rendering.variant import start_mitsuba
 from lippmann.sim.tools import RTL_TOOLS
+from lippmann.variant import mitsuba, start_mitsuba
 
 PACKAGES = (
     "numpy",
@@ -66,7 +66,8 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
             check(package, False, "not installed; run make setup")
     for device, needed in (("llvm", True), ("cuda", False)):
         try:
-            mi = start_mitsuba(device)
+            start_mitsuba(device)
+            mi = mitsuba()
             value = float((mi.Float(1.0, 2.0) + 1.0)[1])
             check(f"mitsuba on {device}", value == 3.0, mi.variant(), needed)
         except LippmannError as error:

@@ -19,7 +19,7 @@ from lippmann.povray.export import Exported, check_folder, export_display, write
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
 from lippmann.rendering.scene import check_scene_file, load_scene
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 
 @click.group("export")
@@ -68,16 +68,16 @@ def povray(
         setup = load_setup(setup_path)
         view = setup_view(setup)
         panel = setup.display.panel
-        mi = start_mitsuba(device)
-        scene = load_scene(mi, path, stand_of(path, setup, setup_path))
+        start_mitsuba(device)
+        scene = load_scene(path, stand_of(path, setup, setup_path))
         check_stand(scene, setup)
-        exported = write_folder(mi, scene, view, folder)
+        exported = write_folder(scene, view, folder)
     else:
         assert display_path is not None
         display = load_display(display_path)
         panel = display.panel
-        mi = start_mitsuba(device)
-        exported = export_display(mi, load_scene(mi, path), display, cast(Model, model or "exact"), folder)
+        start_mitsuba(device)
+        exported = export_display(load_scene(path), display, cast(Model, model or "exact"), folder)
     at = POVRAY.find()
     result = {
         "folder": str(folder),

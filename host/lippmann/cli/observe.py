@@ -17,7 +17,7 @@ from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
 from lippmann.observer import Eye, check_identity, observe, whole_window
 from lippmann.optics.rays import MODELS, Model
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 MAX_VIEW_PX = 16384
 
@@ -130,13 +130,12 @@ def command(
     )
     picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
     check_identity(picture, display, image_path, force)
-    mi = start_mitsuba(device)
+    start_mitsuba(device)
     views = []
     with progress_bar("observe", quiet=as_json) as progress:
         for k, one in enumerate(eyes):
             views.append(
                 observe(
-                    mi,
                     picture.radiance,
                     built,
                     one,

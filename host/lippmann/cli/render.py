@@ -18,8 +18,8 @@ from lippmann.rendering.metadata import image_metadata
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb, render_integral
 from lippmann.rendering.scene import Scene, check_scene_file, load_scene
 from lippmann.rendering.sources import Aperture
-from lippmann.rendering.variant import device_of, start_mitsuba
 from lippmann.select.model import choose_model
+from lippmann.variant import current_device, start_mitsuba
 
 #: Widths of a scene, in widths of the panel, that raise no question.
 SIZE_SHARE = (0.02, 1000.0)
@@ -73,8 +73,8 @@ def command(
         raise InputError(f"{display_path}: panel.width_px, panel.height_px: {error}") from None
     check_scene_file(scene_path)
     placement = placement_of(scene_path, **stand)
-    mi = start_mitsuba(device)
-    scene = load_scene(mi, scene_path, placement)
+    start_mitsuba(device)
+    scene = load_scene(scene_path, placement)
     _note_odd_size(scene, display)
     if model == "auto":
         choice = choose_model(display, scene.depth_range_mm, aperture, tolerance)
@@ -83,7 +83,7 @@ def command(
     else:
         chosen = cast(Model, model)
     with progress_bar("render", quiet=as_json) as progress:
-        rendered = render_integral(mi, scene, display, chosen, settings, progress, engine, fraction_bits)
+        rendered = render_integral(scene, display, chosen, settings, progress, engine, fraction_bits)
     write_picture(
         path,
         rendered.radiance,
@@ -102,7 +102,7 @@ def command(
         "integrator": integrator,
         "samples": samples,
         "seed": seed,
-        "device": device_of(mi),
+        "device": current_device(),
         "seconds": rendered.seconds,
         "prepare_seconds": rendered.prepare_seconds,
         "samples_per_second": rendered.samples_per_second,

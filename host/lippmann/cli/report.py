@@ -11,7 +11,7 @@ from lippmann.cli.options.common import device_option, json_option, seed_option
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, input_error
 from lippmann.images import check_output
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 
 @click.command("report")
@@ -47,9 +47,9 @@ def command(output: str, against: str | None, scenes: str, quick: bool, seed: in
     _make(folder)
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
-    mi = start_mitsuba(device)
+    start_mitsuba(device)
     said = f"lippmann report --scenes {scenes} --seed {seed} --device {device}{' --quick' if quick else ''}"
-    report = make_report(mi, shown, QUICK if quick else WHOLE, seed, said, before, log)
+    report = make_report(shown, QUICK if quick else WHOLE, seed, said, before, log)
     files = write(report, folder)
     found = report.comparison
     moves = [{**dataclasses.asdict(move), "ratio": move.ratio} for move in found.moved]

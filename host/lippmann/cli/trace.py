@@ -90,9 +90,9 @@ def command(
     pixel = _pixels(pixels, display, random)
     points = _aperture(display, len(pixel), random) if aperture == "full" else None
     if engine == "fast":
-        from lippmann.rendering.variant import device_of, start_mitsuba
+        from lippmann.variant import start_mitsuba
 
-        device = device_of(start_mitsuba(device))
+        device = start_mitsuba(device)
     if engine == "rtl":
         # Compiles the RTL, which is no part of tracing.
         trace(

@@ -18,7 +18,7 @@ from lippmann.errors import InputError, LippmannError
 from lippmann.images import check_output, read_picture, replacing
 from lippmann.observer import Eye, check_identity
 from lippmann.rendering.scene import check_scene_file, load_scene
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 from lippmann.viewer.direct import render_directs
 from lippmann.viewer.page import Direct, check_direct, page_html
 from lippmann.viewer.serve import page_server
@@ -82,10 +82,10 @@ def command(
     check_identity(picture, display, image_path, force)
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
     if scene_path is not None:
-        mi = start_mitsuba(device)
-        scene = load_scene(mi, scene_path, placement_of(scene_path, **stand))
+        start_mitsuba(device)
+        scene = load_scene(scene_path, placement_of(scene_path, **stand))
         with progress_bar("direct views", quiet=as_json) as progress:
-            directs += render_directs(mi, scene, display, seed, progress)
+            directs += render_directs(scene, display, seed, progress)
     page = page_html(display, picture.radiance, title or Path(image_path).stem, directs).encode("utf-8")
     result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": len(directs)}
     if path is None:

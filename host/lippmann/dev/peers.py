@@ -30,8 +30,8 @@ from lippmann.povray.program import Run
 from lippmann.rendering.renderer import Settings, render
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
-from lippmann.rendering.variant import device_of
 from lippmann.report.tables import table
+from lippmann.variant import current_device, mitsuba
 
 #: Side of the windows whose pictures are compared, px.
 PICTURE_PX = 600
@@ -110,8 +110,9 @@ class Shifted:
         """Picture's height."""
         return self.source.height_px
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Return the lines of sight (see `RaySource`)."""
+        mi = mitsuba()
         import drjit as dr
 
         b = DrJitBackend(self.source.device)
@@ -119,7 +120,7 @@ class Shifted:
         column = pixel - row * self.width_px
         # Opaque: a literal would be compiled in, each time anew.
         du, dv = (b.double(dr.opaque(mi.Float, 0.5 + shift)) for shift in self.shift_px)
-        return lines_of(mi, rays_from_picture(b, self.source.setup, b.double(column) + du, b.double(row) + dv))
+        return lines_of(rays_from_picture(b, self.source.setup, b.double(column) + du, b.double(row) + dv))
 
 
 @dataclass(frozen=True)
@@ -140,22 +141,20 @@ class Rows:
         """Rows that are taken."""
         return self.source.height_px // self.every
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Return the lines of sight of the whole picture's own samples (see `RaySource`)."""
         row = pixel // self.width_px
         whole = pixel + (row * (self.every - 1) + self.every // 2) * self.width_px
-        return self.source.lines(mi, whole, sample, stripe)
+        return self.source.lines(whole, sample, stripe)
 
 
-def around(
-    mi: Any, scene: Scene, source: CaptureSource, distances_px: Sequence[float] = OUTLINE_PX
-) -> npt.NDArray[np.float32]:
+def around(scene: Scene, source: CaptureSource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
     """Render our picture along rays beside the centres; (distances, directions, height, width, 3)."""
 
     def beside(distance: float, direction: int) -> Image:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
-        return render(mi, scene, Shifted(source, shift), Settings()).radiance
+        return render(scene, Shifted(source, shift), Settings()).radiance
 
     return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
@@ -260,17 +259,17 @@ class Pair:
     where: Image
 
 
-def compare_pictures(mi: Any, scenes: Path, work: Path) -> list[Pair]:
+def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
     """Render the diffuse scene by both for each grid."""
     found = []
     for grid, name in SETUPS.items():
         setup = load_setup(scenes / f"setups/{name}.toml")
         setup = with_window(setup, PICTURE_PX, setup.array.pitch_mm)
-        scene = load_for(mi, scenes / "seed/diffuse.xml", setup)
-        theirs, _ = write_folder(mi, scene, setup_view(setup), work / f"picture-{grid}").render_once()
-        source = CaptureSource(setup, 1, "chief", 0, device_of(mi))
-        ours = render(mi, scene, source, Settings()).radiance
-        difference, where = compare(theirs, ours, around(mi, scene, source), setup)
+        scene = load_for(scenes / "seed/diffuse.xml", setup)
+        theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
+        source = CaptureSource(setup, 1, "chief", 0, current_device())
+        ours = render(scene, source, Settings()).radiance
+        difference, where = compare(theirs, ours, around(scene, source), setup)
         found.append(Pair(difference, theirs, ours, where))
     return found
 
@@ -280,12 +279,12 @@ def noise_of(picture: Image, reference: Image) -> float:
     return float(255.0 * np.sqrt(np.mean((encode(picture, "srgb") - encode(reference, "srgb")) ** 2)))
 
 
-def samples_for(mi: Any, scene: Scene, setup: Setup, theirs: Image) -> tuple[int, float, float]:
+def samples_for(scene: Scene, setup: Setup, theirs: Image) -> tuple[int, float, float]:
     """Find how many of our samples leave no more noise than POV-Ray's picture has; returns both noises too."""
 
     def rows(samples: int, seed: int) -> Image:
-        source = Rows(CaptureSource(setup, samples, "chief", seed, device_of(mi)))
-        return render(mi, scene, source, Settings(samples=samples, seed=seed)).radiance
+        source = Rows(CaptureSource(setup, samples, "chief", seed, current_device()))
+        return render(scene, source, Settings(samples=samples, seed=seed)).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
     allowed = noise_of(theirs[EVERY_ROW // 2 :: EVERY_ROW], reference)
@@ -296,15 +295,15 @@ def samples_for(mi: Any, scene: Scene, setup: Setup, theirs: Image) -> tuple[int
     return samples, allowed, noise
 
 
-def compare_times(mi: Any, scenes: Path, work: Path) -> TimeAtNoise:
+def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm."""
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
-    scene = load_for(mi, scenes / "seed/full.xml", setup)
-    theirs, run = write_folder(mi, scene, setup_view(setup), work / "time").render_once(*ANTIALIAS)
-    samples, allowed, noise = samples_for(mi, scene, setup, theirs)
-    source = CaptureSource(setup, samples, "chief", 0, device_of(mi))
-    seconds, cpu = render_source(mi, scene, source, samples)
+    scene = load_for(scenes / "seed/full.xml", setup)
+    theirs, run = write_folder(scene, setup_view(setup), work / "time").render_once(*ANTIALIAS)
+    samples, allowed, noise = samples_for(scene, setup, theirs)
+    source = CaptureSource(setup, samples, "chief", 0, current_device())
+    seconds, cpu = render_source(scene, source, samples)
     return TimeAtNoise(run, seconds, cpu, samples, allowed, noise)
 
 

@@ -25,8 +25,8 @@ from lippmann.povray.optics import setup_view
 from lippmann.rendering.renderer import Settings, render
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.rendering.sources import PerspectiveSource, RaySource, Window
-from lippmann.rendering.variant import device_of
 from lippmann.report.tables import table
+from lippmann.variant import current_device
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
@@ -111,23 +111,22 @@ def lenslets_in(display: Display) -> int:
     return across * down
 
 
-def load_for(mi: Any, path: Path, setup: Setup) -> Scene:
+def load_for(path: Path, setup: Setup) -> Scene:
     """Load a scene as it stands before a set-up."""
-    return load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
+    return load_scene(path, placement_beside(path).then(setup.subject.placement))
 
 
-def render_source(mi: Any, scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> tuple[float, float]:
+def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> tuple[float, float]:
     """Return wall and CPU seconds of our picture, compiling left out: those of the quickest of some rounds."""
     times = []
     for _ in range(rounds):
-        rendered = render(mi, scene, source, Settings(samples=samples))
+        rendered = render(scene, source, Settings(samples=samples))
         times.append((rendered.cpu_seconds, rendered.seconds))
     cpu, seconds = min(times)
     return seconds, cpu
 
 
 def bench_seed(
-    mi: Any,
     scenes: Path,
     work: Path,
     windows: Sequence[int] = WINDOWS_PX,
@@ -140,8 +139,6 @@ def bench_seed(
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     scenes
         The project's scenes.
     work
@@ -151,13 +148,13 @@ def bench_seed(
     base_px
         Side of the base scene's picture.
     """
-    ours, theirs = base_times(mi, scenes, work, base_px)
+    ours, theirs = base_times(scenes, work, base_px)
     yield from (ours, theirs)
     setups = {grid: load_setup(scenes / f"setups/{name}.toml") for grid, name in SETUPS.items() if grid in grids}
     path = scenes / "seed/full.xml"
     for window in windows:
         for grid, setup in setups.items():
-            scene = load_for(mi, path, setup)
+            scene = load_for(path, setup)
             for pitch in pitches:
                 seen = with_window(setup, window, pitch)
                 # Anti-aliasing costs several times as much: at the ends of the curves only.
@@ -166,25 +163,25 @@ def bench_seed(
                     if antialias and window > ANTIALIASED_PX:
                         continue
                     samples = SAMPLES if antialias else 1
-                    source = CaptureSource(seen, samples, "chief", 0, device_of(mi))
-                    seconds, cpu = render_source(mi, scene, source, samples, 1 if antialias else ROUNDS)
+                    source = CaptureSource(seen, samples, "chief", 0, current_device())
+                    seconds, cpu = render_source(scene, source, samples, 1 if antialias else ROUNDS)
                     yield _row("lippmann", seen, antialias, seconds, cpu, ours.cpu_seconds)
                 if window > povray_px:
                     continue
-                exported = write_folder(mi, scene, setup_view(seen), work / f"{grid}-{window}-{pitch:g}")
+                exported = write_folder(scene, setup_view(seen), work / f"{grid}-{window}-{pitch:g}")
                 for antialias in looks:
                     _, run = exported.render(*(ANTIALIAS if antialias else ()))
                     yield _row("POV-Ray", seen, antialias, run.seconds, run.cpu_seconds, theirs.cpu_seconds)
 
 
-def base_times(mi: Any, scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
+def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     """Return the base scene's times through the display's window, ours and POV-Ray's: T."""
-    scene = load_scene(mi, scenes / "seed/base.xml")
+    scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0
     window = Window(side, side, base_px, base_px)
-    seconds, cpu = render_source(mi, scene, PerspectiveSource(EYE_MM, window, SAMPLES, 0), SAMPLES)
+    seconds, cpu = render_source(scene, PerspectiveSource(EYE_MM, window, SAMPLES, 0), SAMPLES)
     ours = Timed("lippmann", "none", base_px, None, 0, True, seconds, cpu, 1.0)
-    _, run = export_view(mi, scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
+    _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
     return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
 
 

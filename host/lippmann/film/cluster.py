@@ -22,7 +22,7 @@ from lippmann.errors import InputError, MissingLibraryError, device_error, input
 from lippmann.film.shot import Shot, render_shot
 from lippmann.images import Image
 from lippmann.rendering.scene import digest_of
-from lippmann.rendering.variant import start_mitsuba
+from lippmann.variant import start_mitsuba
 
 #: Seconds in which the scheduler must answer, and a first worker join.
 ANSWER_S = 10.0
@@ -158,16 +158,16 @@ def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> tuple[Image, d
         ours = ", ".join(f"{key} {value}" for key, value in wanted.items())
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
     with _rendering:
-        mi = start_mitsuba(device)
-        _check_scene(mi, name, shot.scene, shot.digest)
-        return render_shot(mi, shot)
+        start_mitsuba(device)
+        _check_scene(name, shot.scene, shot.digest)
+        return render_shot(shot)
 
 
 @functools.lru_cache(maxsize=8)
-def _check_scene(mi: Any, worker: str, path: Path, digest: str) -> None:
+def _check_scene(worker: str, path: Path, digest: str) -> None:
     """Refuse a scene that is not there, or not the same, on a worker's machine."""
     try:
-        own = digest_of(mi, path)
+        own = digest_of(path)
     except InputError as error:
         raise InputError(f"{worker}: {error}; a cluster's machines must share the scene's folder") from None
     if own != digest:

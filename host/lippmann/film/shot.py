@@ -82,7 +82,7 @@ class Shot:
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def shots_of(mi: Any, film: Film, display: Display, options: Options) -> list[Shot]:
+def shots_of(film: Film, display: Display, options: Options) -> list[Shot]:
     """Return the shots of a film.
 
     Raises
@@ -90,7 +90,7 @@ def shots_of(mi: Any, film: Film, display: Display, options: Options) -> list[Sh
     InputError
         When the scene cannot be read, or does not stand before the display.
     """
-    digest = digest_of(mi, film.scene)
+    digest = digest_of(film.scene)
     rest = placement_beside(film.scene)
     reach = (film.near_mm is None, film.far_mm is None)
     return [
@@ -109,7 +109,7 @@ def shots_of(mi: Any, film: Film, display: Display, options: Options) -> list[Sh
     ]
 
 
-def render_shot(mi: Any, shot: Shot) -> tuple[Image, dict[str, str]]:
+def render_shot(shot: Shot) -> tuple[Image, dict[str, str]]:
     """Render a shot; return its radiance (height, width, 3) float32 and what its file carries.
 
     The seed is the film's in every frame: what stands still keeps its pixels, and costs the link nothing.
@@ -120,23 +120,23 @@ def render_shot(mi: Any, shot: Shot) -> tuple[Image, dict[str, str]]:
         As `load_scene` and `render_integral`.
     """
     options, display = shot.options, shot.display
-    scene = load_scene(mi, shot.scene, shot.placement, shot.moves)
+    scene = load_scene(shot.scene, shot.placement, shot.moves)
     if shot.moves:
-        scene = _reaching(mi, scene, shot)
+        scene = _reaching(scene, shot)
     if options.model == "auto":
         model = choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance).model
     else:
         model = options.model
     rendered = render_integral(
-        mi, scene, display, model, options.settings, engine=options.engine, fraction_bits=options.fraction_bits
+        scene, display, model, options.settings, engine=options.engine, fraction_bits=options.fraction_bits
     )
     carried = image_metadata(display, model, options.settings, shot.scene, options.engine, options.fraction_bits)
     return rendered.radiance, {**carried, "film": shot.film, "frame": str(shot.frame), "shot": shot.identity}
 
 
-def _reaching(mi: Any, scene: Scene, shot: Shot) -> Scene:
+def _reaching(scene: Scene, shot: Shot) -> Scene:
     """Return the scene with depths that reach as far as its shapes have moved beyond where they were at rest."""
-    rest = depths_of(_at_rest(mi, shot.scene, shot.digest), scene.placement)
+    rest = depths_of(_at_rest(shot.scene, shot.digest), scene.placement)
     moved = depths_of(scene.mitsuba, scene.placement)
     far, near = scene.depth_range_mm
     if shot.reach[0] and moved[1] > rest[1]:
@@ -147,6 +147,6 @@ def _reaching(mi: Any, scene: Scene, shot: Shot) -> Scene:
 
 
 @functools.lru_cache(maxsize=1)
-def _at_rest(mi: Any, path: Path, digest: str) -> Any:
+def _at_rest(path: Path, digest: str) -> Any:
     """Return the scene as its file has it."""
-    return load_scene(mi, path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba
+    return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba

@@ -14,7 +14,7 @@ from lippmann.film.film import load_film
 from lippmann.film.shot import Options, Shot, render_shot, shots_of
 from lippmann.images import Image
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device
 
 WORKERS = 2
 #: Display, scale of the film, and how many of its frames.
@@ -46,23 +46,23 @@ class Row:
         return self.workers_seconds / self.one_seconds
 
 
-def bench_animate(mi: Any, scenes: Path) -> Iterator[Row]:
+def bench_animate(scenes: Path) -> Iterator[Row]:
     """Measure the shipped film on each display."""
     from distributed import Client, LocalCluster
 
     film = load_film(scenes / "films/swim.toml")
-    device = device_of(mi)
+    device = current_device()
     with LocalCluster(
         n_workers=WORKERS, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster, Client(cluster) as client:  # fmt: skip
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
-            shots = shots_of(mi, film, display, Options(settings=Settings(samples=4), scale=scale))[:frames]
+            shots = shots_of(film, display, Options(settings=Settings(samples=4), scale=scale))[:frames]
             # Scene and programs are then there, here and on every worker.
-            alone(mi, shots[:1])
+            alone(shots[:1])
             client.run(_warm, device, shots[0])
             started, cpu = time.perf_counter(), time.process_time()
-            ours = alone(mi, shots)
+            ours = alone(shots)
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
             theirs = {
@@ -75,9 +75,9 @@ def bench_animate(mi: Any, scenes: Path) -> Iterator[Row]:
             yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
 
 
-def alone(mi: Any, shots: Sequence[Shot]) -> list[Image]:
+def alone(shots: Sequence[Shot]) -> list[Image]:
     """Return the radiance of shots, one after the other, as `lippmann animate` renders them."""
-    return [render_shot(mi, shot)[0] for shot in shots]
+    return [render_shot(shot)[0] for shot in shots]
 
 
 def _cpu_seconds(client: Any) -> float:
@@ -87,6 +87,7 @@ def _cpu_seconds(client: Any) -> float:
 
 def _warm(device: str, shot: Shot) -> None:
     """Render a shot for nothing; runs on a worker."""
-    from lippmann.rendering.variant import start_mitsuba
+    from lippmann.variant import start_mitsuba
 
-    render_shot(start_mitsuba(device), shot)
+    start_mitsuba(device)
+    render_shot(shot)

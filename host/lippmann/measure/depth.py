@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.report.tables import table
+from lippmann.variant import mitsuba
 
 #: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.
 OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
@@ -97,8 +98,9 @@ class Depth:
         return abs(self.error_percent) <= 100.0 * SHARE
 
 
-def mark_scene(mi: Any, setup: Setup, z_mm: float) -> Scene:
+def mark_scene(setup: Setup, z_mm: float) -> Scene:
     """Return a scene of one soft mark on the axis at a depth (below NEAR_MM) of the object's frame, facing the lens."""
+    mi = mitsuba()
     x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
     profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)
     brightness = np.repeat(np.outer(profile, profile)[:, :, None], 3, axis=2)
@@ -113,7 +115,6 @@ def mark_scene(mi: Any, setup: Setup, z_mm: float) -> Scene:
 
 
 def measure_depths(
-    mi: Any,
     setup: Setup,
     z_mm: float,
     rotated: bool,
@@ -124,8 +125,6 @@ def measure_depths(
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     setup
         The set-up, with the display that shows its picture.
     z_mm
@@ -138,7 +137,7 @@ def measure_depths(
         Of the capture.
     """
     settings = Settings(integrator="direct", seed=seed)
-    picture = capture(mi, mark_scene(mi, setup, z_mm), setup, settings, rotated).rendered.radiance
+    picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).rendered.radiance
     display = setup.display
     window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitch_mm))
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
@@ -146,7 +145,7 @@ def measure_depths(
     for look in looks:
         centres = []
         for eye in look.eyes_mm:
-            view = observe(mi, picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=look.model)
+            view = observe(picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=look.model)
             light = view.radiance.sum(axis=(0, 2), dtype=np.float64)
             centres.append(float((light * x).sum() / light.sum()))
         slope = float(np.polyfit(look.eyes_mm, centres, 1)[0])
@@ -165,7 +164,7 @@ def strip_of(setup: Setup) -> Setup:
     return replace(setup, display=replace(setup.display, panel=panel))
 
 
-def bench_depth(mi: Any, folder: Path, seed: int, done: Callable[[Depth], None]) -> list[Depth]:
+def bench_depth(folder: Path, seed: int, done: Callable[[Depth], None]) -> list[Depth]:
     """Measure every object in every set-up, elemental images rotated and as captured."""
     rows = []
     for name in SETUPS:
@@ -174,7 +173,7 @@ def bench_depth(mi: Any, folder: Path, seed: int, done: Callable[[Depth], None])
         for rotated in (True, False):
             for thing, z in OBJECTS.items():
                 z_mm = stand.scale * z + stand.offset_mm[2]
-                centres, lenslets, wide = measure_depths(mi, setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
+                centres, lenslets, wide = measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
                 row = Depth(
                     name,
                     setup.position_mm,
@@ -193,18 +192,18 @@ def bench_depth(mi: Any, folder: Path, seed: int, done: Callable[[Depth], None])
     return rows
 
 
-def fish_views(mi: Any, folder: Path, seed: int) -> tuple[list[Image], list[str]]:
+def fish_views(folder: Path, seed: int) -> tuple[list[Image], list[str]]:
     """Return what two eyes see of the fish in every set-up, and once as captured; and captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
         setup = load_setup(folder / f"setups/{name}.toml")
-        scene = load_scene(mi, path, placement_beside(path).then(setup.subject.placement))
-        picture = capture(mi, scene, setup, Settings(samples=2, seed=seed), rotated).rendered.radiance
+        scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
+        picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).rendered.radiance
         # One pixel for each lenslet, magnified.
         window = whole_window(setup.display)
         for x in VIEW_EYES_MM:
-            seen = observe(mi, picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
+            seen = observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
             views.append(np.kron(seen, np.ones((3, 3, 1), np.float32)))
             how = "" if rotated else ", not rotated"
             captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{how}")

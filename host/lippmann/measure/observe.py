@@ -70,14 +70,14 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
     return inside
 
 
-def bench_observe(mi: Any, scene: Scene, display: Display, samples: int = 16) -> list[ViewError]:
+def bench_observe(scene: Scene, display: Display, samples: int = 16) -> list[ViewError]:
     """Render a scene for a display and compare the views of five eyes with plain perspective renders."""
-    image = render_integral(mi, scene, display, "exact", Settings(samples=samples)).radiance
+    image = render_integral(scene, display, "exact", Settings(samples=samples)).radiance
     window = whole_window(display)
     rows = []
     for eye in EYES:
-        view = observe(mi, image, display, Eye(eye), window, VIEW_SAMPLES).radiance
-        direct = render_view(mi, scene, eye, window, Settings(samples=VIEW_SAMPLES)).radiance
+        view = observe(image, display, Eye(eye), window, VIEW_SAMPLES).radiance
+        direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES)).radiance
         mask = smooth_part(scene.path, eye, window)
         rows.append(
             ViewError(

@@ -21,7 +21,7 @@ from lippmann.display import Display, load_display
 from lippmann.errors import LippmannError
 from lippmann.rendering.renderer import Settings, make_integrator, render_integral
 from lippmann.rendering.scene import Scene, load_scene
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device, mitsuba
 
 ROUNDS = 3
 #: Distance and field of the plain perspective camera that rates are compared with: it sees what the display shows.
@@ -46,14 +46,14 @@ def with_lenslets_across(display: Display, across: int) -> Display:
     return replace(display, array=grown, gap_mm=display.gap_mm * factor)
 
 
-def lenslet_growth(mi: Any, scene: Scene, display: Display, integrator: str, samples: int) -> dict[str, float]:
+def lenslet_growth(scene: Scene, display: Display, integrator: str, samples: int) -> dict[str, float]:
     """Time the same window behind 102 x 102 lenslets and behind 11 x 11."""
     many, few = display, with_lenslets_across(display, 11)
     seconds: dict[str, list[float]] = {"many": [], "few": []}
     for number in range(ROUNDS):
         settings = Settings(samples=samples, integrator=integrator, seed=number)
         for name, one in (("many", many), ("few", few)):
-            seconds[name].append(render_integral(mi, scene, one, "exact", settings).seconds)
+            seconds[name].append(render_integral(scene, one, "exact", settings).seconds)
     pairs = np.array(seconds["many"]) / np.array(seconds["few"])
     return {
         "seconds_10404_lenslets": float(np.median(seconds["many"])),
@@ -64,8 +64,9 @@ def lenslet_growth(mi: Any, scene: Scene, display: Display, integrator: str, sam
     }
 
 
-def against_perspective(mi: Any, scene: Scene, display: Display, integrator: str, samples: int) -> dict[str, float]:
+def against_perspective(scene: Scene, display: Display, integrator: str, samples: int) -> dict[str, float]:
     """Time an integral render against Mitsuba's own perspective sensor: same scene, integrator, samples, pixels."""
+    mi = mitsuba()
     import drjit as dr
 
     panel = display.panel
@@ -84,7 +85,7 @@ def against_perspective(mi: Any, scene: Scene, display: Display, integrator: str
             "sampler": {"type": "independent"},
         }
     )
-    own = make_integrator(mi, scene, Settings(integrator=integrator))
+    own = make_integrator(scene, Settings(integrator=integrator))
 
     def plain(seed: int) -> float:
         started = time.perf_counter()
@@ -95,7 +96,7 @@ def against_perspective(mi: Any, scene: Scene, display: Display, integrator: str
 
     def integral(seed: int) -> float:
         settings = Settings(samples=samples, integrator=integrator, seed=seed)
-        return render_integral(mi, scene, display, "exact", settings).seconds
+        return render_integral(scene, display, "exact", settings).seconds
 
     plain(0)  # compiles
     times = np.array([(integral(number), plain(number)) for number in range(ROUNDS)])
@@ -106,10 +107,13 @@ def against_perspective(mi: Any, scene: Scene, display: Display, integrator: str
     }
 
 
-def optics_share(mi: Any, scene: Scene, display: Display, samples: int) -> dict[str, float]:
+def optics_share(scene: Scene, display: Display, samples: int) -> dict[str, float]:
     """Time the whole render against one whose integrator looks at nothing: what optics and bookkeeping cost."""
+    mi = mitsuba()
 
-    class Nothing(mi.SamplingIntegrator):  # type: ignore[misc]
+    base: Any = mi.SamplingIntegrator
+
+    class Nothing(base):  # type: ignore[misc]
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
@@ -122,7 +126,7 @@ def optics_share(mi: Any, scene: Scene, display: Display, samples: int) -> dict[
         return _median_seconds(
             lambda seed: (
                 render_integral(
-                    mi, scene, display, "exact", Settings(samples=samples, integrator=integrator, seed=seed)
+                    scene, display, "exact", Settings(samples=samples, integrator=integrator, seed=seed)
                 ).seconds
             )
         )
@@ -152,9 +156,9 @@ def separately(device: str, scene_path: Path, display_path: Path, samples: int, 
     return {key: result[key] for key in ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")}
 
 
-def bench_render(mi: Any, scenes: Path, report: Callable[[str, dict[str, Any]], None]) -> None:
+def bench_render(scenes: Path, report: Callable[[str, dict[str, Any]], None]) -> None:
     """Measure all rows; `report` is called with each row's name and figures as they come."""
-    device = device_of(mi)
+    device = current_device()
     fish, square = scenes / "fish/fish.xml", scenes / "displays/paper-square.toml"
     report("fish, paper-square, exact, 4 samples", separately(device, fish, square, 4, "exact"))
     report(
@@ -162,13 +166,13 @@ def bench_render(mi: Any, scenes: Path, report: Callable[[str, dict[str, Any]], 
     )
     report("fish, uhd-4k, exact, 1 sample", separately(device, fish, scenes / "displays/uhd-4k.toml", 1, "exact"))
     report("fish, uhd-8k, exact, 1 sample", separately(device, fish, scenes / "displays/uhd-8k.toml", 1, "exact"))
-    scene, display = load_scene(mi, fish), load_display(square)
-    report("optics' share, fish, lights, 4 samples", optics_share(mi, scene, display, 4))
+    scene, display = load_scene(fish), load_display(square)
+    report("optics' share, fish, lights, 4 samples", optics_share(scene, display, 4))
     for name in ("fish", "chart", "knot"):
-        scene = load_scene(mi, scenes / f"{name}/{name}.xml")
+        scene = load_scene(scenes / f"{name}/{name}.xml")
         for integrator in ("path", "lights"):
-            row = lenslet_growth(mi, scene, display, integrator, 4)
+            row = lenslet_growth(scene, display, integrator, 4)
             report(f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", row)
         for integrator in ("path", "direct", "lights"):
-            row = against_perspective(mi, scene, display, integrator, 4)
+            row = against_perspective(scene, display, integrator, 4)
             report(f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", row)

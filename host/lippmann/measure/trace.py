@@ -16,7 +16,7 @@ from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import MODELS, Model, gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device, mitsuba
 
 #: Rays of one timed launch of the fast engine, and launches, of which the median counts.
 FAST_RAYS = 1 << 24
@@ -47,17 +47,18 @@ class TraceRate:
     compared: int
 
 
-def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -> TraceRate:
+def measure(display: Display, model: Model, aperture: str, seed: int) -> TraceRate:
     """Measure one row."""
+    mi = mitsuba()
     random = np.random.default_rng(seed)
     panel, array = display.panel, display.array
     pixels = random.uniform((0.0, 0.0), (panel.width_px, panel.height_px), (COMPARED_RAYS, 2))
     points = None
     if aperture == "full":
         s, t = (mi.Float(column) for column in random.uniform(0.0, 1.0, (2, COMPARED_RAYS)))
-        points = np.stack([np.asarray(c) for c in square_to_cell(mi, s, t, array.grid, array.pitch_mm)], axis=1)
+        points = np.stack([np.asarray(c) for c in square_to_cell(s, t, array.grid, array.pitch_mm)], axis=1)
     golden = trace(display, pixels, points, model)
-    fast = trace(display, pixels, points, model, "fast", device_of(mi))
+    fast = trace(display, pixels, points, model, "fast", current_device())
     same = golden.status == fast.status
     alive = same & gets_through(golden.status)
     turn = np.linalg.norm(golden.direction - fast.direction, axis=1)[alive] * 1e6
@@ -73,7 +74,7 @@ def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -
         model=model,
         aperture=aperture,
         golden_rays_per_second=GOLDEN_RAYS / golden_seconds,
-        fast_rays_per_second=FAST_RAYS / _median_seconds(fast_launch(mi, display, model, aperture)),
+        fast_rays_per_second=FAST_RAYS / _median_seconds(fast_launch(display, model, aperture)),
         max_direction_urad=float(turn.max()),
         rms_direction_urad=float(np.sqrt((turn**2).mean())),
         max_origin_nm=float(shift.max()),
@@ -83,16 +84,17 @@ def measure(mi: Any, display: Display, model: Model, aperture: str, seed: int) -
 
 
 def fast_launch(
-    mi: Any, display: Display, model: Model, aperture: str = "chief", rays: int = FAST_RAYS
+    display: Display, model: Model, aperture: str = "chief", rays: int = FAST_RAYS
 ) -> Callable[[int], float]:
     """Return what traces rays, using every output as a renderer would, and tells the seconds that it took.
 
     It is given a number, another one each time. The outputs are summed in the same program: memory traffic for arrays
     that nobody reads is no part of the optics. The first launch, which compiles, is done already.
     """
+    mi = mitsuba()
     import drjit as dr
 
-    b = DrJitBackend(device_of(mi))
+    b = DrJitBackend(current_device())
     system = System.of(display)
     panel, array = display.panel, display.array
 
@@ -103,8 +105,8 @@ def fast_launch(
         v = b.double(row % panel.height_px) + 0.5
         points = None
         if aperture == "full":
-            s, t = points_in_square(mi, index, mi.UInt32(0), 0, stream=1)
-            points = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+            s, t = points_in_square(index, mi.UInt32(0), 0, stream=1)
+            points = square_to_cell(s, t, array.grid, array.pitch_mm)
         out = rays_from_pixels(b, system, u, v, points, model)
         origin = mi.Float(out.centre_x + out.centre_y) + out.ray.x + out.ray.y + out.ray.z
         value = origin + out.ray.dx + out.ray.dy + out.ray.dz
@@ -124,10 +126,10 @@ def _median_seconds(launch: Callable[[int], float]) -> float:
     return float(np.median([launch(number) for number in range(1, LAUNCHES + 1)]))
 
 
-def bench_trace(mi: Any, displays: list[Display], seed: int) -> list[TraceRate]:
+def bench_trace(displays: list[Display], seed: int) -> list[TraceRate]:
     """Measure all models on some displays, and `exact` over the full aperture too."""
     rows = []
     for display in displays:
-        rows += [measure(mi, display, model, "chief", seed) for model in MODELS]
-        rows.append(measure(mi, display, "exact", "full", seed))
+        rows += [measure(display, model, "chief", seed) for model in MODELS]
+        rows.append(measure(display, "exact", "full", seed))
     return rows

@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -65,14 +64,14 @@ class ViewRow:
     full_cpu_seconds: float
 
 
-def bench_view(mi: Any, scenes: Path, seed: int) -> Iterator[ViewRow]:
+def bench_view(scenes: Path, seed: int) -> Iterator[ViewRow]:
     """Measure pages of the fish, and of noise, which no coding makes smaller, on both of the paper's displays."""
-    scene = load_scene(mi, scenes / "fish/fish.xml")
+    scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         shape = (display.panel.height_px, display.panel.width_px, 3)
         pictures = {
-            "fish": render_integral(mi, scene, display, "exact", Settings(samples=1, seed=seed)).radiance,
+            "fish": render_integral(scene, display, "exact", Settings(samples=1, seed=seed)).radiance,
             "noise": np.random.default_rng(seed).random(shape, np.float32),
         }
         for what, radiance in pictures.items():

@@ -11,12 +11,14 @@ import math
 from typing import Any
 
 from lippmann.optics.lattice import HALF_SQRT3
+from lippmann.variant import mitsuba
 
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 
-def points_in_square(mi: Any, pixel: Any, sample: Any, seed: int, stream: int) -> tuple[Any, Any]:
+def points_in_square(pixel: Any, sample: Any, seed: int, stream: int) -> tuple[Any, Any]:
     """Return points in the unit square for pixel and sample numbers (UInt32); streams are independent."""
+    mi = mitsuba()
     import drjit as dr
 
     shift_x = mi.sample_tea_float32(pixel, mi.UInt32((2 * stream * 0x9E3779B9 + seed) & 0xFFFFFFFF))
@@ -28,8 +30,9 @@ def points_in_square(mi: Any, pixel: Any, sample: Any, seed: int, stream: int) -
     return dr.minimum(x - dr.floor(x), below_one), dr.minimum(y - dr.floor(y), below_one)
 
 
-def square_to_cell(mi: Any, s: Any, t: Any, grid: str, pitch_mm: float) -> tuple[Any, Any]:
+def square_to_cell(s: Any, t: Any, grid: str, pitch_mm: float) -> tuple[Any, Any]:
     """Map the unit square to a lenslet's cell, area-true; lens-local mm."""
+    mi = mitsuba()
     import drjit as dr
 
     if grid == "square":

@@ -104,7 +104,7 @@ class View:
     spare_rows: int = 0
 
 
-def write_folder(mi: Any, scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] | None = None) -> Exported:
+def write_folder(scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] | None = None) -> Exported:
     """Write all files; they appear in `folder`, which is made when missing, when all are there.
 
     Raises
@@ -115,7 +115,7 @@ def write_folder(mi: Any, scene: Scene, view: View, folder: Path, rays: tuple[An
     check_folder(folder)
     name = plain(scene.path.stem)
     with _partial(folder) as partial:
-        write_scene(mi, scene.path, scene.placement, partial)
+        write_scene(scene.path, scene.placement, partial)
         (partial / "camera.inc").write_text(view.camera + "\n")
         if rays is not None:
             write_rays(partial / "rays.inc", *rays)
@@ -163,14 +163,14 @@ def check_folder(folder: Path) -> Path:
     return folder
 
 
-def export_view(mi: Any, scene: Scene, eye_mm: tuple[float, float, float], window: Window, folder: Path) -> Exported:
+def export_view(scene: Scene, eye_mm: tuple[float, float, float], window: Window, folder: Path) -> Exported:
     """Write the scene as an eye sees it through a window in z = 0, with no display in between."""
     x, y, z = eye_mm
     camera = pinhole(eye_mm, (-x, -y, -z), (window.width_mm, 0.0, 0.0), (0.0, window.height_mm, 0.0))
-    return write_folder(mi, scene, View(camera, window.width_px, window.height_px), folder)
+    return write_folder(scene, View(camera, window.width_px, window.height_px), folder)
 
 
-def export_display(mi: Any, scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
+def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
     """Write the scene along a display's lines of sight, as `lippmann render` with one sample follows them.
 
     The lenslets are not in POV-Ray's scene: a panel pixel's line is followed from in front of everything towards the
@@ -200,4 +200,4 @@ def export_display(mi: Any, scene: Scene, display: Display, model: Model, folder
     direction = np.where(alive[:, None], -rays.direction, [0.0, 0.0, 1.0])
     origin[~alive] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, spare_rows=SPARE_ROWS)
-    return write_folder(mi, scene, view, folder, (origin, direction))
+    return write_folder(scene, view, folder, (origin, direction))

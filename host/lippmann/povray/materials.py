@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from lippmann.povray.source import Item
 from lippmann.povray.text import block, identifier, number, plain, vector
+from lippmann.variant import mitsuba
 
 Colour = tuple[float, float, float]
 #: Fade distance of point lights, mm.
@@ -95,7 +95,8 @@ def _texture(side: Side, spherical: bool) -> str:
 class Materials:
     """Reads materials, once each, and copies their pictures into the exported folder."""
 
-    def __init__(self, mi: Any, folder: Path) -> None:
+    def __init__(self, folder: Path) -> None:
+        mi = mitsuba()
         self._mi = mi
         self._folder = folder
         self._known: dict[int, Material] = {}

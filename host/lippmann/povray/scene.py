@@ -15,6 +15,7 @@ from lippmann.povray.materials import Material, Materials, point_light
 from lippmann.povray.source import Item, Tree
 from lippmann.povray.text import block, identifier, matrix, plain, rows
 from lippmann.rendering.placement import Placement
+from lippmann.variant import mitsuba
 
 Array = npt.NDArray[Any]
 
@@ -25,13 +26,11 @@ SHAPES = ("sphere", "rectangle", "ply", "obj")
 GRAIN = 1e-6
 
 
-def write_scene(mi: Any, path: Path, placement: Placement, folder: Path) -> None:
+def write_scene(path: Path, placement: Placement, folder: Path) -> None:
     """Write `scene.inc`, a file for each mesh, and the pictures.
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     path
         The scene file.
     placement
@@ -44,13 +43,13 @@ def write_scene(mi: Any, path: Path, placement: Placement, folder: Path) -> None
     InputError
         Naming the first thing in the scene that POV-Ray cannot express as Mitsuba renders it.
     """
-    materials = Materials(mi, folder)
+    materials = Materials(folder)
     textures: dict[str, str] = {}
     objects: list[str] = []
     lights: list[str] = []
-    for item in Tree(mi, path).scene.children():
+    for item in Tree(path).scene.children():
         if item.kind == "Shape":
-            objects += _shape(mi, item, materials, textures, placement, folder, len(objects))
+            objects += _shape(item, materials, textures, placement, folder, len(objects))
         elif item.kind == "Emitter":
             lights.append(_light(item, placement))
         elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
@@ -72,7 +71,6 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(
-    mi: Any,
     item: Item,
     materials: Materials,
     textures: dict[str, str],
@@ -94,7 +92,7 @@ def _shape(
     if item.plugin == "sphere":
         geometry = _sphere(item, placement)
     else:
-        geometry = _mesh(mi, item, material, placement, folder, number)
+        geometry = _mesh(item, material, placement, folder, number)
     item.refuse_leftovers()
     return _object(geometry, material, textures, spherical=item.plugin == "sphere")
 
@@ -113,13 +111,13 @@ def _sphere(item: Item, placement: Placement) -> str:
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
 
-def _mesh(mi: Any, item: Item, material: Material, placement: Placement, folder: Path, number: int) -> str:
+def _mesh(item: Item, material: Material, placement: Placement, folder: Path, number: int) -> str:
     """Write a mesh's file and return how it is included."""
-    mesh, stem = _load(mi, item)
+    mesh, stem = _load(item)
     points = _column(mesh.vertex_positions_buffer(), 3)
     faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
     # A face's outside is where its corners go clockwise, in POV-Ray's left-handed frame.
-    outside = _outside(mi, mesh, points, faces)
+    outside = _outside(mesh, points, faces)
     faces = np.where(outside[:, None], faces[:, ::-1], faces)
     if material.clear:
         _check_closed(item, points, faces)
@@ -144,12 +142,13 @@ def _mesh(mi: Any, item: Item, material: Material, placement: Placement, folder:
     return f'#include "{name}"\nobject {{ {declared} @ }}'
 
 
-def _outside(mi: Any, mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
+def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
     """Tell which faces' corners go counter-clockwise seen from their front, which is where Mitsuba's normal points.
 
     Mitsuba's own normal in each face's centre: winding, vertex normals, flip_normals and a mirror in the transform all
     have their say in it.
     """
+    mi = mitsuba()
     import drjit as dr
 
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
@@ -188,8 +187,9 @@ def _braced(parts: list[str]) -> list[str]:
     return [f"{keyword} {{ {values} }}" for keyword, values in zip(parts[::2], parts[1::2], strict=True)]
 
 
-def _load(mi: Any, item: Item) -> tuple[Any, str]:
+def _load(item: Item) -> tuple[Any, str]:
     """Return Mitsuba's mesh, in scene units, and a name for it."""
+    mi = mitsuba()
     given: dict[str, Any] = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix())}
     stem = item.plugin
     if item.plugin != "rectangle":

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
+from lippmann.variant import mitsuba
 
 Matrix = npt.NDArray[np.float64]
 
@@ -128,7 +129,8 @@ class Item:
 class Tree:
     """A parsed scene file."""
 
-    def __init__(self, mi: Any, path: Path) -> None:
+    def __init__(self, path: Path) -> None:
+        mi = mitsuba()
         self.mi = mi
         self.path = path
         self.reference = mi.Properties.ResolvedReference

@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from lippmann.variant import mitsuba
 
-def register_lights(mi: Any) -> None:
+
+def register_lights() -> None:
     """Make `lights` known to Mitsuba as an integrator plugin, for the variant that runs.
 
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4).
     """
+    mi = mitsuba()
     import drjit as dr
 
     everything = mi.BSDFContext()
@@ -29,7 +32,9 @@ def register_lights(mi: Any) -> None:
             return [mi.Spectrum(0.0) for _ in ways]
         return [bsdf.eval(everything, si, wo, active) for wo in ways]
 
-    class Lights(mi.SamplingIntegrator):  # type: ignore[misc]
+    base: Any = mi.SamplingIntegrator
+
+    class Lights(base):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.max_depth = props.get("max_depth", 4)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import input_error
+from lippmann.variant import mitsuba
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +32,7 @@ class Move:
     matrix: Matrix
 
 
-def load_moved(mi: Any, path: Path, moves: Sequence[Move]) -> Any:
+def load_moved(path: Path, moves: Sequence[Move]) -> Any:
     """Return what Mitsuba makes of a scene file once its shapes have moved, in the order of the moves.
 
     Raises
@@ -41,6 +42,7 @@ def load_moved(mi: Any, path: Path, moves: Sequence[Move]) -> Any:
     RuntimeError
         What Mitsuba raises for a broken scene.
     """
+    mi = mitsuba()
     configuration = mi.parser.ParserConfig(mi.variant())
     state = mi.parser.parse_file(configuration, str(path))
     shapes = [node.props for node in state.nodes if node.type == mi.ObjectType.Shape]
@@ -51,12 +53,12 @@ def load_moved(mi: Any, path: Path, moves: Sequence[Move]) -> Any:
         motion = mi.ScalarTransform4d(move.matrix)
         for props in chosen:
             props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
-    with _beside(mi, path):
+    with _beside(path):
         mi.parser.transform_all(configuration, state)
         return mi.parser.instantiate(configuration, state)
 
 
-def scene_digest(mi: Any, path: Path) -> str:
+def scene_digest(path: Path) -> str:
     """Return a hash, 64 hexadecimal digits, of a scene's file, those it includes, and the meshes and pictures it names.
 
     Raises
@@ -66,11 +68,12 @@ def scene_digest(mi: Any, path: Path) -> str:
     OSError
         When a file cannot be read.
     """
+    mi = mitsuba()
     configuration = mi.parser.ParserConfig(mi.variant())
     state = mi.parser.parse_file(configuration, str(path))
     mi.parser.transform_resolve(configuration, state)
     named = [Path(str(file)) for file in state.files]
-    with _beside(mi, path):
+    with _beside(path):
         for node in state.nodes:
             if "filename" in node.props:
                 named.append(Path(str(mi.file_resolver().resolve(mi.filesystem.path(node.props["filename"])))))
@@ -89,8 +92,9 @@ def _ids_there(shapes: Sequence[Any]) -> str:
 
 
 @contextmanager
-def _beside(mi: Any, path: Path) -> Iterator[None]:
+def _beside(path: Path) -> Iterator[None]:
     """Let Mitsuba find files beside the scene, as its own loader does."""
+    mi = mitsuba()
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)
     resolver.prepend(mi.filesystem.path(str(path.parent)))

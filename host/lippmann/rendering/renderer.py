@@ -26,7 +26,7 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
-from lippmann.rendering.variant import device_of
+from lippmann.variant import current_device, mitsuba
 
 Image = npt.NDArray[np.float32]
 
@@ -112,7 +112,7 @@ class Rendered:
 Progress = Callable[[int, int], None]
 
 
-def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
+def make_integrator(scene: Scene, settings: Settings) -> Any:
     """Return the integrator that the settings name.
 
     Raises
@@ -120,10 +120,11 @@ def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
     InputError
         When there is none of that name, or it does not sample single rays.
     """
+    mi = mitsuba()
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
-        register_lights(mi)
+        register_lights()
         try:
             integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
         except Exception as error:
@@ -145,7 +146,6 @@ def make_integrator(mi: Any, scene: Scene, settings: Settings) -> Any:
 
 
 def render(
-    mi: Any,
     scene: Scene,
     source: RaySource,
     settings: Settings,
@@ -155,8 +155,6 @@ def render(
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     scene
         The scene.
     source
@@ -171,11 +169,12 @@ def render(
     InputError
         When the picture does not fit the memory limit.
     """
+    mi = mitsuba()
     import drjit as dr
 
     width, height = source.width_px, source.height_px
     check_memory(width, height, settings)
-    integrator = make_integrator(mi, scene, settings)
+    integrator = make_integrator(scene, settings)
     samples = settings.samples
     tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
     tile_pixels = TILE_PX * TILE_PX
@@ -186,12 +185,12 @@ def render(
         """Return (pixel numbers, inside the picture, mean radiance) of `count` tiles' pixels."""
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
-        pixel, inside = _pixel_of(mi, first_tile, place, width, height)
-        lines = source.lines(mi, pixel, index - place * samples, stripe)
+        pixel, inside = _pixel_of(first_tile, place, width, height)
+        lines = source.lines(pixel, index - place * samples, stripe)
         alive = lines.alive & inside
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, count * tile_pixels * samples)
-        ray = _scene_ray(mi, scene, lines)
+        ray = _scene_ray(scene, lines)
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
         colour = dr.select(alive, mi.Color3f(radiance), 0.0)
         if samples > 1:
@@ -199,7 +198,7 @@ def render(
             dr.eval(colour)
             colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
             place = dr.arange(mi.UInt32, count * tile_pixels)
-            pixel, inside = _pixel_of(mi, first_tile, place, width, height)
+            pixel, inside = _pixel_of(first_tile, place, width, height)
         return pixel, inside, colour
 
     stripes = source.stripes
@@ -242,8 +241,9 @@ def render(
     )
 
 
-def _pixel_of(mi: Any, first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
+def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
     """Return the pixel number of a place in the order of tiles, and whether it lies inside the picture."""
+    mi = mitsuba()
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -256,8 +256,9 @@ def _pixel_of(mi: Any, first_tile: Any, place: Any, width: int, height: int) -> 
     return mi.UInt32(row * width + column), inside
 
 
-def _scene_ray(mi: Any, scene: Scene, lines: Lines) -> Any:
+def _scene_ray(scene: Scene, lines: Lines) -> Any:
     """Return the scene's ray along a display line, from in front of everything towards the display."""
+    mi = mitsuba()
     import drjit as dr
 
     point, way, _ = lines
@@ -326,7 +327,6 @@ def peak_memory_mb() -> float:
 
 
 def render_integral(
-    mi: Any,
     scene: Scene,
     display: Display,
     model: Model,
@@ -345,13 +345,12 @@ def render_integral(
         When an engine lacks a tool.
     """
     source = IntegralSource(
-        display, model, settings.samples, settings.aperture, settings.seed, device_of(mi), engine, fraction_bits
+        display, model, settings.samples, settings.aperture, settings.seed, current_device(), engine, fraction_bits
     )
-    return render(mi, scene, source, settings, progress)
+    return render(scene, source, settings, progress)
 
 
 def render_view(
-    mi: Any,
     scene: Scene,
     eye_mm: tuple[float, float, float],
     window: Window,
@@ -364,4 +363,4 @@ def render_view(
     if near is not None and near > eye_mm[2]:
         # What stands behind the eye is not seen.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render(mi, scene, source, settings, progress)
+    return render(scene, source, settings, progress)

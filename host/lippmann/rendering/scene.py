@@ -14,6 +14,7 @@ import numpy as np
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.moved import Move, load_moved, scene_digest
 from lippmann.rendering.placement import Placement, load_placement
+from lippmann.variant import mitsuba
 
 
 @dataclass(frozen=True)
@@ -72,13 +73,11 @@ def check_scene_file(path: str | Path) -> Path:
     return path
 
 
-def load_scene(mi: Any, path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
+def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
     """Load a scene file.
 
     Parameters
     ----------
-    mi
-        Mitsuba, started (`variant.start_mitsuba`).
     path
         Mitsuba XML.
     placement
@@ -92,11 +91,12 @@ def load_scene(mi: Any, path: str | Path, placement: Placement | None = None, mo
         When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML; or when a
         move finds no shape.
     """
+    mi = mitsuba()
     path = check_scene_file(path)
     if placement is None:
         placement = placement_beside(path)
     try:
-        scene = load_moved(mi, path, moves) if moves else mi.load_file(str(path))
+        scene = load_moved(path, moves) if moves else mi.load_file(str(path))
     except InputError:
         raise
     except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
@@ -113,7 +113,7 @@ def _first_reason(error: Exception) -> str:
     return text[:400]
 
 
-def digest_of(mi: Any, path: str | Path) -> str:
+def digest_of(path: str | Path) -> str:
     """Return a hash of a scene's file and of all files that it names (see `moved.scene_digest`).
 
     Raises
@@ -123,7 +123,7 @@ def digest_of(mi: Any, path: str | Path) -> str:
     """
     path = check_scene_file(path)
     try:
-        return scene_digest(mi, path)
+        return scene_digest(path)
     except OSError as error:
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
         raise input_error(str(path), what, "mend the scene file") from None

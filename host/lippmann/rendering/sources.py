@@ -15,6 +15,7 @@ from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
+from lippmann.variant import mitsuba
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)
@@ -54,13 +55,11 @@ class RaySource(Protocol):
     def stripes(self) -> tuple[float, float, float] | None:
         """Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without."""
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Return the lines of sight of samples.
 
         Parameters
         ----------
-        mi
-            Mitsuba.
         pixel, sample
             UInt32, row-major pixel numbers and the samples' numbers within their pixel.
         stripe
@@ -69,9 +68,10 @@ class RaySource(Protocol):
 
 
 def lines_from_pixels(
-    mi: Any, b: DrJitBackend, display: Display, u: Any, v: Any, aperture: tuple[Any, Any] | None, model: Model
+    b: DrJitBackend, display: Display, u: Any, v: Any, aperture: tuple[Any, Any] | None, model: Model
 ) -> Lines:
     """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
+    mi = mitsuba()
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -114,28 +114,30 @@ class IntegralSource:
         """Colour stripes of the panel."""
         return STRIPES[self.display.panel.subpixels]
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Trace pixel samples through the lenslets (see `RaySource`)."""
+        mi = mitsuba()
         b = DrJitBackend(self.device)
         row = pixel // self.width_px
         column = pixel - row * self.width_px
         offset, width = stripe
         jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
         if self.samples > 1:
-            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+            jitter_x, jitter_y = points_in_square(pixel, sample, self.seed, stream=0)
         u = b.double(column) + b.double(0.5 + offset + width * (jitter_x - 0.5))
         v = b.double(row) + b.double(jitter_y)
         aperture = None
         if self.aperture == "full":
-            s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
+            s, t = points_in_square(pixel, sample, self.seed, stream=1)
             array = self.display.array
-            aperture = square_to_cell(mi, s, t, array.grid, array.pitch_mm)
+            aperture = square_to_cell(s, t, array.grid, array.pitch_mm)
         if self.engine != "fast":
-            return self._traced_outside(mi, u, v, aperture)
-        return lines_from_pixels(mi, b, self.display, u, v, aperture, self.model)
+            return self._traced_outside(u, v, aperture)
+        return lines_from_pixels(b, self.display, u, v, aperture, self.model)
 
-    def _traced_outside(self, mi: Any, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
+    def _traced_outside(self, u: Any, v: Any, aperture: tuple[Any, Any] | None) -> Lines:
         """Trace by an engine that takes and gives numpy arrays."""
+        mi = mitsuba()
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
         if self.samples > 1:
             # Any place in a pixel will do, so all take those that the RTL's words hold, and follow the same rays.
@@ -181,8 +183,9 @@ class PerspectiveSource:
         """View height."""
         return self.window.height_px
 
-    def lines(self, mi: Any, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
         """Join window points and eye (see `RaySource`)."""
+        mi = mitsuba()
         import drjit as dr
 
         window = self.window
@@ -190,7 +193,7 @@ class PerspectiveSource:
         column = pixel - row * window.width_px
         jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
         if self.samples > 1:
-            jitter_x, jitter_y = points_in_square(mi, pixel, sample, self.seed, stream=0)
+            jitter_x, jitter_y = points_in_square(pixel, sample, self.seed, stream=0)
         x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
         y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
         way = dr.normalize(mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2])))

@@ -25,13 +25,13 @@ from lippmann.measure.trace import fast_launch
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, Aperture
-from lippmann.rendering.variant import device_of
 from lippmann.report.figures import Figures, Measured, in_turn
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, MARKS, drawn, finish, legend
 from lippmann.report.section import Plot, Section, Shown, column
 from lippmann.report.views import EYE_MM, Stage
 from lippmann.select.model import crossing
+from lippmann.variant import current_device, mitsuba
 
 Row = dict[str, Any]
 Floats = npt.NDArray[np.float64]
@@ -99,15 +99,16 @@ class Sample:
     aperture: Floats | None
 
     @classmethod
-    def of(cls, mi: Any, display: Display, aperture: str, count: int, seed: int) -> Sample:
+    def of(cls, display: Display, aperture: str, count: int, seed: int) -> Sample:
         """Draw some."""
+        mi = mitsuba()
         panel, array = display.panel, display.array
         random = np.random.default_rng(seed)
         pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
         if aperture == "chief":
             return cls(display, pixels, None)
         s, t = (mi.Float(column) for column in random.uniform(0.0, 1.0, (2, count)))
-        points = np.stack([np.asarray(c) for c in square_to_cell(mi, s, t, array.grid, array.pitch_mm)], axis=1)
+        points = np.stack([np.asarray(c) for c in square_to_cell(s, t, array.grid, array.pitch_mm)], axis=1)
         words = words_of_aims(display, points.astype(np.float64), WIDEST)
         return cls(display, pixels, aims_of_words(display, *words, WIDEST))
 
@@ -124,16 +125,16 @@ class Sample:
         return true_rays(Numbers.of(self.display), self.pixels, self.aperture, model)
 
 
-def measure(mi: Any, scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Measure every model by every engine on the plan's displays."""
     rows: list[Row] = []
     for name in plan.displays:
         display = load_display(scenes / f"displays/{name}.toml")
         log(f"engines: {display.name} ...")
-        stage = Stage.of(mi, scenes, display, plan.panel_px, seed)
+        stage = Stage.of(scenes, display, plan.panel_px, seed)
         views = _views(stage, _engines(plan, "chief"))
         for aperture in APERTURES:
-            rows += _measure_rays(mi, display, aperture, stage.scene.depth_range_mm, views, plan, seed)
+            rows += _measure_rays(display, aperture, stage.scene.depth_range_mm, views, plan, seed)
     return Figures("report-engines", ("display", "grid", "rays", "model", "engine"), rows)
 
 
@@ -151,7 +152,6 @@ def _views(stage: Stage, engines: list[Engine]) -> dict[tuple[Model, Engine], tu
 
 
 def _measure_rays(
-    mi: Any,
     display: Display,
     aperture: Aperture,
     depths_mm: tuple[float, float],
@@ -160,15 +160,15 @@ def _measure_rays(
     seed: int,
 ) -> list[Row]:
     engines = _engines(plan, aperture)
-    sample = Sample.of(mi, display, aperture, plan.rays, seed)
+    sample = Sample.of(display, aperture, plan.rays, seed)
     some = sample.first(plan.digits_rays)
-    rates = _rates(mi, sample.first(plan.timed_rays), aperture, engines, plan, seed)
+    rates = _rates(sample.first(plan.timed_rays), aperture, engines, plan, seed)
     exact = sample.traced("exact")
     rows = []
     for model in MODELS:
         golden = sample.traced(model)
         for engine in engines:
-            rays = golden if engine == "golden" else sample.traced(model, engine, device_of(mi))
+            rays = golden if engine == "golden" else sample.traced(model, engine, current_device())
             own = (
                 errors(some.digits(model), some.traced(model), depths_mm)
                 if engine == "golden"
@@ -200,14 +200,14 @@ def _finite(value: float) -> Measured | None:
 
 
 def _rates(
-    mi: Any, sample: Sample, aperture: Aperture, engines: list[Engine], plan: Plan, seed: int
+    sample: Sample, aperture: Aperture, engines: list[Engine], plan: Plan, seed: int
 ) -> dict[tuple[Model, Engine], list[float]]:
     """Return the rays a second of each model and engine in each round."""
     display, count = sample.display, len(sample.pixels)
 
     def work(model: Model, engine: Engine) -> Callable[[], float]:
         if engine == "fast":
-            launch, number = fast_launch(mi, display, model, aperture, plan.fast_rays), itertools.count(1)
+            launch, number = fast_launch(display, model, aperture, plan.fast_rays), itertools.count(1)
             return lambda: plan.fast_rays / launch(next(number))
         if engine == "rtl":
             build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)

@@ -16,11 +16,11 @@ from lippmann.measure.render import separately, with_lenslets_across
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import Scene, load_scene
-from lippmann.rendering.variant import device_of
 from lippmann.report.figures import Figures, Measured, Row, in_turn
 from lippmann.report.plan import Plan
 from lippmann.report.plots import COLOURS, drawn, finish
 from lippmann.report.section import Plot, Section, Shown, column
+from lippmann.variant import current_device, mitsuba
 
 #: Triangles of the scene whose lights grow in number, and lights of the one whose triangles do.
 TRIANGLES, LIGHTS = 20_000, 2
@@ -46,11 +46,12 @@ def resized(display: Display, across: int) -> Display:
     )
 
 
-def waves(mi: Any, triangles: int, lights: int) -> Scene:
+def waves(triangles: int, lights: int) -> Scene:
     """Return a scene of a wavy sheet behind the display, of about so many triangles, under some point lights.
 
     The sheet, 160 mm wide, fills what any eye sees; the lights stand on a circle and share the same power.
     """
+    mi = mitsuba()
     side = max(1, round(np.sqrt(triangles / 2)))
     steps = np.linspace(-80.0, 80.0, side + 1)
     x, y = (g.ravel() for g in np.meshgrid(steps, steps))
@@ -76,15 +77,15 @@ def waves(mi: Any, triangles: int, lights: int) -> Scene:
     return Scene(Path("waves"), scene, Placement(near_mm=0.0, far_mm=-50.0))
 
 
-def measure(mi: Any, scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Time renders of growing size, each row of sizes in turn."""
-    fish = load_scene(mi, scenes / "fish/fish.xml")
+    fish = load_scene(scenes / "fish/fish.xml")
     display = load_display(scenes / "displays/paper-square.toml")
     small = resized(display, plan.growth_px)
 
     def timed(scene: Scene, display: Display, samples: int = 1) -> Callable[[], float]:
         settings = Settings(samples=samples, seed=seed)
-        return lambda: render_integral(mi, scene, display, "exact", settings).seconds
+        return lambda: render_integral(scene, display, "exact", settings).seconds
 
     def lenslets(across: int) -> int:
         array = with_lenslets_across(small, across).array
@@ -96,16 +97,16 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, log: Callable[[str], N
             for other in (resized(display, across) for across in plan.pixels_across)
         },
         "lenslets": {lenslets(n): timed(fish, with_lenslets_across(small, n)) for n in plan.lenslets_across},
-        "triangles": {n: timed(waves(mi, n, LIGHTS), small) for n in plan.triangles},
-        "lights": {n: timed(waves(mi, TRIANGLES, n), small) for n in plan.lights},
-        "threads": {n: _with_threads(n, timed(fish, small, 4)) for n in _threads(device_of(mi))},
+        "triangles": {n: timed(waves(n, LIGHTS), small) for n in plan.triangles},
+        "lights": {n: timed(waves(TRIANGLES, n), small) for n in plan.lights},
+        "threads": {n: _with_threads(n, timed(fish, small, 4)) for n in _threads(current_device())},
         "samples": {n: timed(fish, small, n) for n in plan.samples},
     }
     rows: list[Row] = []
     for name, sizes in works.items():
         log(f"growth: {name} ...")
         times = in_turn(sizes, plan.rounds)
-        memory = _memory(device_of(mi), scenes, display, plan) if name == "pixels" else {}
+        memory = _memory(current_device(), scenes, display, plan) if name == "pixels" else {}
         first = next(iter(times.values()), [])
         rows += [
             {

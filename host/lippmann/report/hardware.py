@@ -73,7 +73,7 @@ def aperture_of(build: Build) -> Aperture:
     return "full" if build.aims else "chief"
 
 
-def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Callable[[str], None]) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display of its grid."""
     chosen = configurations(plan)
     log("configurations of the RTL: simulation ...")
@@ -82,7 +82,7 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, 
 
     @cache
     def stage(display: Display) -> Stage:
-        return Stage.of(mi, scenes, display, plan.panel_px, seed)
+        return Stage.of(scenes, display, plan.panel_px, seed)
 
     @cache
     def golden(display: Display, model: Any, aperture: Aperture) -> Image:
@@ -92,7 +92,7 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, 
         log(f"configurations of the RTL: {named.name} ...")
         build, display = named.build, named.displays(scenes)[0]
         aperture = aperture_of(build)
-        sample = Sample.of(mi, display, aperture, plan.rays, seed)
+        sample = Sample.of(display, aperture, plan.rays, seed)
         twin = trace_fixed(display, sample.pixels, sample.aperture, named.model, build.fraction_bits, walk=build.walk)
         depths = stage(display).scene.depth_range_mm
         picture = stage(display).integral(named.model, "twin", build.fraction_bits, aperture)

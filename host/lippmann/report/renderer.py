@@ -6,7 +6,6 @@ import itertools
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -34,16 +33,16 @@ def noise_levels(one: Image, other: Image) -> float:
     return float(np.sqrt((apart**2).mean() / 2.0))
 
 
-def measure(mi: Any, scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Render the fish with each integrator and number of samples, another seed in each round."""
     log("renderer: noise ...")
-    scene = load_scene(mi, scenes / "fish/fish.xml")
+    scene = load_scene(scenes / "fish/fish.xml")
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
     pictures: dict[tuple[str, int], list[Image]] = defaultdict(list)
 
     def rendered(integrator: str, samples: int, seed: int) -> tuple[Image, float]:
         settings = Settings(samples=samples, integrator=integrator, seed=seed)
-        done = render_integral(mi, scene, display, "exact", settings)
+        done = render_integral(scene, display, "exact", settings)
         return done.radiance, done.seconds
 
     def work(integrator: str, samples: int) -> Callable[[], float]:

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -48,14 +47,12 @@ class Report:
 
 
 def make_report(
-    mi: Any, scenes: Path, plan: Plan, seed: int, command: str, before: Stored | None, log: Callable[[str], None]
+    scenes: Path, plan: Plan, seed: int, command: str, before: Stored | None, log: Callable[[str], None]
 ) -> Report:
     """Measure all sections.
 
     Parameters
     ----------
-    mi
-        Mitsuba, started.
     scenes
         The project's folder of scenes.
     plan
@@ -73,10 +70,10 @@ def make_report(
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
     sizes = hardware.placed()
     sections = [
-        engines.section(engines.measure(mi, scenes, plan, seed, log)),
-        hardware.section(hardware.measure(mi, scenes, plan, seed, sizes, log), sizes.origin),
-        renderer.section(renderer.measure(mi, scenes, plan, seed, log), plan),
-        growth.section(growth.measure(mi, scenes, plan, seed, log), plan),
+        engines.section(engines.measure(scenes, plan, seed, log)),
+        hardware.section(hardware.measure(scenes, plan, seed, sizes, log), sizes.origin),
+        renderer.section(renderer.measure(scenes, plan, seed, log), plan),
+        growth.section(growth.measure(scenes, plan, seed, log), plan),
         budget.section(budget.measure(scenes, plan, seed, log)),
     ]
     origin["load"] = load_since(load)

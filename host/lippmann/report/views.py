@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,29 +36,28 @@ class Stage:
     One sample a pixel, through its centre: pictures differ by their rays and by nothing else.
     """
 
-    mi: Any
     scene: Scene
     display: Display
     seed: int
 
     @classmethod
-    def of(cls, mi: Any, scenes: Path, display: Display, most_px: int, seed: int) -> Stage:
+    def of(cls, scenes: Path, display: Display, most_px: int, seed: int) -> Stage:
         """Stand the fish before the middle of a display."""
-        return cls(mi, load_scene(mi, scenes / "fish/fish.xml"), middle(display, most_px), seed)
+        return cls(load_scene(scenes / "fish/fish.xml"), middle(display, most_px), seed)
 
     def integral(
         self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
     ) -> Image:
         """Return the integral image by the rays of a model and an engine."""
         settings = Settings(aperture=aperture, seed=self.seed)
-        return render_integral(self.mi, self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
+        return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
     def seen(self, integral: Image) -> Image:
         """Return what the eye sees of an integral image, through exact lenslets."""
         window = whole_window(self.display)
-        return observe(self.mi, integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
+        return observe(integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
 
     def direct(self) -> Image:
         """Return what the eye sees of the scene itself."""
         settings = Settings(samples=VIEW_SAMPLES, seed=self.seed)
-        return render_view(self.mi, self.scene, EYE_MM, whole_window(self.display), settings).radiance
+        return render_view(self.scene, EYE_MM, whole_window(self.display), settings).radiance

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any
 
 from lippmann.display import Display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
@@ -33,14 +32,14 @@ def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
 
 
 def render_directs(
-    mi: Any, scene: Scene, display: Display, seed: int = 0, progress: Callable[[int, int], None] | None = None
+    scene: Scene, display: Display, seed: int = 0, progress: Callable[[int, int], None] | None = None
 ) -> list[Direct]:
     """Render a scene from the grid's eyes."""
     window = whole_window(display, WIDTH_PX)
     eyes = grid_of_eyes(display)
     directs = []
     for k, eye in enumerate(eyes):
-        directs.append(Direct(eye, render_view(mi, scene, eye, window, Settings(samples=SAMPLES, seed=seed)).radiance))
+        directs.append(Direct(eye, render_view(scene, eye, window, Settings(samples=SAMPLES, seed=seed)).radiance))
         if progress is not None:
             progress(k + 1, len(eyes))
     return directs

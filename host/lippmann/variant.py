@@ -1,0 +1,127 @@
+"""Starts Mitsuba on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+from lippmann.errors import InputError, MissingLibraryError
+
+VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
+
+
+def start_mitsuba(device: str = "auto") -> str:
+    """Set Mitsuba's variant for a device, "llvm", "cuda" or "auto", and return the device: "llvm" or "cuda".
+
+    "auto" takes the GPU when there is one. Scenes and pictures belong to the variant that was set when they were made.
+
+    Raises
+    ------
+    InputError
+        For an unknown device.
+    MissingLibraryError
+        When Mitsuba, or the libLLVM or CUDA driver that it needs, cannot be loaded.
+    """
+    if device not in ("auto", *VARIANTS):
+        raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
+    mi = _loaded()
+    import drjit as dr
+
+    if device == "auto":
+        device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
+    backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
+    if not dr.has_backend(backend):
+        needs = {
+            "llvm": "a system libLLVM: run make setup",
+            "cuda": "an NVIDIA driver: use --device llvm",
+        }
+        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs[device]}")
+    mi.set_variant(VARIANTS[device])
+    mi.set_log_level(mi.LogLevel.Error)
+    return device
+
+
+@contextlib.contextmanager
+def own_variant(device: str = "auto") -> Iterator[str]:
+    """Run a block with our variant for a device, and set the variant and log level from before again after it.
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        As `start_mitsuba`.
+    """
+    mi = _loaded()
+    variant = mi.variant()
+    level = mi.log_level() if variant else None
+    chosen = start_mitsuba(device)
+    try:
+        yield chosen
+    finally:
+        if variant:
+            mi.set_variant(variant)
+            mi.set_log_level(level)
+
+
+def mitsuba() -> Any:
+    """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
+
+    Raises
+    ------
+    InputError
+        When another variant is set.
+    MissingLibraryError
+        As `start_mitsuba`.
+    """
+    mi = _loaded()
+    variant = mi.variant()
+    if variant is None:
+        start_mitsuba()
+    elif variant not in VARIANTS.values():
+        raise InputError(
+            f"Mitsuba's variant is {variant}; call mitsuba.set_variant with {' or '.join(VARIANTS.values())}, or "
+            "lippmann.render, which sets its own"
+        )
+    return mi
+
+
+def _loaded() -> Any:
+    """Import Mitsuba."""
+    if "mitsuba" in sys.modules:
+        return sys.modules["mitsuba"]
+    try:
+        with interrupts_held():
+            import mitsuba as mi
+    except ImportError as error:
+        raise MissingLibraryError(f"mitsuba cannot be imported ({error}); run make setup") from None
+    return mi
+
+
+@contextlib.contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait until the block ends: where C++ loads, Python's exceptions end the process.
+
+    To block the signal would not do: other libraries' threads take it, and Python answers in this one.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    # Only the main thread has handlers, and those that are not Python's cannot be put back.
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    held: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(signal.SIGINT)
+
+
+def current_device() -> str:
+    """Return "llvm" or "cuda", the device of the variant that is set."""
+    variant: str = mitsuba().variant()
+    return variant.split("_", maxsplit=1)[0]

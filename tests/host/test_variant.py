@@ -1,0 +1,49 @@
+"""Which of Mitsuba's variants runs: chosen once, chosen again, and given back to a user who had another."""
+
+import mitsuba
+import pytest
+from lippmann.errors import InputError
+from lippmann.variant import current_device, own_variant, start_mitsuba
+from lippmann.variant import mitsuba as ours
+
+
+@pytest.fixture
+def kept():
+    """Set this worker's variant again at the end."""
+    before = mitsuba.variant()
+    yield
+    mitsuba.set_variant(before or "llvm_ad_rgb")
+
+
+def test_each_start_sets_the_variant_again(mi, kept):
+    """Starting was remembered by device, so that a variant set in between stayed."""
+    assert start_mitsuba("llvm") == "llvm"
+    mitsuba.set_variant("scalar_rgb")
+    assert start_mitsuba("llvm") == "llvm"
+    assert mitsuba.variant() == "llvm_ad_rgb"
+    assert current_device() == "llvm"
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral", "llvm_ad_rgb"])
+def test_a_users_variant_and_log_level_come_back(mi, kept, variant):
+    mitsuba.set_variant(variant)
+    mitsuba.set_log_level(mitsuba.LogLevel.Warn)
+    with own_variant("llvm") as device:
+        assert device == "llvm"
+        assert ours().variant() == "llvm_ad_rgb"
+        assert mitsuba.log_level() == mitsuba.LogLevel.Error
+    assert mitsuba.variant() == variant
+    assert mitsuba.log_level() == mitsuba.LogLevel.Warn
+
+
+def test_a_users_variant_comes_back_after_an_error(mi, kept):
+    mitsuba.set_variant("scalar_rgb")
+    with pytest.raises(ZeroDivisionError), own_variant("llvm"):
+        raise ZeroDivisionError
+    assert mitsuba.variant() == "scalar_rgb"
+
+
+def test_another_variant_is_named(mi, kept):
+    mitsuba.set_variant("scalar_rgb")
+    with pytest.raises(InputError, match="variant is scalar_rgb"):
+        ours()
