@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.conditioning.search import Floats
-from lippmann.conditioning.vectors import output_widths
+from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign, Words
 from lippmann.display import Display
@@ -448,7 +448,7 @@ def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
 
 def _rounding(apart: npt.NDArray[np.int64], twin: FixedRays, names: list[str], build: Build) -> str | None:
     """Say what rounds or overflows otherwise, from differences (6, N) of words; None when it is more than that."""
-    span = np.array([1 << bits for bits in output_widths(build)[2:-1]])[:, None]
+    span = np.array([1 << bits for bits in widths(names, build.fraction_bits)])[:, None]
     wraps = np.abs(np.abs(apart) - span) <= ROUNDING_WORDS
     if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
         found = ", ".join(name for name, row in zip(names, wraps, strict=True) if row.any())

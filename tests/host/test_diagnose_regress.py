@@ -12,10 +12,10 @@ from lippmann.cli import run
 from lippmann.conditioning.cases import Out, changed, hard_sets
 from lippmann.conditioning.measure import fixed_words
 from lippmann.conditioning.search import random_aims, random_pixels
-from lippmann.conditioning.vectors import INPUTS, display_text
+from lippmann.conditioning.vectors import INPUTS
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.judge import _rounding, judge
-from lippmann.display import load_display
+from lippmann.display import display_text, load_display
 from lippmann.fixed import leave_dome
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
