@@ -6,15 +6,15 @@ import time
 import numpy as np
 import pytest
 from lippmann.board.board import Board
-from lippmann.board.registers import REGISTERS
 from lippmann.cli import run
 from lippmann.images import decode, write_picture
 from lippmann.link.faults import Proxy
+from lippmann.registers import BOARD_REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, ModelBoard, RefusedError
 from scene_cases import generator
 
 SEED = 4507
-DISPLAY, FRAMES, SHOWN_CRC = (REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
+DISPLAY, FRAMES, SHOWN_CRC = (BOARD_REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
 
 
 @pytest.fixture(autouse=True)

@@ -21,7 +21,6 @@ import pytest
 from cobs import cobs
 from lippmann.board.board import BACK, FRONT, Board
 from lippmann.board.closed_loop import run_on_virtual_board
-from lippmann.board.registers import REGISTERS
 from lippmann.board.stream import send_frame
 from lippmann.display import load_display
 from lippmann.errors import DeviceError
@@ -31,6 +30,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
 from lippmann.link.faults import NO_FAULTS, Faults, Proxy
 from lippmann.link.packets import Kind, PacketReader, Status, packed
+from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
@@ -111,7 +111,7 @@ def test_what_a_board_says_of_itself(virtual):
         assert (hello.clock_hz, hello.epoch) == (virtual_board.CLOCK_HZ, 0)
         assert board.read(0x0, 2) == [0x4C495042, 0x00010000]
         assert board.read(0x200) == [0x4C495050]
-        low, high = board.read(REGISTERS["display_low"].address, 2)
+        low, high = board.read(BOARD_REGISTERS["display_low"].address, 2)
         assert high << 32 | low == int(small().identity, 16)
 
 
@@ -128,8 +128,8 @@ def test_the_panel_shows_what_was_sent(virtual):
         again = send_frame(board, third)
         assert again.unchanged
         assert again.sends == 0
-        assert board.read(REGISTERS["shown_crc"].address) == [sent.crc]
-        counts = board.read(REGISTERS["counters_framing"].address, 9)
+        assert board.read(BOARD_REGISTERS["shown_crc"].address) == [sent.crc]
+        counts = board.read(BOARD_REGISTERS["counters_framing"].address, 9)
         assert counts == [0] * 9
     assert_only(virtual.folder, (first, second, third))
 
@@ -230,7 +230,7 @@ def test_bad_requests_are_refused_and_change_nothing(shared, kind, body, status)
         display = board.read(0x18)
         assert ask(board, kind, body) == (status, b"")
         assert board.read(0x18) == display
-        assert board.read(REGISTERS["epoch"].address) == [0]
+        assert board.read(BOARD_REGISTERS["epoch"].address) == [0]
         if kind == Kind.TILE and status == Status.BAD_TILE_DATA:
             tile = struct.unpack("<H", body[2:4])[0]
             assert board.tiles(BACK).crcs[tile] == 0
@@ -250,7 +250,7 @@ def test_packets_that_are_not_good_are_counted_and_not_answered(virtual):
         names = ["packets", "dropped_cobs", "dropped_crc", "dropped_long", "dropped_short"]
 
         def counts():
-            return np.array([board.read(REGISTERS[f"counters_{name}"].address)[0] for name in names])
+            return np.array([board.read(BOARD_REGISTERS[f"counters_{name}"].address)[0] for name in names])
 
         before = counts()
         for bad in (flipped, b"\x09abc\0", b"\x03ab\0", cobs.encode(bytes(3201)) + b"\0", b"\0\0\0"):
@@ -265,7 +265,7 @@ def test_packets_that_are_not_good_are_counted_and_not_answered(virtual):
 
 def test_a_write_is_executed_once(quick):
     with Board.open(quick.url) as board:
-        address = REGISTERS["lens"].address
+        address = BOARD_REGISTERS["lens"].address
         assert ask(board, Kind.WRITE, struct.pack("<HI", address, 1), 100) == (0, b"")
         assert ask(board, Kind.WRITE, struct.pack("<HI", address, 2), 101) == (0, b"")
         # The same number again: whatever it says, it is the reply that was lost.
@@ -280,10 +280,10 @@ def test_a_write_is_executed_once(quick):
 
 def test_a_write_is_all_or_nothing(quick):
     with Board.open(quick.url) as board:
-        board.write(REGISTERS["display"].address, [0x80, 5])
+        board.write(BOARD_REGISTERS["display"].address, [0x80, 5])
         words = [1] * 30
         assert ask(board, Kind.WRITE, struct.pack("<H30I", 0xE0, *words))[0] == Status.NO_SUCH_ADDRESS
-        assert board.read(REGISTERS["display"].address, 2) == [0x80, 5]
+        assert board.read(BOARD_REGISTERS["display"].address, 2) == [0x80, 5]
 
 
 def test_a_repeated_present_does_nothing(quick):
@@ -292,7 +292,7 @@ def test_a_repeated_present_does_nothing(quick):
         sent = send_frame(board, image)
         body = struct.pack("<HI", 0, sent.crc)
         assert ask(board, Kind.PRESENT, body) == (0, struct.pack("<H", 1))
-        assert board.read(REGISTERS["epoch"].address) == [1]
+        assert board.read(BOARD_REGISTERS["epoch"].address) == [1]
         assert ask(board, Kind.PRESENT, struct.pack("<HI", 0, sent.crc ^ 1))[0] == Status.STALE_EPOCH
     assert_only(quick.folder, [image])
 
@@ -302,7 +302,7 @@ def test_brightness_and_patterns_leave_the_frame_alone(quick):
     with Board.open(quick.url) as board:
         send_frame(board, image)
         wait_for(quick.folder, image)
-        address = REGISTERS["display"].address
+        address = BOARD_REGISTERS["display"].address
         board.write(address, [0x7F])
         wait_for(quick.folder, image // 2)  # floor(p * 128 / 256)
         board.write(address, [4 << 8 | 0xFF])
@@ -483,7 +483,7 @@ def test_a_board_that_stalls_is_waited_for(virtual):
 def test_waveforms_of_a_window(tmp_path):
     file = tmp_path / "board.fst"
     with virtual_board.running(small(), trace=file, trace_clocks=(100, 2000)) as board, Board.open(board.url) as link:
-        while link.read(REGISTERS["clocks"].address)[0] < 2000:
+        while link.read(BOARD_REGISTERS["clocks"].address)[0] < 2000:
             pass
     assert file.stat().st_size > 1000
 
@@ -533,7 +533,7 @@ def test_a_host_that_goes_makes_way_for_the_next(quick):
     """The board sees one host go and the next one come in the same moment, as on a machine under load."""
     for _ in range(5):
         before = Board.open(quick.url)
-        address = REGISTERS["lens"].address
+        address = BOARD_REGISTERS["lens"].address
         value = before.read(address)[0] ^ 1
         quick.process.send_signal(signal.SIGSTOP)
         before.line.send(packed(Kind.WRITE, before.next_seq(), struct.pack("<HI", address, value)), 1.0)

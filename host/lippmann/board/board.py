@@ -24,11 +24,11 @@ from lippmann.errors import (
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
-from lippmann.fixed.registers import REGISTERS
 from lippmann.fixed.words import Ints
 from lippmann.link.packets import MAX_PACKET, REPLY, VERSION, Kind, Status, packed
 from lippmann.link.port import DEFAULT_BAUD, Line
 from lippmann.link.round_trip import RoundTrip
+from lippmann.registers import OPTICS_REGISTERS
 
 #: How long a board may be silent before it counts as gone, s.
 PATIENCE_S = 10.0
@@ -262,7 +262,7 @@ class Board:
     def optics_build(self) -> Build:
         """Return what the board's optics were built with. Raises as `read`, and InputError for unknown optics."""
         names = ("identity", "version", "build")
-        return build_of({name: self.read(OPTICS_BASE + REGISTERS[name].address)[0] for name in names})
+        return build_of({name: self.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in names})
 
     def tiles(self, buffer: int) -> Table:
         """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 from lippmann.board.board import Board
-from lippmann.board.registers import REGISTERS
 from lippmann.errors import device_error
+from lippmann.registers import BOARD_REGISTERS
 
 #: Frames that end until one has begun and ended.
 FRAMES = 2
@@ -23,11 +23,11 @@ def shown_crc(board: Board) -> int:
     DeviceError
         When the board does not answer, or the panel stands still.
     """
-    frames = REGISTERS["frames"].address
+    frames = BOARD_REGISTERS["frames"].address
     first = board.read(frames)[0]
     until = time.monotonic() + SECONDS
     while (board.read(frames)[0] - first) & 0xFFFFFFFF < FRAMES:
         if time.monotonic() > until:
             raise device_error(board.line.url, "the panel stands still", "check its clock and its cable")
         time.sleep(LOOK_S)
-    return board.read(REGISTERS["shown_crc"].address)[0]
+    return board.read(BOARD_REGISTERS["shown_crc"].address)[0]

@@ -6,7 +6,6 @@ import click
 
 from lippmann.board.board import OPTICS_BASE, Board
 from lippmann.board.check import check_rays
-from lippmann.board.registers import REGISTERS as BOARD_REGISTERS
 from lippmann.cli.options.common import Vector, display_option, json_option
 from lippmann.cli.options.port import baud_option, chosen_port, port_option
 from lippmann.cli.output import emit
@@ -14,9 +13,8 @@ from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Display, Panel, load_display
 from lippmann.errors import InputError, device_error, input_error
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.register_file import optics_writes, value_of, write
-from lippmann.fixed.registers import REGISTERS as OPTICS_REGISTERS
-from lippmann.fixed.registers import Field, Register
+from lippmann.fixed.register_file import optics_writes, write
+from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field, Register
 
 
 @click.group("board")
@@ -159,7 +157,7 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
     address, known = _register(register)
     with Board.open(chosen_port(port, baud), baud) as board:
         words = board.read(address, count)
-    fields = {} if known is None or count > 1 else {name: value_of(f, words[0]) for name, f in known.fields.items()}
+    fields = {} if known is None or count > 1 else {name: f.value(words[0]) for name, f in known.fields.items()}
     result = {"address": address, "words": words, "fields": fields}
 
     def text() -> None:
@@ -190,7 +188,7 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, 32, False) for value in values]
     if known is not None and len(numbers) == 1:
-        if numbers[0] & ~sum(_mask(field) for field in known.fields.values()):
+        if numbers[0] & ~sum(field.mask for field in known.fields.values()):
             raise input_error(
                 values[0], f"{register} has no field in some of these bits", f"use {', '.join(known.fields)}"
             )
@@ -217,14 +215,9 @@ def _register(name: str) -> tuple[int, Register | None]:
     return address, None
 
 
-def _mask(field: Field) -> int:
-    """Return a field's bits in its register's word."""
-    return ((1 << field.width) - 1) << field.low
-
-
 def _check_named(said: str, name: str, field: Field, word: int) -> None:
     """Refuse a word whose field holds a value that means nothing; `said` is what the user wrote."""
-    value = (word & _mask(field)) >> field.low
+    value = (word & field.mask) >> field.low
     if field.names and value not in dict(field.names):
         listed = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
         raise input_error(said, f"{name} {value} means nothing", f"choose from {listed}")
@@ -252,6 +245,6 @@ def _changed(register: str, known: Register, values: tuple[str, ...], word: int)
         if name not in known.fields:
             raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
         field = known.fields[name]
-        word = word & ~_mask(field) | _number(value, number, field.width, field.signed) << field.low
+        word = word & ~field.mask | _number(value, number, field.width, field.signed) << field.low
         _check_named(value, name, field, word)
     return word

@@ -11,13 +11,13 @@ import click
 from lippmann.board.board import Board, Hello
 from lippmann.board.displayed import shown_crc
 from lippmann.board.frames import load_frame
-from lippmann.board.registers import REGISTERS
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.options.common import Finite, json_option
 from lippmann.cli.options.port import baud_option, chosen_port, port_option
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Transfer
 from lippmann.errors import DeviceError, NoBoardError, device_error
+from lippmann.registers import BOARD_REGISTERS
 
 #: Seconds between attempts to find a lost board again.
 RETRY_S = 0.5
@@ -146,7 +146,7 @@ def _verified(board: Board, sent: Sent) -> bool:
     if shown == sent.crc:
         return True
     what = f"the panel shows CRC-32 {shown:08x}, sent was {sent.crc:08x}"
-    if board.read(REGISTERS["display"].address)[0] != REGISTERS["display"].fields["brightness"].reset:
+    if board.read(BOARD_REGISTERS["display"].address)[0] != BOARD_REGISTERS["display"].fields["brightness"].reset:
         raise device_error(
             board.line.url, what, "set brightness=255 pattern=0 to verify (lippmann board write display)"
         )

@@ -32,6 +32,16 @@ class Out:
     pixels: Floats
     aperture: Floats | None
 
+    @property
+    def inputs(self) -> tuple[Floats, ...]:
+        """Pixels, and aperture points if there are any."""
+        return (self.pixels,) if self.aperture is None else (self.pixels, self.aperture)
+
+    @property
+    def aims(self) -> Floats:
+        """Aperture points (N, 2), mm; 0 for chief rays."""
+        return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
+
 
 @dataclass(frozen=True)
 class Back:
@@ -41,6 +51,11 @@ class Back:
     display: Display
     origin_mm: Floats
     direction: Floats
+
+    @property
+    def inputs(self) -> tuple[Floats, ...]:
+        """Origins and directions."""
+        return self.origin_mm, self.direction
 
 
 Sets = Iterator[Out | Back]
@@ -415,7 +430,7 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
 def register_limits(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Displays that bring each register of the fixed-point pipeline to its largest or smallest value.
 
-    Those just outside are refused (tests/host/test_hard_fixed.py).
+    Those just outside are refused (tests/host/test_conditioning_fixed.py).
     """
     array, p, rho = display.array, display.array.pitch_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999

@@ -1,19 +1,20 @@
-"""The truth in 50 digits, and what one rounding of each input makes of a ray.
+"""Rays in 50 digits, and the effect of one rounding of each input on a ray.
 
-The optics are written once over arrays of any kind (`lippmann.optics.backend`); here their numbers are mpmath's. What
-golden rounds away is its distance from this. That the formulas are the right ones is not known from here: the tests
-hold these 50 digits to an independent tracer that shares no formula (tests/host/truth.py).
+The optics are written once over arrays of any kind (`lippmann.optics.backend`); here their numbers are mpmath's. The
+distance between golden and these rays is golden's rounding error. This module cannot show that the formulas are right:
+the tests compare the 50 digits with an independent tracer that shares no formula (tests/host/truth.py).
 
-**Condition.** A ray's unit is how far it moves, in direction or in exit point, when each of its inputs (pixel,
-aperture point, the display's numbers) moves by one unit of its last place: the sum of all, and one more of the result
-itself (of an exit point: of the lenslet's pitch or thickness, for it is found from there). An engine that stays within
-k units has found, but for k roundings, the exact ray of inputs that are at most k roundings away. Nothing that computes
-with the same words can promise more.
+**Condition.** A ray's unit is the distance that it moves, in direction or in exit point, when each of its inputs
+(pixel, aperture point, the display's numbers) moves by one unit of its last place: the sum over the inputs, plus one
+unit of the result itself (for an exit point: of the lenslet's pitch or thickness, which it is computed from). An engine
+that stays within k units has computed, up to k roundings, the exact ray of inputs that are at most k roundings away.
+No engine with the same number format can promise more.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ Bools = npt.NDArray[np.bool_]
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
-#: Relative step of the differences that give a ray's condition: far below a float64's last place, far above 50 digits'.
+#: Relative step of the differences for a ray's condition: far below a float64's last place, far above 50 digits'.
 STEP = mp.mpf(10) ** -24
 
 _number = np.frompyfunc(mp.mpf, 1, 1)
@@ -73,7 +74,7 @@ class FiftyDigits(NumpyBackend):
 
 @dataclass(frozen=True)
 class Numbers:
-    """A display's numbers that decide where rays go, as mpf: mm and degrees."""
+    """The numbers of a display that the rays depend on, as mpf: mm and degrees."""
 
     grid: Grid
     plano_to_panel: bool
@@ -93,29 +94,16 @@ class Numbers:
     def of(cls, display: Display) -> Numbers:
         """Take a display's numbers at their exact values."""
         panel, array = display.panel, display.array
-        return cls(
-            array.grid,
-            array.plano_side == "panel",
-            panel.width_px,
-            panel.height_px,
-            *(
-                mp.mpf(value)
-                for value in (
-                    panel.pixel_pitch_mm,
-                    array.pitch_mm,
-                    array.radius_mm,
-                    array.index,
-                    array.thickness_mm,
-                    display.gap_mm,
-                    array.rotation_deg,
-                    *array.offset_mm,
-                )
-            ),
-        )
+        exact = map(
+            mp.mpf,
+            (panel.pixel_pitch_mm, array.pitch_mm, array.radius_mm, array.index, array.thickness_mm, display.gap_mm,
+             array.rotation_deg, *array.offset_mm),
+        )  # fmt: skip
+        return cls(array.grid, array.plano_side == "panel", panel.width_px, panel.height_px, *exact)
 
     def system(self) -> System:
-        """Return the system that the optics take, its numbers mpf (docs/reference/optics.md gives each formula)."""
-        # mpf where the optics say float: they compute with whatever they are given.
+        """Return the system for the optics, with mpf for its numbers (docs/reference/optics.md gives each formula)."""
+        # The optics declare float, and compute with any type of number.
         lattice = Lattice(self.grid, self.pitch_mm, mp.sqrt(3) / 2)
         rho = self.pitch_mm / mp.sqrt(2 if self.grid == "square" else 3)
         sag = self.radius_mm - mp.sqrt(self.radius_mm**2 - rho**2)
@@ -166,7 +154,11 @@ class TrueHits(NamedTuple):
     status: Ints
 
 
-def true_rays(numbers: Numbers, pixels: Digits, aperture: Digits | None, model: Model = "exact") -> TrueRays:
+#: Rays in 50 digits, either way.
+Truth = TrueRays | TrueHits
+
+
+def true_rays(numbers: Numbers, pixels: Digits, aperture: Digits | None = None, model: Model = "exact") -> TrueRays:
     """Trace rays as `lippmann.optics.pixel_rays.trace` does, in 50 digits.
 
     Parameters
@@ -201,8 +193,8 @@ def true_hits(numbers: Numbers, origin_mm: Digits, direction: Digits) -> TrueHit
     b = FiftyDigits()
     direction = exact_array(direction)
     direction = direction / _root((direction * direction).sum(axis=1))[:, None]
-    origin, way = (tuple(b.real(a[:, k]) for k in range(3)) for a in (origin_mm, direction))
-    hits = pixels_from_rays(b, numbers.system(), origin, way, "exact")
+    origin, unit = (tuple(b.real(a[:, k]) for k in range(3)) for a in (origin_mm, direction))
+    hits = pixels_from_rays(b, numbers.system(), origin, unit, "exact")
     return TrueHits(
         np.stack([hits.u, hits.v], axis=1), np.stack([hits.i, hits.j], axis=1), np.asarray(hits.status, np.int64)
     )
@@ -214,16 +206,77 @@ def size(vectors: Digits) -> Floats:
     return np.asarray(_root(squares), np.float64)
 
 
+class _Input(NamedTuple):
+    """One number that rays depend on, a column of an array or a number of the display.
+
+    `values` are (N,) or one number; `array` is the index of its array, None for the display; `traced` traces the rays
+    with the input moved by a step, mpf or (N,).
+    """
+
+    values: Any
+    array: int | None
+    traced: Callable[[Any], Any]
+
+
+def _inputs(display: Display, trace: Callable[..., Any], arrays: Sequence[Floats]) -> Iterator[_Input]:
+    """Yield the inputs of `trace(numbers, *arrays)`, without the display's numbers that are 0."""
+    numbers, exact = Numbers.of(display), [exact_array(values) for values in arrays]
+    for which, values in enumerate(arrays):
+        for k, unit in enumerate(np.eye(values.shape[1])):
+
+            def moved_column(step: Any, which: int = which, unit: Floats = unit) -> Any:
+                moved = list(exact)
+                moved[which] = moved[which] + np.reshape(step, (-1, 1)) * unit
+                return trace(numbers, *moved)
+
+            yield _Input(values[:, k], which, moved_column)
+    for name in MOVED:
+        value = getattr(numbers, name)
+        if value:
+
+            def moved_number(step: Any, name: str = name, value: Any = value) -> Any:
+                return trace(dataclasses.replace(numbers, **{name: value + step}), *exact)
+
+            yield _Input(float(value), None, moved_number)
+
+
+def _last_place(values: Any) -> Any:
+    return np.spacing(np.abs(values))
+
+
+def _other_fate(rays: Truth, true: Truth) -> Bools:
+    """Tell which rays have another status or lenslet."""
+    return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
+
+
+def _slopes(given: _Input, true: Truth, names: tuple[str, ...]) -> list[Floats]:
+    """Return how far some arrays of the rays move, each row's length (N,), for a unit of an input.
+
+    Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
+    """
+    step = STEP if given.array is not None else STEP * abs(mp.mpf(given.values))
+    rays = given.traced(step)
+    other = _other_fate(rays, true)
+    apart = [getattr(rays, name) - getattr(true, name) for name in names]
+    if other.any():
+        back = given.traced(-step)
+        lost = other & _other_fate(back, true)
+        for name, moved in zip(names, apart, strict=True):
+            moved[other] = (getattr(back, name) - getattr(true, name))[other]
+            moved[lost] = mp.mpf(0)
+    return [size(moved / step) for moved in apart]
+
+
 class Condition(NamedTuple):
     """How far rays move for one unit in the last place of every input, (N,) float64.
 
     turn
-        Radians, roundings of a unit vector included.
+        Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
     shift_mm
-        Of the exit point, lens-local, mm.
+        Of the exit point, lens-local, mm. For rays from the world: of the point on the panel.
     start
-        Radians for one mm at the start of the ray and at its aperture point: what makes a rounding of lens-local
-        coordinates count.
+        Radians for one mm at the start of the ray and at its aperture point: the effect of a rounding of lens-local
+        coordinates. For rays from the world: 0.
     """
 
     turn: Floats
@@ -231,147 +284,49 @@ class Condition(NamedTuple):
     start: Floats
 
 
-def condition(display: Display, pixels: Floats, aperture: Floats | None, true: TrueRays) -> Condition:
-    """Return the condition of rays of model `exact`, from differences in 50 digits.
-
-    An input of 0 has no last place. Where a step of an input leads to another lenslet or status, its other side counts.
-    """
-    numbers = Numbers.of(display)
-    n = len(pixels)
-    ulp = float(np.spacing(1.0))
-    array = display.array
-    whole = float(np.spacing(max(array.pitch_mm, array.thickness_mm)))
-    turn, shift, start = np.full(n, ulp), np.full(n, whole), np.zeros(n)
-
-    def add(moved: Any, step: Digits, unit: Any, per_mm: float = 0.0) -> None:
-        """Add one input's share: `moved(step)` traces with the input moved by `step`."""
-        rays = moved(step)
-        other = (rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1)
-        direction, local = rays.direction - true.direction, rays.local_mm - true.local_mm
-        if other.any():
-            back = moved(-step)
-            direction[other] = (back.direction - true.direction)[other]
-            local[other] = (back.local_mm - true.local_mm)[other]
-            lost = (back.status != true.status) | (back.lenslet != true.lenslet).any(axis=1)
-            direction[other & lost] = local[other & lost] = mp.mpf(0)
-        slope, path = size(direction / step), size(local / step)
-        turn[:] += slope * unit
-        shift[:] += path * unit
-        start[:] += slope * per_mm
-
-    exact = exact_array(pixels)
-    for k in range(2):
-        column = np.eye(2)[k]
-        per_mm = 1.0 / display.panel.pixel_pitch_mm
-        add(
-            lambda step, column=column: true_rays(numbers, exact + step * column, aperture),
-            STEP,
-            np.where(pixels[:, k] == 0.0, 0.0, np.spacing(np.abs(pixels[:, k]))),
-            per_mm,
-        )
-    if aperture is not None:
-        aims = exact_array(aperture)
-        for k in range(2):
-            column = np.eye(2)[k]
-            add(
-                lambda step, column=column: true_rays(numbers, exact, aims + step * column),
-                STEP,
-                np.where(aperture[:, k] == 0.0, 0.0, np.spacing(np.abs(aperture[:, k]))),
-                1.0,
-            )
-    for name in MOVED:
-        value = getattr(numbers, name)
-        if value == 0:
-            continue
-        add(
-            lambda step, name=name, value=value: true_rays(
-                dataclasses.replace(numbers, **{name: value + step}), exact, aperture
-            ),
-            STEP * abs(value),
-            float(np.spacing(abs(float(value)))),
-        )
+def condition(display: Display, true: TrueRays, pixels: Floats, aperture: Floats | None = None) -> Condition:
+    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
+    array, n = display.array, len(pixels)
+    turn = np.full(n, float(np.spacing(1.0)))
+    shift = np.full(n, float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
+    start = np.zeros(n)
+    arrays = [pixels] if aperture is None else [pixels, aperture]
+    for given in _inputs(display, true_rays, arrays):
+        unit = np.where(given.values == 0.0, 0.0, _last_place(given.values))
+        slope, path = _slopes(given, true, ("direction", "local_mm"))
+        turn += slope * unit
+        shift += path * unit
+        if given.array is not None:
+            start += slope * (1.0 / display.panel.pixel_pitch_mm, 1.0)[given.array]
     return Condition(turn, shift, start)
 
 
-def hit_condition(display: Display, origin_mm: Floats, direction: Floats, true: TrueHits) -> Floats:
-    """Return how far rays from the world move on the panel, mm, for one unit in the last place of every input: (N,)."""
-    numbers = Numbers.of(display)
+def hit_condition(display: Display, true: TrueHits, origin_mm: Floats, direction: Floats) -> Condition:
+    """Return the condition of rays from the world."""
     pitch = display.panel.pixel_pitch_mm
-    total: Floats = pitch * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
-
-    def add(moved: Any, step: Digits, unit: Any) -> None:
-        hits = moved(step)
-        other = (hits.status != true.status) | (hits.lenslet != true.lenslet).any(axis=1)
-        apart = hits.pixel - true.pixel
-        if other.any():
-            back = moved(-step)
-            apart[other] = (back.pixel - true.pixel)[other]
-            lost = (back.status != true.status) | (back.lenslet != true.lenslet).any(axis=1)
-            apart[other & lost] = mp.mpf(0)
-        total[:] += size(apart / step) * pitch * unit
-
-    inputs = (origin_mm, direction)
-    for which, k in ((which, k) for which in range(2) for k in range(3)):
-        column = np.eye(3)[k]
-
-        def moved(step: Digits, which: int = which, column: Any = column) -> TrueHits:
-            rays = [exact_array(values) for values in inputs]
-            rays[which] = rays[which] + step * column
-            return true_hits(numbers, rays[0], rays[1])
-
-        values = inputs[which][:, k]
-        add(moved, STEP, np.where(values == 0.0, 0.0, np.spacing(np.abs(values))))
-    for name in MOVED:
-        value = getattr(numbers, name)
-        if value != 0:
-            add(
-                lambda step, name=name, value=value: true_hits(
-                    dataclasses.replace(numbers, **{name: value + step}), origin_mm, direction
-                ),
-                STEP * abs(value),
-                float(np.spacing(abs(float(value)))),
-            )
-    return total
+    shift: Floats = pitch * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
+    for given in _inputs(display, true_hits, (origin_mm, direction)):
+        unit = np.where(given.values == 0.0, 0.0, _last_place(given.values))
+        (slope,) = _slopes(given, true, ("pixel",))
+        shift += slope * pitch * unit
+    return Condition(shift / display.array.pitch_mm, shift, np.zeros_like(shift))
 
 
-def on_edge(display: Display, pixels: Floats, aperture: Floats | None, true: TrueRays, ulps: int) -> Bools:
-    """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place."""
-    numbers = Numbers.of(display)
-    edge = np.zeros(len(pixels), bool)
+def on_edge(display: Display, true: Truth, arrays: Sequence[Floats], ulps: int) -> Bools:
+    """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place.
 
-    def tried(rays: TrueRays) -> None:
-        edge[:] |= (rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1)
-
-    for sign in (-ulps, ulps):
-        for k in range(2):
-            column = np.eye(2)[k]
-            tried(true_rays(numbers, pixels + sign * np.spacing(np.abs(pixels)) * column, aperture))
-            if aperture is not None:
-                tried(true_rays(numbers, pixels, aperture + sign * np.spacing(np.abs(aperture)) * column))
-        for name in MOVED:
-            value = float(getattr(numbers, name))
-            if value:
-                step = mp.mpf(sign) * float(np.spacing(abs(value)))
-                tried(true_rays(dataclasses.replace(numbers, **{name: value + step}), pixels, aperture))
-    return edge
-
-
-def hit_on_edge(display: Display, origin_mm: Floats, direction: Floats, true: TrueHits, ulps: int) -> Bools:
-    """As `on_edge`, of rays from the world."""
-    numbers = Numbers.of(display)
-    edge = np.zeros(len(origin_mm), bool)
-
-    def tried(hits: TrueHits) -> None:
-        edge[:] |= (hits.status != true.status) | (hits.lenslet != true.lenslet).any(axis=1)
-
-    for sign in (-ulps, ulps):
-        for k in range(3):
-            column = np.eye(3)[k]
-            tried(true_hits(numbers, origin_mm + sign * np.spacing(np.abs(origin_mm)) * column, direction))
-            tried(true_hits(numbers, origin_mm, direction + sign * np.spacing(np.abs(direction)) * column))
-        for name in MOVED:
-            value = float(getattr(numbers, name))
-            if value:
-                step = mp.mpf(sign) * float(np.spacing(abs(value)))
-                tried(true_hits(dataclasses.replace(numbers, **{name: value + step}), origin_mm, direction))
+    Parameters
+    ----------
+    display, true
+        The display, and the rays in 50 digits.
+    arrays
+        What they were traced from: pixels, and aperture points if any; for rays from the world, origins and directions.
+    ulps
+        Units of the last place of a float64.
+    """
+    edge = np.zeros(len(true.status), bool)
+    for given in _inputs(display, true_rays if isinstance(true, TrueRays) else true_hits, arrays):
+        step = exact_array(_last_place(given.values)) * ulps
+        for moved in (step, -step):
+            edge |= _other_fate(given.traced(moved), true)
     return edge

@@ -16,7 +16,6 @@ from lippmann.conditioning.digits import (
     condition,
     exact_array,
     hit_condition,
-    hit_on_edge,
     on_edge,
     size,
     true_hits,
@@ -84,119 +83,73 @@ class Row:
 
 
 @dataclass(frozen=True)
-class TrueOut:
-    """A set from the panel with its truth and condition, found once for all engines."""
+class Known:
+    """A set of rays with its truth and condition, computed once for all engines."""
 
-    set: Out
-    true: TrueRays
+    set: Out | Back
+    true: TrueRays | TrueHits
     condition: Condition
 
-    @classmethod
-    def of(cls, rays: Out) -> TrueOut:
-        """Trace a set in 50 digits."""
-        true = true_rays(Numbers.of(rays.display), rays.pixels, rays.aperture)
-        return cls(rays, true, condition(rays.display, rays.pixels, rays.aperture, true))
 
-    def on_edge(self, some: Bools, ulps: int) -> Bools:
-        """Tell which of some rays are within so many units of the last place of an input of another fate."""
-        rays, true = self.set, TrueRays(*(column[some] for column in self.true))
-        aims = None if rays.aperture is None else rays.aperture[some]
-        return on_edge(rays.display, rays.pixels[some], aims, true, ulps)
+def truth_of(rays: Out | Back) -> Known:
+    """Trace a set in 50 digits."""
+    numbers = Numbers.of(rays.display)
+    if isinstance(rays, Out):
+        true = true_rays(numbers, rays.pixels, rays.aperture)
+        return Known(rays, true, condition(rays.display, true, rays.pixels, rays.aperture))
+    hits = true_hits(numbers, rays.origin_mm, rays.direction)
+    return Known(rays, hits, hit_condition(rays.display, hits, rays.origin_mm, rays.direction))
 
 
-@dataclass(frozen=True)
-class TrueBack:
-    """A set from the world with its truth and condition (mm on the panel)."""
-
-    set: Back
-    true: TrueHits
-    condition: Floats
-
-    @classmethod
-    def of(cls, rays: Back) -> TrueBack:
-        """Trace a set in 50 digits."""
-        true = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
-        return cls(rays, true, hit_condition(rays.display, rays.origin_mm, rays.direction, true))
-
-    def on_edge(self, some: Bools, ulps: int) -> Bools:
-        """As `TrueOut.on_edge`."""
-        rays, true = self.set, TrueHits(*(column[some] for column in self.true))
-        return hit_on_edge(rays.display, rays.origin_mm[some], rays.direction[some], true, ulps)
-
-
-def truth_of(rays: Out | Back) -> TrueOut | TrueBack:
-    """Return a set with its truth."""
-    return TrueOut.of(rays) if isinstance(rays, Out) else TrueBack.of(rays)
-
-
-def measure(known: TrueOut | TrueBack, engine: Engine, device: str = "llvm") -> Row:
+def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
     """Measure golden or fast on a set."""
-    if isinstance(known, TrueBack):
-        return _measure_back(known, engine, device)
-    rays = known.set
-    got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
-    true, unit = known.true, known.condition
-    same = _same(got, true)
+    rays, true, unit = known.set, known.true, known.condition
+    got: Rays | Hits
+    if isinstance(rays, Out) and isinstance(true, TrueRays):
+        got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
+        values = [got.direction, got.local_mm]
+        turn, shift = (size(exact_array(value) - wanted) for value, wanted in zip(values, true, strict=False))
+        relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
+        # One rounding of a float32 half a pitch from the lenslet's centre.
+        rounding = float(np.spacing(np.float32(0.5 * rays.display.array.pitch_mm)))
+        fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
+    elif isinstance(rays, Back) and isinstance(true, TrueHits):
+        got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
+        values = [got.pixel]
+        shift = size(exact_array(got.pixel) - true.pixel) * rays.display.panel.pixel_pitch_mm
+        relative = shift / unit.shift_mm
+        fast = shift * 1e3, unit.shift_mm * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM, "micrometre", FAST_UM
+    same = np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))
+    through = same & gets_through(true.status)
     if engine == "golden":
-        turn = size(exact_array(got.direction) - true.direction) / unit.turn
-        shift = size(exact_array(got.local_mm) - true.local_mm) / unit.shift_mm
-        return _row(known, got, same, np.ones_like(same), np.maximum(turn, shift), "units", GOLDEN_UNITS)
-    turn = size(exact_array(got.direction) - true.direction) * 1e6
-    conditioned = unit.start * _rounding(known) * 1e6 <= CONDITIONED_URAD
-    return _row(known, got, same & gets_through(true.status), conditioned, turn, "microradian", FAST_URAD)
-
-
-def _rounding(known: TrueOut) -> float:
-    """Return the last place of a float32 half a pitch from the lenslet's centre, mm."""
-    return float(np.spacing(np.float32(0.5 * known.set.display.array.pitch_mm)))
-
-
-def _same(got: Rays | Hits, true: TrueRays | TrueHits) -> Bools:
-    """Tell which rays have the truth's status and lenslet."""
-    return np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))
-
-
-def _measure_back(known: TrueBack, engine: Engine, device: str) -> Row:
-    rays = known.set
-    got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
-    apart = size(exact_array(got.pixel) - known.true.pixel) * rays.display.panel.pixel_pitch_mm
-    same = _same(got, known.true)
-    if engine == "golden":
-        return _row(known, got, same, np.ones_like(same), apart / known.condition, "units", GOLDEN_UNITS)
-    # A float32's roundings are 2^29 times a float64's.
-    conditioned = known.condition * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM
-    return _row(known, got, same & gets_through(known.true.status), conditioned, apart * 1e3, "micrometre", FAST_UM)
-
-
-def _row(
-    known: TrueOut | TrueBack, got: Rays | Hits, same: Bools, conditioned: Bools, error: Floats, unit: str, bound: float
-) -> Row:
-    true, rays = known.true, known.set
-    engine = {"units": "golden"}.get(unit, "fast")
-    other = ~_same(got, true)
-    ulps = EDGE_ULPS if engine == "golden" else EDGE_ULPS * FLOAT32_ULP
-    outside = int((~known.on_edge(other, ulps)).sum()) if other.any() else 0
-    counted = same & conditioned
+        error, counted, name, bound, ulps = relative, same, "units", GOLDEN_UNITS, EDGE_ULPS
+    else:
+        error, conditioned, name, bound = fast
+        counted, ulps = through & conditioned, EDGE_ULPS * FLOAT32_ULP
     worst = float(error[counted].max(initial=0.0))
-    values = (got.direction, got.local_mm) if isinstance(got, Rays) else (got.pixel,)
+    other = ~same
+    outside = 0
+    if other.any():
+        some = type(true)(*(column[other] for column in true))
+        outside = int((~on_edge(rays.display, some, [values[other] for values in rays.inputs], ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
-    turn = known.condition.turn if isinstance(known, TrueOut) else known.condition / rays.display.array.pitch_mm
+    array = rays.display.array
     return Row(
-        rays.name,
-        rays.display.array.grid,
-        rays.display.array.plano_side,
-        engine,
-        len(same),
-        int((same & gets_through(true.status)).sum()),
-        int(counted.sum()),
-        worst,
-        unit,
-        bound,
-        int(other.sum()),
-        outside,
-        lost,
-        float(turn.max(initial=0.0) / np.spacing(1.0)),
-        worst <= bound and not outside and not lost,
+        set=rays.name,
+        grid=array.grid,
+        plano_side=array.plano_side,
+        engine=engine,
+        rays=len(same),
+        through=int(through.sum()),
+        conditioned=int(counted.sum()),
+        worst=worst,
+        unit=name,
+        bound=bound,
+        status_differs=int(other.sum()),
+        outside_band=outside,
+        not_a_number=lost,
+        condition=float(unit.turn.max(initial=0.0) / np.spacing(1.0)),
+        kept=worst <= bound and not outside and not lost,
     )
 
 
@@ -221,7 +174,7 @@ def fixed_words(
     Aims that the words do not hold are left out; then those outside their own cell, when the registers refuse the rest.
     """
     display, array = rays.display, rays.display.array
-    aims = rays.aperture if rays.aperture is not None else np.zeros_like(rays.pixels)
+    aims = rays.aims
     build = Build.of(display, model, fraction_bits, True, walk)
     near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])

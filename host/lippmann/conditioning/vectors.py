@@ -12,19 +12,18 @@ import csv
 import dataclasses
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lippmann.conditioning.cases import CASES, Back, Out, hard_sets
-from lippmann.conditioning.digits import Numbers, condition, hit_condition, true_hits, true_rays
-from lippmann.conditioning.measure import fixed_words
+from lippmann.conditioning.digits import Numbers, condition, true_rays
+from lippmann.conditioning.measure import fixed_words, truth_of
 from lippmann.conditioning.steps import steps
-from lippmann.display import Display
+from lippmann.display import Display, display_text
 from lippmann.errors import input_error
-from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
@@ -37,6 +36,26 @@ OUTPUTS = FixedRays._fields
 STATUS_BITS = 3
 #: Bits of a line of `registers.mem`.
 REGISTER_BITS = 64
+
+
+def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
+    """Return the bits, and those of them behind the binary point, of each word of `INPUTS` and `OUTPUTS`."""
+    near = fraction_bits + 2
+    return {
+        **dict.fromkeys("uv", (PIXEL_BITS, 4)),
+        **dict.fromkeys("ab", (near, fraction_bits)),
+        **dict.fromkeys("ij", (INDEX_BITS, 0)),
+        **dict.fromkeys("xyz", (near + 2, fraction_bits + 1)),
+        **dict.fromkeys(("dx", "dy", "dz"), (near, fraction_bits + 1)),
+        "status": (STATUS_BITS, 0),
+    }
+
+
+def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
+    """Return the bits of each of some words."""
+    of = formats(fraction_bits)
+    return tuple(of[word][0] for word in words)
+
 
 ARRAYS = {
     "pixel": "(N, 2) pixel coordinates that rays start from",
@@ -67,17 +86,7 @@ BACK_ARRAYS = {
 }
 
 
-def input_widths(build: Build) -> tuple[int, ...]:
-    """Return the bits of u, v, a, b."""
-    return PIXEL_BITS, PIXEL_BITS, build.near, build.near
-
-
-def output_widths(build: Build) -> tuple[int, ...]:
-    """Return the bits of i, j, x, y, z, dx, dy, dz, status."""
-    return INDEX_BITS, INDEX_BITS, *(build.near + 2,) * 3, *(build.near,) * 3, STATUS_BITS
-
-
-def memory_lines(words: tuple[Ints, ...], widths: tuple[int, ...]) -> list[str]:
+def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
     """Return a hexadecimal line for each ray: its words behind each other, the first in the most significant bits."""
     digits = (sum(widths) + 3) // 4
     lines = []
@@ -107,7 +116,7 @@ def text_of(path: Path) -> str:
     return text
 
 
-def words_of_memory(path: Path, widths: tuple[int, ...]) -> list[Ints]:
+def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
     """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
 
     Raises
@@ -133,21 +142,6 @@ def words_of_memory(path: Path, widths: tuple[int, ...]) -> list[Ints]:
             negative = word >> (widths[k] - 1) and widths[k] > STATUS_BITS
             columns[k].append(word - (1 << widths[k]) if negative else word)
     return [np.array(column, np.int64) for column in columns]
-
-
-def display_text(display: Display) -> str:
-    """Return a display as a file that `load_display` reads to the same numbers."""
-    panel, array = display.panel, display.array
-    glass = f"index = {array.index!r}" if array.glass is None else f'glass = "{array.glass}"'
-    return (
-        f'name = "{display.name}"\ngap_mm = {display.gap_mm!r}\n\n'
-        f"[panel]\nwidth_px = {panel.width_px}\nheight_px = {panel.height_px}\n"
-        f'pixel_pitch_mm = {panel.pixel_pitch_mm!r}\nsubpixels = "{panel.subpixels}"\nbits = {panel.bits}\n'
-        f'transfer = "{panel.transfer}"\n\n'
-        f'[array]\ngrid = "{array.grid}"\npitch_mm = {array.pitch_mm!r}\nradius_mm = {array.radius_mm!r}\n{glass}\n'
-        f'thickness_mm = {array.thickness_mm!r}\nplano_side = "{array.plano_side}"\n'
-        f"rotation_deg = {array.rotation_deg!r}\noffset_mm = [{array.offset_mm[0]!r}, {array.offset_mm[1]!r}]\n"
-    )
 
 
 def write_vectors(
@@ -215,38 +209,23 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
     (place / "display.toml").write_text(display_text(rays.display))
     entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
     if isinstance(rays, Back):
-        hits = true_hits(Numbers.of(rays.display), rays.origin_mm, rays.direction)
-        np.savez(
-            place / "rays.npz",
+        known = truth_of(rays)
+        _save(
+            place,
             from_world=np.uint8(1),
             origin_mm=rays.origin_mm,
             direction=rays.direction,
-            pixel=np.asarray(hits.pixel, np.float64),
-            lenslet=hits.lenslet,
-            status=hits.status.astype(np.uint8),
-            shift_unit_mm=hit_condition(rays.display, rays.origin_mm, rays.direction, hits),
+            **known.true._asdict(),
+            shift_unit_mm=known.condition.shift_mm,
         )
         return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
-    aims = np.zeros_like(rays.pixels) if rays.aperture is None else rays.aperture
-    true = true_rays(Numbers.of(rays.display), rays.pixels, aims, model)
-    local, centre = np.asarray(true.local_mm, np.float64), np.asarray(true.centre_mm, np.float64)
-    arrays: dict[str, Any] = steps(rays.display, rays.pixels, aims)._asdict()
+    true = true_rays(Numbers.of(rays.display), rays.pixels, rays.aims, model)
+    arrays: dict[str, Any] = steps(rays.display, rays.pixels, rays.aims)._asdict()
     if model == "exact":
-        unit = condition(rays.display, rays.pixels, aims, true)
+        unit = condition(rays.display, true, rays.pixels, rays.aims)
         arrays |= {"turn_unit": unit.turn, "shift_unit_mm": unit.shift_mm}
-    origin = np.asarray(true.local_mm + np.column_stack([true.centre_mm, np.zeros(len(aims))]), np.float64)
-    np.savez(
-        place / "rays.npz",
-        pixel=rays.pixels,
-        aperture_mm=aims,
-        direction=np.asarray(true.direction, np.float64),
-        local_mm=local,
-        centre_mm=centre,
-        origin_mm=origin,
-        lenslet=true.lenslet,
-        status=true.status.astype(np.uint8),
-        **arrays,
-    )
+    arrays["origin_mm"] = true.local_mm + np.column_stack([true.centre_mm, np.zeros(len(rays.pixels))])
+    _save(place, pixel=rays.pixels, aperture_mm=rays.aims, **true._asdict(), **arrays)
     fixed, why = fixed_words(rays, fraction_bits, model=model)
     entry |= {"way": "out", "rays": len(rays.pixels), "words": 0, "refused": why}
     if fixed is None:
@@ -256,10 +235,22 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*INPUTS, *OUTPUTS])
         writer.writerows(zip(*(column.tolist() for column in (*fixed.words, *out)), strict=True))
-    (place / "registers.mem").write_text("".join(f"{line}\n" for line in register_lines(fixed.registers)))
-    (place / "inputs.mem").write_text("\n".join(memory_lines(fixed.words, input_widths(fixed.build))) + "\n")
-    (place / "expected.mem").write_text("\n".join(memory_lines(tuple(out), output_widths(fixed.build))) + "\n")
+    for file, lines in (
+        ("registers", register_lines(fixed.registers)),
+        ("inputs", memory_lines(fixed.words, widths(INPUTS, fraction_bits))),
+        ("expected", memory_lines(out, widths(OUTPUTS, fraction_bits))),
+    ):
+        (place / f"{file}.mem").write_text("\n".join(lines) + "\n")
     return entry | {"words": len(out.status), "build": dataclasses.asdict(fixed.build)}
+
+
+def _save(place: Path, **arrays: Any) -> None:
+    """Write rays.npz: numbers of 50 digits are rounded once, statuses are bytes."""
+    rounded: dict[str, Any] = {
+        name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()
+    }
+    rounded["status"] = rounded["status"].astype(np.uint8)
+    np.savez(place / "rays.npz", **rounded)
 
 
 def register_lines(registers: Configuration) -> list[str]:
@@ -274,12 +265,11 @@ def register_lines(registers: Configuration) -> list[str]:
 def _write_header(
     top: Path, entries: list[dict[str, Any]], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
 ) -> None:
-    near = fraction_bits + 2
-    widths = (PIXEL_BITS, PIXEL_BITS, near, near), (INDEX_BITS,) * 2 + (near + 2,) * 3 + (near,) * 3 + (STATUS_BITS,)
-    fractions = {
-        **{"u": 4, "v": 4, "a": fraction_bits, "b": fraction_bits, "i": 0, "j": 0, "status": 0},
-        **dict.fromkeys(("x", "y", "z", "dx", "dy", "dz"), fraction_bits + 1),
-    }
+    of = formats(fraction_bits)
+
+    def described(words: Sequence[str]) -> list[dict[str, Any]]:
+        return [{"word": word, "bits": of[word][0], "fraction_bits": of[word][1]} for word in words]
+
     header = {
         **origin,
         "model": model,
@@ -288,24 +278,17 @@ def _write_header(
         "arrays": ARRAYS,
         "arrays_of_rays_from_the_world": BACK_ARRAYS,
         "words": {
-            "inputs.mem": [
-                {"word": word, "bits": bits, "fraction_bits": fractions[word]}
-                for word, bits in zip(INPUTS, widths[0], strict=True)
-            ],
-            "expected.mem": [
-                {"word": word, "bits": bits, "fraction_bits": fractions[word]}
-                for word, bits in zip(OUTPUTS, widths[1], strict=True)
-            ],
+            **{f"{file}.mem": described(words) for file, words in (("inputs", INPUTS), ("expected", OUTPUTS))},
             "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
         },
         "cases": {name: case.why for name, case in CASES.items()},
         "sets": entries,
     }
     (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")
-    (top / "README.md").write_text(_readme(fraction_bits, widths[1]))
+    (top / "README.md").write_text(_readme(fraction_bits))
 
 
-def _readme(fraction_bits: int, widths: tuple[int, ...]) -> str:
+def _readme(fraction_bits: int) -> str:
     rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
     return (
         "# Test vectors for a ray-lenslet design\n\n"
@@ -317,7 +300,7 @@ def _readme(fraction_bits: int, widths: tuple[int, ...]) -> str:
         "display (`refused` in `vectors.json` says why) |\n"
         "| `registers.mem` | for `$readmemh`: a register a line, 64 bits |\n"
         "| `inputs.mem` | a ray a line: u, v, a, b behind each other, u in the most significant bits |\n"
-        f"| `expected.mem` | likewise {', '.join(OUTPUTS)}: {sum(widths)} bits in all |\n\n"
+        f"| `expected.mem` | likewise {', '.join(OUTPUTS)}: {sum(widths(OUTPUTS, fraction_bits))} bits in all |\n\n"
         f"Words are signed two's complement. u, v: {PIXEL_BITS} bits, 4 of them fraction, pixels from the panel's "
         f"centre, v upward. a, b: F + 2 bits, F = {fraction_bits} of them fraction, pitches and rows. i, j: lenslet. "
         "x, y, z: F + 4 bits, F + 1 of them fraction, radii of curvature from the lenslet's vertex. dx, dy, dz: F + 2 "

@@ -1,17 +1,17 @@
-"""What a tracer may have got wrong: faulty variants of golden, each with the step of the ray that it is made at.
+"""Faulty variants of golden, each with the step of the ray that its fault is in.
 
-A variant predicts the rays that a design with this fault gives. When foreign rays are not golden's but a variant's, the
-variant is the diagnosis. Discrete slips (a sign, an axis, degrees for radians) have a variant each; a display's number
-that is off by any amount is found by fitting it (`fitted`).
+A variant predicts the rays of a design with this fault. When foreign rays equal a variant's and not golden's, the
+variant is the diagnosis. Discrete slips (a sign, an axis, degrees for radians) have a variant each; a wrong number of
+the display is found by a fit (`fitted`).
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -24,27 +24,19 @@ from lippmann.errors import LippmannError
 from lippmann.optics import exact, models
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import MODELS, Model, Rays
+from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.system import System
 
 #: The steps of a ray, in its order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays of a foreign file, and the step that makes each.
+#: Arrays of a foreign file, and the step that computes each.
 STAGE_OF = {
-    "panel_mm": "panel",
-    "home": "lenslet",
-    "start_mm": "lenslet",
-    "near_mm": "aim",
-    "lenslet": "lenslet",
-    "centre_mm": "lenslet",
-    "local_mm": "dome",
-    "origin_mm": "dome",
-    "direction": "exit",
-    "status": "status",
-}
+    "panel_mm": "panel", "home": "lenslet", "start_mm": "lenslet", "near_mm": "aim", "lenslet": "lenslet",
+    "centre_mm": "lenslet", "local_mm": "dome", "origin_mm": "dome", "direction": "exit", "status": "status",
+}  # fmt: skip
 
-#: Steps to those beside, in columns and rows or in lenslets.
+#: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 #: Rays as arrays by name.
@@ -53,7 +45,7 @@ Arrays = dict[str, Floats]
 
 @dataclass(frozen=True)
 class Given:
-    """What rays are made from."""
+    """The inputs of N rays: `pixels` (N, 2), `aperture` points (N, 2), mm, None for chief rays."""
 
     display: Display
     pixels: Floats
@@ -65,23 +57,28 @@ class Given:
         """(N, 2) aperture points, mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
 
+    def but(self, **changes: Any) -> Given:
+        """Return the same with other values of some attributes."""
+        return replace(self, **changes)
+
     def some(self, chosen: Any) -> Given:
         """Return some of the rays."""
-        return dataclasses.replace(
-            self, pixels=self.pixels[chosen], aperture=None if self.aperture is None else self.aperture[chosen]
-        )
+        return self.but(pixels=self.pixels[chosen], aperture=None if self.aperture is None else self.aperture[chosen])
+
+    def with_display(self, **changes: Any) -> Given:
+        """Return the same rays for another display."""
+        return self.but(display=replace(self.display, **changes))
 
     def with_array(self, **changes: Any) -> Given:
         """Return the same rays for another array; a glass becomes a plain index."""
-        made = replace(self.display.array, **{"glass": None, **changes})
-        return dataclasses.replace(self, display=dataclasses.replace(self.display, array=made))
+        return self.with_display(array=replace(self.display.array, **{"glass": None, **changes}))
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A fault: its name, the step that it is made at, and the rays that it gives.
+    """A fault: its name, the step that it is in, and the rays that it gives.
 
-    `silent` are arrays that it predicts nothing about.
+    `silent` are arrays that it does not predict.
     """
 
     name: str
@@ -90,8 +87,9 @@ class Variant:
     silent: tuple[str, ...] = ()
 
 
-def arrays_of(rays: Rays) -> Arrays:
-    """Return rays as arrays by the names that files have."""
+def golden(given: Given) -> Arrays:
+    """Return golden's rays and steps, by the names of a file's arrays."""
+    rays = trace(given.display, given.pixels, given.aperture, given.model)
     return {
         "lenslet": rays.lenslet.astype(np.float64),
         "centre_mm": rays.centre_mm,
@@ -99,187 +97,166 @@ def arrays_of(rays: Rays) -> Arrays:
         "origin_mm": rays.origin_mm,
         "direction": rays.direction,
         "status": rays.status.astype(np.float64)[:, None],
+        **steps(given.display, given.pixels, given.aims)._asdict(),
     }
 
 
-def golden(given: Given) -> Arrays:
-    """Return golden's rays, and its steps."""
-    rays = arrays_of(trace(given.display, given.pixels, given.aperture, given.model))
-    return {**rays, **steps(given.display, given.pixels, given.aims)._asdict()}
+def _before(stage: str, name: str, change: Callable[[Given], Given], silent: tuple[str, ...] = ()) -> Variant:
+    """Return the variant that traces changed inputs."""
+    return Variant(name, stage, lambda given: golden(change(given)), silent)
+
+
+def _after(stage: str, name: str, change: Callable[[Arrays], Arrays]) -> Variant:
+    """Return the variant that changes some arrays of golden's rays."""
+
+    def predict(given: Given) -> Arrays:
+        rays = golden(given)
+        return rays | change(rays)
+
+    return Variant(name, stage, predict)
+
+
+def _with(stage: str, name: str, **changes: Any) -> Variant:
+    """Return the variant with other numbers of the array."""
+    return _before(stage, name, lambda given: given.with_array(**changes))
 
 
 def variants(display: Display) -> Iterator[Variant]:
     """Yield the variants that make a difference on a display, in the order of the ray."""
-    array, panel = display.array, display.panel
-    w, h = panel.width_px, panel.height_px
-
-    def pixels(name: str, move: Callable[[Floats], Floats]) -> Variant:
-        return Variant(name, "panel", lambda g: golden(dataclasses.replace(g, pixels=move(g.pixels))))
-
-    def numbers(name: str, stage: str, **changes: Any) -> Variant:
-        return Variant(name, stage, lambda g: golden(g.with_array(**changes)))
-
-    yield pixels("rows counted from the bottom (y flipped)", lambda p: np.column_stack([p[:, 0], h - p[:, 1]]))
-    yield pixels("columns counted from the right (x flipped)", lambda p: np.column_stack([w - p[:, 0], p[:, 1]]))
-    yield pixels("column and row swapped", lambda p: p[:, ::-1])
-    yield pixels("pixel's corner for its centre (half a pixel)", lambda p: p - 0.5)
-    yield pixels("half a pixel added twice", lambda p: p + 0.5)
-    yield pixels(
-        "rows counted from the bottom, one off (h - 1 - v)", lambda p: np.column_stack([p[:, 0], h - 1 - p[:, 1]])
-    )
-    yield pixels(
-        "columns counted from the right, one off (w - 1 - u)", lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]])
-    )
-    for du, dv in BESIDE:
-        yield pixels(f"pixel off by one: ({du:+d}, {dv:+d})", partial(np.add, (du, dv)))
-    turn = array.rotation_deg
-    if array.offset_mm != (0.0, 0.0):
-        x, y = array.offset_mm
-        yield numbers("offset_mm left out", "panel", offset_mm=(0.0, 0.0))
-        yield numbers("sign of offset_mm", "panel", offset_mm=(-x, -y))
-        yield numbers("axes of offset_mm swapped", "panel", offset_mm=(y, x))
-    if turn:
-        yield numbers("sense of rotation_deg", "panel", rotation_deg=-turn)
-        yield numbers("rotation_deg left out", "panel", rotation_deg=0.0)
-        yield numbers("rotation_deg taken for radians", "panel", rotation_deg=math.degrees(turn))
-        yield numbers("rotation_deg made radians twice", "panel", rotation_deg=math.radians(turn))
+    yield from _panel_variants(display)
     yield from _lattice_variants(display)
     yield from _aim_variants(display)
-
-    for model in MODELS:
-        yield Variant(f"rays of the model {model}", "first face", partial(_of_model, model))
-    n, R, T = array.index, array.radius_mm, array.thickness_mm
-    flipped = "viewer" if array.plano_side == "panel" else "panel"
-    yield numbers("plano_side turned over", "first face", plano_side=flipped)
-    yield Variant("gap_mm left out", "first face", lambda g: golden(_gap(g, 0.0)))
-    yield Variant("thickness added to gap_mm", "first face", lambda g: golden(_gap(g, g.display.gap_mm + T)))
-    for name, radius in (
-        ("focal length taken for the radius", array.focal_length_mm),
-        ("radius taken for the focal length", R * (n - 1.0)),
-        ("diameter taken for the radius", 0.5 * R),
-        ("radius taken for the diameter", 2.0 * R),
-    ):
-        if radius >= array.half_diagonal_mm:
-            yield numbers(name, "dome", radius_mm=radius)
+    yield from _dome_variants(display)
     yield from _exit_variants(display)
 
 
-def _of_model(model: Model, given: Given) -> Arrays:
-    return golden(dataclasses.replace(given, model=model))
+def _panel_variants(display: Display) -> Iterator[Variant]:
+    """Yield wrong pixels and wrong maps from panel to array."""
+    array, w, h = display.array, display.panel.width_px, display.panel.height_px
+    moves: dict[str, Callable[[Floats], Floats]] = {
+        "rows counted from the bottom (y flipped)": lambda p: np.column_stack([p[:, 0], h - p[:, 1]]),
+        "columns counted from the right (x flipped)": lambda p: np.column_stack([w - p[:, 0], p[:, 1]]),
+        "column and row swapped": lambda p: p[:, ::-1],
+        "pixel's corner for its centre (half a pixel)": lambda p: p - 0.5,
+        "half a pixel added twice": lambda p: p + 0.5,
+        "rows counted from the bottom, one off (h - 1 - v)": lambda p: np.column_stack([p[:, 0], h - 1 - p[:, 1]]),
+        "columns counted from the right, one off (w - 1 - u)": lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]]),
+        **{f"pixel off by one: ({du:+d}, {dv:+d})": partial(np.add, (du, dv)) for du, dv in BESIDE},
+    }
+    for name, move in moves.items():
+        yield _before("panel", name, partial(_moved, move))
+    x, y = array.offset_mm
+    if (x, y) != (0.0, 0.0):
+        yield _with("panel", "offset_mm left out", offset_mm=(0.0, 0.0))
+        yield _with("panel", "sign of offset_mm", offset_mm=(-x, -y))
+        yield _with("panel", "axes of offset_mm swapped", offset_mm=(y, x))
+    turn = array.rotation_deg
+    if turn:
+        yield _with("panel", "sense of rotation_deg", rotation_deg=-turn)
+        yield _with("panel", "rotation_deg left out", rotation_deg=0.0)
+        yield _with("panel", "rotation_deg taken for radians", rotation_deg=math.degrees(turn))
+        yield _with("panel", "rotation_deg made radians twice", rotation_deg=math.radians(turn))
 
 
-def _gap(given: Given, gap_mm: float) -> Given:
-    return dataclasses.replace(given, display=dataclasses.replace(given.display, gap_mm=gap_mm))
+def _moved(move: Callable[[Floats], Floats], given: Given) -> Given:
+    return given.but(pixels=move(given.pixels))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
-    """Wrong lenslets, and wrong numbers of the right ones."""
-    array = display.array
-    system = System.of(display)
+    """Yield wrong lenslets, and wrong numbers of the right ones."""
+    array, system = display.array, System.of(display)
 
-    def relabelled(name: str, label: Callable[[Floats], Floats], moved: bool) -> Variant:
-        def predict(g: Given) -> Arrays:
-            rays = golden(g)
+    def relabelled(name: str, label: Callable[[Floats], Floats], moved: bool = False) -> Variant:
+        def change(rays: Arrays) -> Arrays:
             lenslet = label(rays["lenslet"])
-            rays["home"] = label(rays["home"])
-            if moved:
-                centre = system.frame.panel_from_array(*system.lattice.centre(lenslet[:, 0], lenslet[:, 1]))
-                rays["centre_mm"] = np.stack(centre, axis=1)
-                rays["origin_mm"] = rays["local_mm"] + np.column_stack([rays["centre_mm"], np.zeros(len(lenslet))])
-            rays["lenslet"] = lenslet
-            return rays
+            found = {"lenslet": lenslet, "home": label(rays["home"])}
+            return found | _placed(system, rays["local_mm"], lenslet) if moved else found
 
-        return Variant(name, "lenslet", predict)
+        return _after("lenslet", name, change)
 
     for di, dj in BESIDE:
         step = np.array([di, dj], np.float64)
-        yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, True)
-        yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__, False)
-        neighbour = partial(_through_neighbour, step)
+        yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, moved=True)
+        yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__)
         yield Variant(
-            f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", "lenslet", neighbour, ("status", "start_mm", "near_mm")
+            f"neighbour's lenslet traced: ({di:+d}, {dj:+d})",
+            "lenslet",
+            partial(_through_neighbour, step),
+            ("status", "start_mm", "near_mm"),
         )
     other: Grid = "hex" if array.grid == "square" else "square"
-    made = replace(array, grid=other)
-    if array.radius_mm >= made.half_diagonal_mm:
-        yield Variant(f"{other} grid for {array.grid}", "lenslet", lambda g: golden(g.with_array(grid=other)))
-    yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], False)
+    if array.radius_mm >= replace(array, grid=other).half_diagonal_mm:
+        yield _with("lenslet", f"{other} grid for {array.grid}", grid=other)
+    yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
-        yield relabelled(
-            "hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0), False
-        )
-        yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0), False)
-
-        def sheared(g: Given) -> Arrays:
-            """Odd rows to the left for to the right: the lattice seen in a mirror, with its labels."""
-            rays = golden(g)
-            lenslet = rays["lenslet"]
-            centre = system.lattice.centre(lenslet[:, 0] - lenslet[:, 1], lenslet[:, 1])
-            rays["centre_mm"] = np.stack(system.frame.panel_from_array(*centre), axis=1)
-            rays["origin_mm"] = rays["local_mm"] + np.column_stack([rays["centre_mm"], np.zeros(len(lenslet))])
-            return rays
-
-        yield Variant("hexagonal rows moved the other way", "lenslet", sheared)
-        yield Variant(
-            "hexagonal rows along y for x",
+        yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
+        yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
+        # Odd rows to the left for to the right: the mirrored lattice, with its labels.
+        yield _after(
             "lenslet",
-            lambda g: golden(g.with_array(rotation_deg=g.display.array.rotation_deg + 90.0)),
+            "hexagonal rows moved the other way",
+            lambda r: _placed(system, r["local_mm"], r["lenslet"] - r["lenslet"][:, 1:] * (1, 0)),
+        )
+        yield _before(
+            "lenslet",
+            "hexagonal rows along y for x",
+            lambda g: g.with_array(rotation_deg=g.display.array.rotation_deg + 90.0),
             ("lenslet", "home"),
         )
-    yield Variant("cells closed on their other side (tie rule)", "lenslet", _other_ties, ("panel_mm",))
+    name = "cells closed on their other side (tie rule)"
+    yield _before("lenslet", name, lambda g: g.but(pixels=_other_ties(g)), ("panel_mm",))
+
+
+def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
+    """Return centres and origins of rays from some lenslets (N, 2)."""
+    centre = system.lattice.centre(lenslet[:, 0], lenslet[:, 1])
+    centre_mm = np.stack(system.frame.panel_from_array(*centre), axis=1)
+    return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
 def _through_neighbour(step: Floats, given: Given) -> Arrays:
-    """Trace rays as if each were the lenslet's that stands `step` beside its own, whose dome knows no end."""
+    """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
     system = System.of(given.display)
     frame, b = system.frame, NumpyBackend()
-    start, home = steps(given.display, given.pixels, given.aims)[2:0:-1]
+    rays = golden(given)
     cx, cy = system.lattice.centre(step[0], step[1])
     wide = Lattice(system.lattice.grid, 8.0 * system.lattice.pitch_mm)
-    alone = dataclasses.replace(system, lattice=wide, dome=dataclasses.replace(system.dome, lattice=wide))
-    x, y, aim = start[:, 0] - cx, start[:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
+    alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
+    x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
     if given.model == "exact":
         ray = exact.leave_panel(b, alone, x, y, aim).ray
     else:
         ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
-    lenslet = home + step
-    centre = np.stack(frame.panel_from_array(*system.lattice.centre(lenslet[:, 0], lenslet[:, 1])), axis=1)
+    lenslet = rays["home"] + step
     local = np.stack([*frame.turn(ray.x, ray.y), ray.z], axis=1)
     return {
-        **golden(given),
+        **rays,
         "home": lenslet,
         "lenslet": lenslet,
-        "centre_mm": centre,
         "local_mm": local,
-        "origin_mm": local + np.column_stack([centre, np.zeros(len(local))]),
         "direction": np.stack([*frame.turn(ray.dx, ray.dy), ray.dz], axis=1),
+        **_placed(system, local, lenslet),
     }
 
 
-def _other_ties(given: Given) -> Arrays:
-    """Give points exactly on a cell's left or lower edge to the cell beyond it."""
-    half = 0.5 * given.display.array.pitch_mm
-    local = steps(given.display, given.pixels, given.aims).start_mm
-    # Just beyond the edge, by less than any tolerance.
-    pixel = given.display.panel.pixel_pitch_mm
-    nudge = 1e-9 * given.display.array.pitch_mm / pixel
-    moved = given.pixels.copy()
-    tie = np.isclose(local, -half, rtol=1e-12, atol=0.0)
-    moved[:, 0] -= np.where(tie[:, 0], nudge, 0.0)
-    moved[:, 1] += np.where(tie[:, 1], nudge, 0.0)
-    return golden(dataclasses.replace(given, pixels=moved))
+def _other_ties(given: Given) -> Floats:
+    """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
+    pitch = given.display.array.pitch_mm
+    tie = np.isclose(golden(given)["start_mm"], -0.5 * pitch, rtol=1e-12, atol=0.0)
+    nudge = 1e-9 * pitch / given.display.panel.pixel_pitch_mm
+    return np.asarray(given.pixels + np.where(tie, (-nudge, nudge), 0.0))
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:
-    """Wrong aperture points."""
+    """Yield wrong aperture points."""
 
     def aimed(name: str, aim: Callable[[Given], Floats]) -> Variant:
-        return Variant(name, "aim", lambda g: golden(dataclasses.replace(g, aperture=aim(g))))
+        return _before("aim", name, lambda g: g.but(aperture=aim(g)))
 
-    def toward(distance: float, g: Given) -> Floats:
-        """Aims in the true aperture plane of rays that aim in a plane at another distance."""
+    def toward(share: float, g: Given) -> Floats:
+        """Return aims at a share of the way from the start to the aperture point, or beyond it."""
         start = steps(g.display, g.pixels, g.aims).start_mm
-        return np.asarray(start + (g.aims - start) * g.display.aperture_distance_mm / distance)
+        return np.asarray(start + (g.aims - start) * share)
 
     yield aimed("aperture points not used", lambda g: np.zeros_like(g.aims))
     yield aimed("aperture points halved", lambda g: 0.5 * g.aims)
@@ -297,203 +274,181 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         ("aperture plane at the focal length", display.array.focal_length_mm),
     ):
         if distance > 0.0 and abs(distance - D) > 1e-6 * D:
-            yield aimed(name, partial(toward, distance))
-    yield aimed("direction of the chief ray: sign", _backwards)
+            yield aimed(name, partial(toward, D / distance))
+    yield aimed("direction of the chief ray: sign", partial(toward, -1.0))
 
 
-def _backwards(given: Given) -> Floats:
-    """Return aims of rays that leave the panel away from where they should aim."""
-    start = steps(given.display, given.pixels, given.aims).start_mm
-    return np.asarray(2.0 * start - given.aims)
+def _dome_variants(display: Display) -> Iterator[Variant]:
+    """Yield wrong models and wrong numbers of the lens."""
+    array = display.array
+    n, R, T = array.index, array.radius_mm, array.thickness_mm
+    for model in MODELS:
+        yield _before("first face", f"rays of the model {model}", partial(Given.but, model=model))
+    flipped = "viewer" if array.plano_side == "panel" else "panel"
+    yield _with("first face", "plano_side turned over", plano_side=flipped)
+    yield _before("first face", "gap_mm left out", lambda g: g.with_display(gap_mm=0.0))
+    yield _before("first face", "thickness added to gap_mm", lambda g: g.with_display(gap_mm=g.display.gap_mm + T))
+    for name, radius in (
+        ("focal length taken for the radius", array.focal_length_mm),
+        ("radius taken for the focal length", R * (n - 1.0)),
+        ("diameter taken for the radius", 0.5 * R),
+        ("radius taken for the diameter", 2.0 * R),
+    ):
+        if radius >= array.half_diagonal_mm:
+            yield _with("dome", name, radius_mm=radius)
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
-    """Right rays, written down wrongly."""
-    array = display.array
-    frame = System.of(display).frame
+    """Yield right rays with a fault in what is written down."""
+    array, frame = display.array, System.of(display).frame
 
-    def after(name: str, change: Callable[[Arrays], Arrays], stage: str = "exit") -> Variant:
-        def predict(g: Given) -> Arrays:
-            rays = golden(g)
-            return {**rays, **change(rays)}
+    def turned_back(rays: Arrays) -> Arrays:
+        return {
+            name: np.column_stack([*frame.turn_back(*rays[name][:, :2].T), rays[name][:, 2]])
+            for name in ("direction", "local_mm")
+        }
 
-        return Variant(name, stage, predict)
-
-    for name, signs in (
-        ("sign of the direction's x", (-1, 1, 1)),
-        ("sign of the direction's y", (1, -1, 1)),
-        ("sign of the direction's z", (1, 1, -1)),
-        ("sign of the direction's x and y", (-1, -1, 1)),
-        ("sign of the direction", (-1, -1, -1)),
-    ):
-        yield after(name, partial(_times, signs))
-    yield after("direction's x and y swapped", lambda r: {"direction": r["direction"][:, [1, 0, 2]]})
-    yield after("direction not normalised: z is 1", lambda r: {"direction": r["direction"] / r["direction"][:, 2:]})
-    yield Variant("direction not normalised: index times", "exit", lambda g: _scaled(g, array.index))
+    bends: dict[str, Callable[[Floats], Floats]] = {
+        "sign of the direction's x": lambda d: d * (-1, 1, 1),
+        "sign of the direction's y": lambda d: d * (1, -1, 1),
+        "sign of the direction's z": lambda d: d * (1, 1, -1),
+        "sign of the direction's x and y": lambda d: d * (-1, -1, 1),
+        "sign of the direction": lambda d: -d,
+        "direction's x and y swapped": lambda d: d[:, [1, 0, 2]],
+        "direction not normalised: z is 1": lambda d: d / d[:, 2:],
+        "direction not normalised: index times": lambda d: d * array.index,
+    }
+    for name, bend in bends.items():
+        yield _after("exit", name, partial(_bent, bend))
     if array.rotation_deg:
-
-        def turned_back(rays: Arrays) -> Arrays:
-            found = {}
-            for name in ("direction", "local_mm"):
-                x, y = frame.turn_back(rays[name][:, 0], rays[name][:, 1])
-                found[name] = np.stack([x, y, rays[name][:, 2]], axis=1)
-            return found
-
-        yield after("rays left along the array's axes", turned_back)
+        yield _after("exit", "rays left along the array's axes", turned_back)
     for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm)):
-        yield after(f"origin's z from the {name}", partial(_lifted, z), "dome")
-    yield after("origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]}, "dome")
+        yield _after("dome", f"origin's z from the {name}", partial(_added, ("local_mm", "origin_mm"), (0.0, 0.0, z)))
+    yield _after("dome", "origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]})
 
 
-def _times(signs: tuple[int, ...], rays: Arrays) -> Arrays:
-    return {"direction": rays["direction"] * signs}
+def _bent(bend: Callable[[Floats], Floats], rays: Arrays) -> Arrays:
+    return {"direction": bend(rays["direction"])}
 
 
-def _lifted(height: float, rays: Arrays) -> Arrays:
-    return {name: rays[name] + (0.0, 0.0, height) for name in ("local_mm", "origin_mm")}
+def _added(names: tuple[str, ...], constant: Any, rays: Arrays) -> Arrays:
+    return {name: rays[name] + constant for name in names}
 
 
-def _scaled(given: Given, factor: float) -> Arrays:
-    rays = golden(given)
-    return {**rays, "direction": rays["direction"] * factor}
-
-
-#: Numbers of a display that are fitted: name, step, how to set one.
-FITTED: dict[str, tuple[str, Callable[[Given, float], Given], Callable[[Display], float]]] = {
-    "array.index": ("first face", lambda g, v: g.with_array(index=v), lambda d: d.array.index),
-    "gap_mm": ("first face", _gap, lambda d: d.gap_mm),
-    "array.thickness_mm": ("first face", lambda g, v: g.with_array(thickness_mm=v), lambda d: d.array.thickness_mm),
-    "array.radius_mm": ("dome", lambda g, v: g.with_array(radius_mm=v), lambda d: d.array.radius_mm),
-    "array.rotation_deg": ("panel", lambda g, v: g.with_array(rotation_deg=v), lambda d: d.array.rotation_deg),
-    "array.pitch_mm": ("lenslet", lambda g, v: g.with_array(pitch_mm=v), lambda d: d.array.pitch_mm),
-    "panel.pixel_pitch_mm": (
-        "panel",
-        lambda g, v: dataclasses.replace(
-            g, display=dataclasses.replace(g.display, panel=replace(g.display.panel, pixel_pitch_mm=v))
-        ),
-        lambda d: d.panel.pixel_pitch_mm,
-    ),
-    "array.offset_mm[0]": (
-        "panel",
-        lambda g, v: g.with_array(offset_mm=(v, g.display.array.offset_mm[1])),
-        lambda d: d.array.offset_mm[0],
-    ),
-    "array.offset_mm[1]": (
-        "panel",
-        lambda g, v: g.with_array(offset_mm=(g.display.array.offset_mm[0], v)),
-        lambda d: d.array.offset_mm[1],
-    ),
+#: The display's numbers that are fitted, and the step that uses each.
+FITTED = {
+    "array.index": "first face",
+    "gap_mm": "first face",
+    "array.thickness_mm": "first face",
+    "array.radius_mm": "dome",
+    "array.rotation_deg": "panel",
+    "array.pitch_mm": "lenslet",
+    "panel.pixel_pitch_mm": "panel",
+    "array.offset_mm[0]": "panel",
+    "array.offset_mm[1]": "panel",
 }
 
-#: How far from the display's number a fit looks, as shares of it (of a pitch, where it is 0 or an offset).
+#: How far from the display's number a fit looks, as shares of it (of a pitch, for 0 or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-#: How far around the display's number pitches and turns are looked at so closely that the panel's corner moves by no
-#: more than a share of a lenslet.
+#: Near the display's number, up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's
+#: corner by `CORNER` pitches.
 NEAR, CORNER = 0.02, 0.25
-#: A rotation is looked for all round: none is near another.
+#: Rotations in degrees that are always tried.
 ROTATIONS = range(-180, 180)
-#: Steps of the secant that sharpens the best of these.
-SHARPENINGS = 12
+#: Steps that refine the best of these, each to 0.6 of the width before.
+REFINEMENTS = 48
+#: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
+COARSEST, FINEST = 4, 22
 
 
 def fitted(given: Given, values: Arrays) -> Iterator[Variant]:
-    """Yield variants with a number that is found from foreign rays: one of the display, a constant, a word length.
+    """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
 
     For each number of the display, the value that explains the directions best.
     """
-    yield from _constants(given, values)
-    yield from _word_lengths(values["direction"])
-    yield from _numbers(given, values["direction"])
-
-
-def _constants(given: Given, values: Arrays) -> Iterator[Variant]:
-    """A constant added to the direction, or to the exit point."""
     rays = golden(given)
     for name, what, unit in (("direction", "direction", ""), ("local_mm", "exit point", " mm")):
-        if name not in values:
-            continue
-        added = np.median(values[name] - rays[name], axis=0)
+        added = np.median(values[name] - rays[name], axis=0) if name in values else np.array(math.nan)
         if not np.isfinite(added).all():
             continue
         added = np.where(np.abs(added) > 0.05 * np.abs(added).max(), added, 0.0)
         said = ", ".join(f"{value:+.3g}{unit} in {axis}" for value, axis in zip(added, "xyz", strict=True) if value)
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
-        yield Variant(f"a constant added to the {what}: {said}", STAGE_OF[name], partial(_added, moved, added))
-
-
-def _added(names: tuple[str, ...], constant: Floats, given: Given) -> Arrays:
-    rays = golden(given)
-    return {**rays, **{name: rays[name] + constant for name in names}}
-
-
-#: Bits of fraction that are looked for in directions: fewer are no design, more than the most are a float32's own.
-COARSEST, FINEST = 4, 22
+        yield _after(STAGE_OF[name], f"a constant added to the {what}: {said}", partial(_added, moved, added))
+    yield from _word_lengths(values["direction"])
+    for name in FITTED:
+        yield from _number(name, given, values["direction"])
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Directions whose components are all multiples of some power of two."""
+    """Yield directions in fixed point, if all components are multiples of some power of two."""
     for bits in range(COARSEST, FINEST + 1):
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
-            for how, rounded in (("rounded", np.round), ("truncated", np.floor)):
-                yield Variant(f"direction {how} to {bits} bits of fraction", "exit", partial(_held, rounded, bits))
+            for name, cut in (("rounded", np.round), ("truncated", np.floor)):
+                bend = partial(_cut, cut, bits)
+                yield _after("exit", f"direction {name} to {bits} bits of fraction", partial(_bent, bend))
             return
 
 
-def _held(rounded: Callable[[Floats], Floats], bits: int, given: Given) -> Arrays:
-    rays = golden(given)
-    return {**rays, "direction": np.ldexp(rounded(np.ldexp(rays["direction"], bits)), -bits)}
+def _cut(cut: Callable[[Floats], Floats], bits: int, values: Floats) -> Floats:
+    return np.asarray(np.ldexp(cut(np.ldexp(values, bits)), -bits))
 
 
-def _numbers(given: Given, direction: Floats) -> Iterator[Variant]:
-    """Numbers of the display; `direction` is (N, 3)."""
+def _number(name: str, given: Given, direction: Floats) -> Iterator[Variant]:
+    """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
+    display = given.display
+    value = _number_of(display, name)
+    # Offsets repeat after a pitch: their size says nothing about their error.
+    unit = value if value and "offset" not in name else display.array.pitch_mm
 
-    def loss(rays: Arrays) -> float:
-        # The median: rays that change lenslets or fates on the way must not pull.
+    def loss(tried: float) -> float:
+        """Return the median error: rays that change lenslet or status on the way must not weigh."""
+        try:
+            rays = golden(_with_number(name, tried, given))
+        except (LippmannError, ValueError, ZeroDivisionError):
+            return math.inf
         return float(np.median(np.linalg.norm(rays["direction"] - direction, axis=1)))
 
-    for name, (stage, put, get) in FITTED.items():
-        value = get(given.display)
-        # Offsets are the same again a pitch further: how large they are says nothing of how far they may be off.
-        unit = value if value and "offset" not in name else given.display.array.pitch_mm
+    looked = [value + share * unit for share in LOOKED]
+    if name == "array.rotation_deg":
+        looked += [float(turn) for turn in ROTATIONS]
+        looked += [value + math.degrees(turn) for turn in _near(display)]
+    elif name in ("array.pitch_mm", "panel.pixel_pitch_mm"):
+        looked += [value + share * unit for share in _near(display)]
+    best, width = min((loss(v), v) for v in looked)[1], 0.02 * abs(unit)
+    for _ in range(REFINEMENTS):
+        best = min((loss(v), v) for v in (best - width, best, best + width))[1]
+        width *= 0.6
+    if math.isfinite(loss(best)):
+        yield _before(FITTED[name], f"{name} is {best:.6g} for {value:.6g}", partial(_with_number, name, best))
 
-        def tried(v: float, put: Any = put) -> float:
-            try:
-                return loss(golden(put(given, v)))
-            except (LippmannError, ValueError, ZeroDivisionError):
-                return math.inf
 
-        looked = [value + share * unit for share in LOOKED]
-        if name == "array.rotation_deg":
-            looked += [float(turn) for turn in ROTATIONS]
-            looked += [value + math.degrees(share) for share in _near(given.display)]
-        elif name in ("array.pitch_mm", "panel.pixel_pitch_mm"):
-            looked += [value + share * unit for share in _near(given.display)]
-        best = min((tried(v), v) for v in looked)[1]
-        best = _sharpened(tried, best, 0.02 * abs(unit))
-        if not math.isfinite(tried(best)):
-            continue
-        yield Variant(f"{name} is {best:.6g} for {value:.6g}", stage, partial(_with_number, put, best))
+def _number_of(display: Display, name: str) -> float:
+    path, _, entry = name.partition("[")
+    value = attrgetter(path)(display)
+    return float(value[int(entry[0])] if entry else value)
+
+
+def _with_number(name: str, number: float, given: Given) -> Given:
+    path, _, entry = name.partition("[")
+    part, _, key = path.rpartition(".")
+    value: Any = number
+    if entry:
+        value = tuple(number if k == int(entry[0]) else old for k, old in enumerate(given.display.array.offset_mm))
+    if part == "array":
+        return given.with_array(**{key: value})
+    if part == "panel":
+        return given.with_display(panel=replace(given.display.panel, **{key: value}))
+    return given.with_display(**{key: value})
 
 
 def _near(display: Display) -> Floats:
-    """Return the shares of a pitch, or the turns, to look at one by one: each moves the panel's corner by as much.
+    """Return shares of a pitch, or turns in radians, each of which moves the panel's corner by `CORNER` pitches more.
 
-    On a panel of many lenslets rays have other lenslets at the next of `LOOKED`, and tell nothing of what is between.
+    On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
     """
     panel = display.panel
     step = CORNER * display.array.pitch_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     most = int(NEAR / step)
     return step * np.arange(-most, most + 1, dtype=np.float64)
-
-
-def _with_number(put: Callable[[Given, float], Given], value: float, given: Given) -> Arrays:
-    return golden(put(given, value))
-
-
-def _sharpened(loss: Callable[[float], float], best: float, width: float) -> float:
-    """Return the minimum of a loss near a value, by thirds that shrink around the best."""
-    for _ in range(4 * SHARPENINGS):
-        best = min((loss(v), v) for v in (best - width, best, best + width))[1]
-        width *= 0.6
-    return best

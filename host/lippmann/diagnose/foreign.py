@@ -16,9 +16,8 @@ from lippmann.conditioning.vectors import (
     INPUTS,
     OUTPUTS,
     STATUS_BITS,
-    input_widths,
-    output_widths,
     text_of,
+    widths,
     words_of_memory,
 )
 from lippmann.display import Display
@@ -75,12 +74,15 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     build = Build.of(display, model, fraction_bits, True)
     if suffix == ".csv":
         columns = _csv_columns(path)
-        _check_widths(path, columns, build)
+        _check_widths(path, columns, fraction_bits)
     elif suffix in (".mem", ".hex"):
         beside = inputs or path.with_name("inputs.mem")
         if not beside.is_file():
             raise input_error(str(beside), "no such file", "name the file of the inputs with --inputs")
-        words = [*words_of_memory(beside, input_widths(build)), *words_of_memory(path, output_widths(build))]
+        words = [
+            *words_of_memory(beside, widths(INPUTS, fraction_bits)),
+            *words_of_memory(path, widths(OUTPUTS, fraction_bits)),
+        ]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
     else:
         raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
@@ -106,9 +108,9 @@ def _csv_columns(path: Path) -> dict[str, Ints]:
     return {name: columns.get(name, zero) for name in wanted}
 
 
-def _check_widths(path: Path, columns: dict[str, Ints], build: Build) -> None:
+def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> None:
     """Refuse words that their bits do not hold."""
-    for (name, column), bits in zip(columns.items(), (*input_widths(build), *output_widths(build)), strict=True):
+    for (name, column), bits in zip(columns.items(), widths(tuple(columns), fraction_bits), strict=True):
         unsigned = bits == STATUS_BITS
         low, high = (0, (1 << bits) - 1) if unsigned else (-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
         out = (column < low) | (column > high)

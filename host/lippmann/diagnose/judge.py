@@ -1,7 +1,8 @@
-"""Judges foreign rays: how many are wrong, at which step of the ray, and by which fault.
+"""Judges foreign rays: how many are wrong, at which step of the ray, and which fault explains them.
 
-Reals are held to golden. A ray may be off by the tolerance, and by what a rounding of its inputs to float32 makes of
-it, so that no rounding is taken for a fault however badly a ray is conditioned. Words are held to the twin, every bit.
+Real numbers are compared with golden. A ray may be off by the tolerance plus the effect of rounding its inputs to
+float32, so that a rounding never counts as a fault, however ill-conditioned a ray is. Words are compared with the twin,
+bit for bit.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.conditioning.search import Floats
-from lippmann.conditioning.vectors import output_widths
+from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign, Words
 from lippmann.display import Display
@@ -24,28 +25,29 @@ from lippmann.optics.rays import Model
 
 Bools = npt.NDArray[np.bool_]
 
-#: Rays that a diagnosis looks at, and that a fit does.
+#: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Share of the rays that a variant must give for it to be the fault.
 EXPLAINED = 0.97
-#: How much nearer than golden it must be in the arrays that are wrong. In no array may it be farther, but for SAME (mm,
-#: radians, share of whole numbers), which is what the rounding of doubles and of a fit leaves.
+#: The largest distance of a variant from the wrong arrays, as a share of golden's. In no array may a variant be farther
+#: than golden by more than SAME (mm, radians, share of integers): the rounding of doubles and of a fit.
 NEARER, SAME = 0.5, 1e-9
-#: Units of the last place that words of a real design may be off golden, for the variants: those of the widest aims.
+#: Units of the last place between golden and the words of a right design, for the widest aims.
 WORD_UNITS = 64.0
-#: A design whose words are at most so far from the twin's rounds otherwise; it does not trace otherwise.
+#: The largest difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: By how many rays outputs may be late, and the fewest rays that show it.
+#: Delays of the outputs that are tried, in rays, and the fewest rays that show one.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-#: Fields that are whole numbers.
+#: Arrays of integers.
 WHOLE = ("home", "lenslet", "status")
+TIE_RULE = "cells closed on their other side (tie rule)"
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One array of the file: the step that makes it, rays compared and wrong, the largest difference and its unit.
+    """One array of the file: the step that computes it, rays compared and wrong, the largest difference and its unit.
 
-    `limits` are the least and the largest difference that a ray was allowed.
+    `limits` are the smallest and the largest difference that any ray was allowed.
     """
 
     field: str
@@ -59,11 +61,11 @@ class Compared:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of foreign rays.
+    """The judgement of foreign rays.
 
-    `rays` in the file; `on_edge` not judged in full, for their fate turns within a rounding; `wrong` are wrong in
-    some array. `stage` is the first step that is wrong (None: all is right), `fault` what explains the rays (None:
-    nothing does), `explained` the share of them that it gives. `first_wrong` is the number of a ray.
+    `rays` in the file; `on_edge` change status or lenslet within a rounding and are not judged in full; `wrong` are
+    wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the explanation (None:
+    none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of a ray.
     """
 
     rays: int
@@ -81,13 +83,8 @@ class Verdict:
         return not self.wrong
 
 
-@dataclass(frozen=True)
-class _Allowed:
-    """What golden gives, and how far from it a ray may be: arrays by name; `edge` (N,) fates that turn within it."""
-
-    rays: Arrays
-    by_field: dict[str, Floats]
-    edge: Bools
+#: Stage, fault and share of the rays that it explains.
+_Finding = tuple[str | None, str | None, float]
 
 
 def judge(
@@ -100,43 +97,116 @@ def judge(
     foreign
         The rays.
     display, model
-        What they are to be of.
+        What they should be of.
     tolerance_urad, tolerance_nm
-        How far directions and points may be off, beside what a rounding of the inputs does. Of words, no bit may be.
+        How far directions and points may be off, beside the effect of rounding the inputs. Words must be equal.
     """
     given = Given(display, foreign.pixels, foreign.aperture, model)
     if foreign.words is not None:
         return _judge_words(foreign, foreign.words, given)
-    allowed = _allowed(given, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
-    wrong_by = {name: _wrong(name, values, allowed) for name, values in foreign.fields.items()}
-    wrong: Bools = np.any(list(wrong_by.values()), axis=0)
-    ties = _ties(given)
-    tied_wrong = (
-        ties & (foreign.fields["lenslet"] != allowed.rays["lenslet"]).any(axis=1)
-        if ("lenslet" in foreign.fields)
-        else np.zeros_like(ties)
-    )
-    compared = tuple(_compared(name, values, allowed, wrong_by[name]) for name, values in foreign.fields.items())
-    if not wrong.any() and tied_wrong.sum() > 2 and tied_wrong.sum() == ties.sum():
-        fault = "cells closed on their other side (tie rule): every point on an edge has the other owner"
-        return _verdict(allowed.edge, tied_wrong, "lenslet", fault, 1.0, compared)
-    if not wrong.any():
-        return _verdict(allowed.edge, wrong, None, None, 0.0, compared)
-    return _verdict(allowed.edge, wrong, *_diagnosed(foreign.fields, given, allowed, wrong_by, wrong), compared)
+    seen = _compare(foreign.fields, given, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
+    compared = tuple(seen.compared(name) for name in foreign.fields)
+    wrong = seen.wrong
+    if wrong.any():
+        return _verdict(seen.edge, wrong, _diagnosed(seen), compared)
+    if "lenslet" in foreign.fields:
+        ties = seen.ties
+        tied_wrong = ties & (foreign.fields["lenslet"] != seen.golden["lenslet"]).any(axis=1)
+        if tied_wrong.sum() > 2 and tied_wrong.sum() == ties.sum():
+            fault = f"{TIE_RULE}: every point on an edge has the other owner"
+            return _verdict(seen.edge, tied_wrong, ("lenslet", fault, 1.0), compared)
+    return _verdict(seen.edge, wrong, (None, None, 0.0), compared)
 
 
-def _verdict(
-    edge: Bools, wrong: Bools, stage: str | None, fault: str | None, explained: float, compared: tuple[Compared, ...]
-) -> Verdict:
+def _verdict(edge: Bools, wrong: Bools, finding: _Finding, compared: tuple[Compared, ...]) -> Verdict:
     first = int(np.argmax(wrong)) if wrong.any() else None
-    return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, stage, fault, explained, compared)
+    return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, *finding, compared)
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Foreign rays beside golden's: N rays and their inputs.
+
+    `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off (an array
+    without a limit must be equal); `edge` (N,) marks rays whose status or lenslet changes within them. `wrong_by` tells
+    for each array which rays are wrong in it.
+    """
+
+    given: Given
+    fields: Arrays
+    golden: Arrays
+    limits: dict[str, Floats]
+    edge: Bools
+    wrong_by: dict[str, Bools]
+
+    @property
+    def wrong(self) -> Bools:
+        """The rays that are wrong in some array."""
+        return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
+
+    @property
+    def ties(self) -> Bools:
+        """The panel points exactly on an edge that two cells share, which only one of them owns."""
+        array, start = self.given.display.array, self.golden["start_mm"]
+        columns = start if array.grid == "square" else start[:, :1]
+        return np.asarray((columns == -0.5 * array.pitch_mm).any(axis=1))
+
+    def some(self, chosen: npt.NDArray[np.intp]) -> _Comparison:
+        """Return the comparison of some rays."""
+
+        def part(arrays: dict[str, Any]) -> dict[str, Any]:
+            return {name: array[chosen] for name, array in arrays.items()}
+
+        given, edge = self.given.some(chosen), self.edge[chosen]
+        return _Comparison(given, part(self.fields), part(self.golden), part(self.limits), edge, part(self.wrong_by))
+
+    def limit(self, name: str) -> Floats:
+        """Return how far an array may be off, (N,)."""
+        return self.limits.get(name, np.zeros(len(self.edge)))
+
+    def compared(self, name: str) -> Compared:
+        """Return the summary of one array."""
+        unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
+        judged = ~self.edge
+        far = _distance(name, self.fields[name], self.golden[name])[judged] * scale
+        limit = self.limit(name)[judged] * scale
+        limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
+        wrong = int(self.wrong_by[name].sum())
+        return Compared(name, STAGE_OF[name], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
+
+
+def _compare(
+    fields: Arrays, given: Given, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats
+) -> _Comparison:
+    """Compare arrays with golden's, within `turn` (radians) and `shift_mm`.
+
+    Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
+    """
+    rays, n = golden(given), len(given.pixels)
+    aimed = given.but(aperture=given.aims)
+    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
+    edge = np.zeros(n, bool)
+    for step in np.concatenate([np.eye(2), -np.eye(2)]):
+        pixels = given.pixels + step * panel_mm / given.display.panel.pixel_pitch_mm
+        for moved in (aimed.but(pixels=pixels), aimed.but(aperture=given.aims + step * aim_mm)):
+            other = golden(moved)
+            edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
+            for name, far in most.items():
+                np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
+    place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
+    limits = dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
+    limits |= {name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}
+    seen = _Comparison(given, fields, rays, limits, edge, {})
+    for name, values in fields.items():
+        seen.wrong_by[name] = _wrong(seen, name, values)
+    return seen
 
 
 def _roundings(given: Given) -> tuple[Floats, Floats]:
     """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
 
-    One rounding of a coordinate as it is given, but at least four of one half a pitch from the lenslet's centre: those
-    are what the way through a lenslet adds.
+    One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
+    the trace through the lenslet.
     """
     pitch, pixel = given.display.array.pitch_mm, given.display.panel.pixel_pitch_mm
 
@@ -147,34 +217,8 @@ def _roundings(given: Given) -> tuple[Floats, Floats]:
     return np.maximum(pixel * rounding(given.pixels), least), np.maximum(rounding(given.aims), least)
 
 
-def _allowed(given: Given, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Allowed:
-    """Trace golden, and once more with panel points and aims displaced either way by some mm, (N, 2) each."""
-    rays = golden(given)
-    n = len(given.pixels)
-    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
-    edge = np.zeros(n, bool)
-    for step in np.concatenate([np.eye(2), -np.eye(2)]):
-        for moved in (
-            Given(
-                given.display,
-                given.pixels + step * panel_mm / given.display.panel.pixel_pitch_mm,
-                given.aims,
-                given.model,
-            ),
-            Given(given.display, given.pixels, given.aims + step * aim_mm, given.model),
-        ):
-            other = golden(moved)
-            edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
-            for name, far in most.items():
-                np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
-    place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
-    fixed = dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
-    by_field = {**fixed, **{name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}}
-    return _Allowed(rays, by_field, edge)
-
-
-def _far(name: str, values: Floats, wanted: Floats) -> Floats:
-    """Return how far values are from what is wanted, (N,): a length, or 0 and 1 for whole numbers; never NaN."""
+def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
+    """Return how far values are from the wanted ones, (N,): a length, or 0 and 1 for integers; never NaN."""
     if name in WHOLE:
         return np.asarray((values != wanted).any(axis=1), np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -182,77 +226,54 @@ def _far(name: str, values: Floats, wanted: Floats) -> Floats:
     return np.where(np.isfinite(far), far, np.inf)
 
 
-def _wrong(name: str, values: Floats, allowed: _Allowed) -> Bools:
-    """Tell which rays of an array are wrong; those on an edge never are, but where they are not numbers."""
-    far = _far(name, values, allowed.rays[name])
-    limit = allowed.by_field.get(name, np.zeros(len(far)))
-    return np.asarray((far > limit) & ~(allowed.edge & np.isfinite(far) & (name not in ("panel_mm",))))
+def _wrong(seen: _Comparison, name: str, values: Floats) -> Bools:
+    """Tell which rays are wrong in an array; on an edge only panel points and values that are not finite count."""
+    far = _distance(name, values, seen.golden[name])
+    excused = seen.edge & np.isfinite(far) & (name != "panel_mm")
+    return np.asarray((far > seen.limit(name)) & ~excused)
 
 
-def _compared(name: str, values: Floats, allowed: _Allowed, wrong: Bools) -> Compared:
-    unit, scale = {"direction": ("microradian", 1e6)}.get(name, ("nm", 1e6))
-    if name in WHOLE:
-        unit, scale = "rays", 1.0
-    far = _far(name, values, allowed.rays[name])
-    worst = float(far[~allowed.edge].max(initial=0.0)) * scale
-    limit = allowed.by_field.get(name, np.zeros(len(far)))[~allowed.edge] * scale
-    limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
-    return Compared(name, STAGE_OF[name], len(wrong), int(wrong.sum()), worst, limits, unit)
+# --- diagnosis --------------------------------------------------------------------------------------------------
 
 
-def _ties(given: Given) -> Bools:
-    """Tell which panel points are exactly on an edge of their cell that only one of two neighbours owns."""
-    start = golden(given)["start_mm"]
-    half = 0.5 * given.display.array.pitch_mm
-    columns = start if given.display.array.grid == "square" else start[:, :1]
-    return np.asarray((columns == -half).any(axis=1))
-
-
-def _diagnosed(
-    fields: Arrays, given: Given, allowed: _Allowed, wrong_by: dict[str, Bools], wrong: Bools
-) -> tuple[str, str | None, float]:
+def _diagnosed(seen: _Comparison) -> _Finding:
     """Return stage, fault and share explained of rays that are wrong."""
-    first = min((STAGE_OF[name] for name, bad in wrong_by.items() if bad.any()), key=STAGES.index)
+    first = min((STAGE_OF[name] for name, bad in seen.wrong_by.items() if bad.any()), key=STAGES.index)
     if first == "status":
-        return first, _codes(fields["status"], allowed.rays["status"], wrong), 1.0
-    wraps = _wrapped(fields["direction"], allowed, wrong_by["direction"])
-    if wraps:
+        return first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
+    if _wrapped(seen):
         return "exit", "a component of the direction wrapped where it should saturate at 1", 1.0
     if first == "exit":
-        bent = fields["direction"]
-        length = np.linalg.norm(bent, axis=1)
-        unit = bent / np.where(length > 0.0, length, 1.0)[:, None]
-        if not _wrong("direction", unit, allowed).any():
+        length = np.linalg.norm(seen.fields["direction"], axis=1)
+        unit = seen.fields["direction"] / np.where(length > 0.0, length, 1.0)[:, None]
+        if not _wrong(seen, "direction", unit).any():
             return "exit", "direction not normalised: it is right but for its length", 1.0
-    late = _late(fields, allowed, wrong_by)
+    late = _late(seen)
     if late:
         return "exit", late, 1.0
-    everywhere = _best(fields, given, allowed, np.arange(len(wrong)), wrong_by, wrong)
-    return everywhere or _stale(fields, given, allowed, wrong_by, wrong) or (first, None, 0.0)
+    return _best(seen) or _stale(seen) or (first, None, 0.0)
 
 
-def _stale(
-    fields: Arrays, given: Given, allowed: _Allowed, wrong_by: dict[str, Bools], wrong: Bools
-) -> tuple[str, str, float] | None:
-    """Explain a stretch of wrong rays, with right ones before or after: what was written there took effect late."""
-    run = np.flatnonzero(wrong)
+def _stale(seen: _Comparison) -> _Finding | None:
+    """Explain a stretch of wrong rays, with right ones before or after, by a register that took effect late."""
+    run = np.flatnonzero(seen.wrong)
     first, last = int(run[0]), int(run[-1])
-    if last + 1 - first >= len(wrong) or len(run) < 0.5 * (last + 1 - first):
+    if last + 1 - first >= len(seen.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
-    part = _best(fields, given, allowed, np.arange(first, last + 1), wrong_by, wrong)
-    if part is None:
+    found = _best(seen.some(np.arange(first, last + 1)))
+    if found is None:
         return None
-    return part[0], f"stale register: rays {first} to {last} are of an earlier configuration ({part[1]})", part[2]
+    stage, fault, share = found
+    return stage, f"stale register: rays {first} to {last} are of an earlier configuration ({fault})", share
 
 
-def _late(fields: Arrays, allowed: _Allowed, wrong_by: dict[str, Bools]) -> str | None:
-    """Say by how many rays the arrays that are wrong came too late, or too early."""
+def _late(seen: _Comparison) -> str | None:
+    """Say by how many rays the wrong arrays came too late, or too early."""
     for lag in LAGS:
         here, there = _shifted(lag)
         right = [
-            _far(name, fields[name][here], allowed.rays[name][there])
-            <= allowed.by_field.get(name, np.zeros(len(bad)))[there]
-            for name, bad in wrong_by.items()
+            _distance(name, seen.fields[name][here], seen.golden[name][there]) <= seen.limit(name)[there]
+            for name, bad in seen.wrong_by.items()
             if bad.any()
         ]
         if len(right[0]) >= MANY and np.all(right, axis=0).mean() >= EXPLAINED:
@@ -266,7 +287,7 @@ def _shifted(lag: int) -> tuple[slice, slice]:
 
 
 def _lateness(lag: int) -> str:
-    return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has what is ray k {-lag:+d}'s"
+    return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has the values of ray k {-lag:+d}"
 
 
 def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str:
@@ -275,97 +296,79 @@ def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str
     return f"wrong status code: {said}"
 
 
-def _wrapped(direction: Floats, allowed: _Allowed, wrong: Bools) -> bool:
-    """Tell whether every wrong direction is right but for a component that is 2 off."""
-    apart = (direction - allowed.rays["direction"])[wrong]
+def _wrapped(seen: _Comparison) -> bool:
+    """Tell whether every wrong direction is right but for one component that is off by 2."""
+    wrong, right = seen.wrong_by["direction"], seen.golden["direction"]
+    apart = (seen.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
     rest = np.linalg.norm(apart - 2.0 * turns, axis=1)
-    # A component of size 1 whose sign is wrong is 2 off as well: that is no wrap where others are not as near to 1.
+    # A component of size 1 with the wrong sign is off by 2 as well: no wrap if rays far from 1 are wrong too.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()
         and (rest < 1e-3).all()
-        and not wrong[np.abs(allowed.rays["direction"]).max(axis=1) < 1.0 - 1e-3].any()
+        and not wrong[np.abs(right).max(axis=1) < 1.0 - 1e-3].any()
         and (~wrong).any()
     )
 
 
-def _best(
-    fields: Arrays,
-    given: Given,
-    allowed: _Allowed,
-    index: npt.NDArray[np.intp],
-    wrong_by: dict[str, Bools],
-    wrong: Bools,
-) -> tuple[str, str, float] | None:
-    """Return stage, name and share of the variant that comes nearest to some rays, if it gives nearly all."""
+def _best(seen: _Comparison) -> _Finding | None:
+    """Return stage, name and share of the variant that comes nearest to the rays, if it gives nearly all of them."""
     random = np.random.default_rng(0)
-    bad = index[wrong[index]]
+    bad = np.flatnonzero(seen.wrong)
     some = np.sort(random.permutation(bad)[:SAMPLE])
-    good = random.permutation(index[~wrong[index] & ~allowed.edge[index]])[: SAMPLE // 3]
-    chosen = np.concatenate([some, good])
-    part = given.some(chosen)
-    sampled = _Sampled(
-        {name: array[chosen] for name, array in fields.items()},
-        {name: array[chosen] for name, array in allowed.rays.items()},
-        {name: limit[chosen] for name, limit in allowed.by_field.items()},
-        {name: array[some] for name, array in wrong_by.items()},
-    )
+    good = random.permutation(np.flatnonzero(~seen.wrong & ~seen.edge))[: SAMPLE // 3]
+    sample = seen.some(np.concatenate([some, good]))
 
-    def best_of(found: Iterable[Variant]) -> tuple[float, float, Variant] | None:
-        best = None
+    def best_of(found: Iterable[Variant]) -> _Finding | None:
+        best, nearest = None, np.inf
         for variant in found:
-            share, rest = _match(variant, variant.predict(part), sampled)
-            if share >= EXPLAINED and (best is None or rest < best[1]):
-                best = share, rest, variant
+            share, rest = _match(variant, sample)
+            if share >= EXPLAINED and (best is None or rest < nearest):
+                best, nearest = (variant.stage, variant.name, share), rest
         return best
 
-    found = best_of(variants(given.display))
+    found = best_of(variants(seen.given.display))
     if found is None:
-        few = random.permutation(bad)[:FIT_SAMPLE]
-        found = best_of(fitted(given.some(few), {name: array[few] for name, array in fields.items()}))
-    return None if found is None else (found[2].stage, found[2].name, found[0])
+        few = seen.some(random.permutation(bad)[:FIT_SAMPLE])
+        found = best_of(fitted(few.given, few.fields))
+    return found
 
 
-@dataclass(frozen=True)
-class _Sampled:
-    """Rays that variants are tried on, the wrong ones first: arrays of the file, of golden, and their limits, (N, ...).
-
-    `wrong` tells for each array which of the wrong rays are wrong in it, (M,).
-    """
-
-    values: Arrays
-    golden: Arrays
-    limits: dict[str, Floats]
-    wrong: dict[str, Bools]
-
-
-def _match(variant: Variant, rays: Arrays, sampled: _Sampled) -> tuple[float, float]:
-    """Return the share of rays that a variant gives, and how far it stays from the wrong ones, in golden's distance.
+def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
+    """Return the share of rays that a variant gives, and its distance from the wrong ones in units of golden's.
 
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
-    as near in those that are wrong. So a variant that differs from golden in nothing that the file has explains
-    nothing.
+    as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
-    right, ratios = np.ones(len(next(iter(sampled.values.values()))), bool), []
-    bad = len(next(iter(sampled.wrong.values())))
-    for name, array in sampled.values.items():
+    rays, bad = variant.predict(sample.given), sample.wrong
+    right, ratios = np.ones(len(bad), bool), []
+    for name, values in sample.fields.items():
         if name in variant.silent:
             continue
-        far, own = _far(name, array, rays[name]), _far(name, array, sampled.golden[name])
-        right &= far <= sampled.limits.get(name, np.zeros(len(far)))
+        far, own = _distance(name, values, rays[name]), _distance(name, values, sample.golden[name])
+        right &= far <= sample.limit(name)
         middle = np.mean if name in WHOLE else np.median
-        wrong = sampled.wrong[name]
+        wrong = sample.wrong_by[name]
         if wrong.any():
-            ratios.append(float(middle(far[:bad][wrong])) / float(middle(own[:bad][wrong])))
-        if middle(far[:bad]) > middle(own[:bad]) + SAME:
+            ratios.append(float(middle(far[wrong])) / float(middle(own[wrong])))
+        if middle(far[bad]) > middle(own[bad]) + SAME:
             return 0.0, np.inf
     if not ratios or not max(ratios) <= NEARER:
         return 0.0, np.inf
-    return float(min(right.mean(), right[:bad].mean())), max(ratios)
+    return float(min(right.mean(), right[bad].mean())), max(ratios)
 
 
 # --- words ------------------------------------------------------------------------------------------------------
+
+#: Words that are real numbers.
+REALS = ("x", "y", "z", "dx", "dy", "dz")
+#: Steps that compute words; the others are of the exit.
+WORD_STAGES = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
+#: Words that may be taken for each other.
+SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
+#: Words that may have the wrong sign.
+SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
 
 
 def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
@@ -380,51 +383,44 @@ def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
             int(wrong_by[name].sum()),
             float(np.abs(got - wanted).max(initial=0)),
             (0.0, 0.0),
-            "units of the last place" if name not in ("i", "j", "status") else "rays",
+            "units of the last place" if name in REALS else "rays",
         )
         for name, got, wanted in zip(FixedRays._fields, words.outputs, twin, strict=True)
     )
-    unit = 2.0 ** -(words.build.fraction_bits + 1)
+    finding: _Finding = (None, None, 0.0)
+    if wrong.any():
+        first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
+        finding = _diagnosed_words(foreign, words, given, twin, wrong_by, first)
+    return _verdict(np.zeros_like(wrong), wrong, finding, compared)
+
+
+def _diagnosed_words(
+    foreign: Foreign, words: Words, given: Given, twin: FixedRays, wrong_by: dict[str, Bools], first: str
+) -> _Finding:
+    """Return stage, fault and share explained of words that differ from the twin's."""
+    got, build = words.outputs, words.build
+    if first == "status":
+        return first, _codes(got.status[:, None], twin.status[:, None], wrong_by["status"]), 1.0
+    lenslets = wrong_by["i"] | wrong_by["j"]
+    rounding = None if lenslets.any() else _rounding(got, twin, build)
+    slip = (first, rounding) if rounding else _slip(got, twin)
+    if slip:
+        return *slip, 1.0
+    unit = 2.0 ** -(build.fraction_bits + 1)
     place = WORD_UNITS * unit * given.display.array.radius_mm
     moved = np.full_like(given.pixels, place)
-    allowed = _allowed(given, WORD_UNITS * unit, place, moved, moved)
-    if not wrong.any():
-        return _verdict(np.zeros_like(wrong), wrong, None, None, 0.0, compared)
-    first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
-    lenslets = wrong_by["i"] | wrong_by["j"]
-    reals = [name for name in FixedRays._fields if name not in ("i", "j", "status")]
-    apart = np.stack([getattr(words.outputs, name) - getattr(twin, name) for name in reals])
-    if first == "status":
-        fault = _codes(words.outputs.status[:, None], twin.status[:, None], wrong)
-        return _verdict(np.zeros_like(wrong), wrong, first, fault, 1.0, compared)
-    said = None if lenslets.any() else _rounding(apart, twin, reals, words.build)
-    slip = (first, said) if said else _slip(words.outputs, twin)
-    if slip:
-        return _verdict(np.zeros_like(wrong), wrong, *slip, 1.0, compared)
-    ties = lenslets & (allowed.edge | _ties(given))
-    if (ties == wrong).all():
-        fault = "cells closed on their other side (tie rule): points on an edge have the other owner"
-        return _verdict(np.zeros_like(wrong), wrong, "lenslet", fault, 1.0, compared)
     fields = {name: values for name, values in foreign.fields.items() if name != "origin_mm"}
-    real_wrong = {name: _wrong(name, values, allowed) for name, values in fields.items()}
-    any_wrong: Bools = np.any(list(real_wrong.values()), axis=0)
-    if not any_wrong.any():
-        fault = "words differ by less than golden tells apart: rounding, or the tie rule"
-        return _verdict(np.zeros_like(wrong), wrong, first, fault, 0.0, compared)
-    stage, name, share = _diagnosed(fields, given, allowed, real_wrong, any_wrong)
-    return _verdict(np.zeros_like(wrong), wrong, stage, name, share, compared)
-
-
-#: Steps that words are made at; the others at the exit.
-WORD_STAGES = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
-#: Words that may be taken for each other.
-SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
-#: Words whose signs may be turned.
-SIGNS = (*((name,) for name in ("x", "y", "z", "dx", "dy", "dz")), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
+    seen = _compare(fields, given, WORD_UNITS * unit, place, moved, moved)
+    ties = lenslets & (seen.edge | seen.ties)
+    if (ties == np.any(list(wrong_by.values()), axis=0)).all():
+        return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0
+    if not seen.wrong.any():
+        return first, "words differ by less than golden can tell: rounding, or the tie rule", 0.0
+    return _diagnosed(seen)
 
 
 def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
-    """Return the stage and name of a fault that makes the words of the twin's, to the bit: a sign, a swap, a delay."""
+    """Return stage and name of a fault that turns the twin's words into these, to the bit: a delay, a sign, a swap."""
 
     def gives(words: FixedRays, here: slice = slice(None), there: slice = slice(None)) -> bool:
         same = np.all([a[here] == b[there] for a, b in zip(got, words, strict=True)], axis=0)
@@ -446,21 +442,23 @@ def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
     return None
 
 
-def _rounding(apart: npt.NDArray[np.int64], twin: FixedRays, names: list[str], build: Build) -> str | None:
-    """Say what rounds or overflows otherwise, from differences (6, N) of words; None when it is more than that."""
-    span = np.array([1 << bits for bits in output_widths(build)[2:-1]])[:, None]
+def _rounding(got: FixedRays, twin: FixedRays, build: Build) -> str | None:
+    """Name another rounding or overflow that explains the words; None when they differ by more."""
+    wanted = np.stack([getattr(twin, name) for name in REALS])
+    apart = np.stack([getattr(got, name) for name in REALS]) - wanted
+
+    def named(rows: npt.NDArray[np.bool_]) -> str:
+        return ", ".join(name for name, row in zip(REALS, rows, strict=True) if row.any())
+
+    span = np.array([1 << bits for bits in widths(REALS, build.fraction_bits)])[:, None]
     wraps = np.abs(np.abs(apart) - span) <= ROUNDING_WORDS
     if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
-        found = ", ".join(name for name, row in zip(names, wraps, strict=True) if row.any())
-        return f"a word wrapped where it should saturate: {found}"
+        return f"a word wrapped where it should saturate: {named(wraps)}"
     if (np.abs(apart) > ROUNDING_WORDS).any():
         return None
-    sign = np.stack([np.sign(getattr(twin, name)) for name in names])
     off = apart != 0
-    mean, inward = float(apart[off].mean()), float((apart * -sign)[off].mean())
-    found = ", ".join(name for name, row in zip(names, off, strict=True) if row.any())
-    if mean < -0.9:
-        return f"truncation for rounding (downward): {found}"
-    if inward > 0.9:
-        return f"truncation for rounding (towards zero): {found}"
-    return f"rounded otherwise, at most {int(np.abs(apart).max())} units of the last place: {found}"
+    if float(apart[off].mean()) < -0.9:
+        return f"truncation for rounding (downward): {named(off)}"
+    if float((apart * -np.sign(wanted))[off].mean()) > 0.9:
+        return f"truncation for rounding (towards zero): {named(off)}"
+    return f"another rounding, at most {int(np.abs(apart).max())} units of the last place: {named(off)}"

@@ -11,8 +11,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
-from lippmann.fixed.registers import REGISTERS, Field, Register
 from lippmann.fixed.words import Ints
+from lippmann.registers import OPTICS_REGISTERS, Register
 
 #: Bits of a register.
 WORD_BITS = 32
@@ -40,19 +40,17 @@ def write(name: str, **values: int) -> Write:
     word = 0
     for key, field in register.fields.items():
         value = values.get(key, field.reset or 0)
-        low = -(1 << (field.width - 1)) if field.signed else 0
-        if not low <= value < low + (1 << field.width):
-            raise InputError(
-                f"register {name}, field {key}: {value} is outside its range [{low}, {low + (1 << field.width)})"
-            )
-        word |= (value & ((1 << field.width) - 1)) << field.low
+        low, high = field.limits
+        if not low <= value <= high:
+            raise InputError(f"register {name}, field {key}: {value} is outside its range [{low}, {high + 1})")
+        word |= field.bits(value)
     return Write(register.address, word)
 
 
 def _register(name: str) -> Register:
-    if name not in REGISTERS:
+    if name not in OPTICS_REGISTERS:
         raise InputError(f"there is no register '{name}'; docs/reference/registers.md lists them")
-    return REGISTERS[name]
+    return OPTICS_REGISTERS[name]
 
 
 def read(name: str, word: int) -> dict[str, int]:
@@ -63,13 +61,7 @@ def read(name: str, word: int) -> dict[str, int]:
     InputError
         For a register that there is not.
     """
-    return {key: value_of(field, word) for key, field in _register(name).fields.items()}
-
-
-def value_of(field: Field, word: int) -> int:
-    """Return a field's value, of its register's word."""
-    value = word >> field.low & ((1 << field.width) - 1)
-    return value - (1 << field.width) if field.signed and value >> (field.width - 1) else value
+    return {key: field.value(word) for key, field in _register(name).fields.items()}
 
 
 def optics_writes(config: Configuration) -> list[Write]:
@@ -83,7 +75,7 @@ def optics_writes(config: Configuration) -> list[Write]:
 
 def _parts(name: str, value: int) -> list[Write]:
     """Return the writes of a word, in two registers where it is too wide for one."""
-    if name in REGISTERS:
+    if name in OPTICS_REGISTERS:
         return [write(name, value=value)]
     low = value & ((1 << WORD_BITS) - 1)
     return [write(f"{name}_low", value=low), write(f"{name}_high", value=value >> WORD_BITS)]
@@ -115,7 +107,7 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
     """
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
-    start = REGISTERS["jitter_table"].address + 4 * first
+    start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
     return [Write(start + 4 * k, int(word)) for k, word in enumerate(table)]
 
 
@@ -130,11 +122,11 @@ def build_of(words: Mapping[str, int]) -> Build:
     missing = [name for name in ("identity", "version", "build") if name not in words]
     if missing:
         raise InputError(f"register {', '.join(missing)} was not read; give identity, version and build")
-    identity = REGISTERS["identity"].fields["letters"].reset
+    identity = OPTICS_REGISTERS["identity"].fields["letters"].reset
     if words["identity"] != identity:
         raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
     version = read("version", words["version"])["major"]
-    known = REGISTERS["version"].fields["major"].reset
+    known = OPTICS_REGISTERS["version"].fields["major"].reset
     if version != known:
         raise InputError(f"the optics block has registers of version {version}, this host knows {known}; update one")
     fields = read("build", words["build"])

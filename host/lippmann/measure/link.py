@@ -17,9 +17,9 @@ import numpy as np
 
 from lippmann.board.board import Board
 from lippmann.board.displayed import shown_crc
-from lippmann.board.registers import REGISTERS
 from lippmann.board.stream import send_frame
 from lippmann.display import Display
+from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 
 #: Baud rate, clock of the board, panel.
@@ -114,4 +114,4 @@ def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np
 
 
 def _clocks(board: Board) -> int:
-    return board.read(REGISTERS["clocks"].address)[0]
+    return board.read(BOARD_REGISTERS["clocks"].address)[0]

@@ -14,7 +14,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
-from lippmann.fixed.registers import REGISTERS
+from lippmann.registers import OPTICS_REGISTERS
 from rtl_coverage import Coverage
 
 RANDOM = random.Random(int(os.environ["LIPPMANN_SEED"]))
@@ -104,7 +104,7 @@ class Block:
             assert not error, f"error at 0x{address:03x}"
 
     async def read(self, name):
-        word, error = await self._access(REGISTERS[name].address)
+        word, error = await self._access(OPTICS_REGISTERS[name].address)
         assert not error, name
         return word
 
@@ -183,7 +183,7 @@ async def registers_answer(dut):
     words = {name: await block.read(name) for name in ("identity", "version", "build")}
     assert build_of(words) == BUILD
     # Reset values, then every bit of every register that is read and written, high and low.
-    stored = {name: r for name, r in REGISTERS.items() if r.access == "read, write"}
+    stored = {name: r for name, r in OPTICS_REGISTERS.items() if r.access == "read, write"}
     assert len(stored) == 36
     for name, register in stored.items():
         word = await block.read(name)
@@ -197,16 +197,16 @@ async def registers_answer(dut):
             assert await block.read(name) == written[name] & mask, name
     held = {name: await block.read(name) for name in stored}
     # What is not there, cannot be read or cannot be written, is an error and changes nothing.
-    taken = {at for r in REGISTERS.values() for at in range(r.address, r.address + 4 * r.entries, 4)}
+    taken = {at for r in OPTICS_REGISTERS.values() for at in range(r.address, r.address + 4 * r.entries, 4)}
     for address in range(0, 512, 4):
         _, error = await block._access(address)
-        readable = any(address == r.address and "read" in r.access for r in REGISTERS.values())
+        readable = any(address == r.address and "read" in r.access for r in OPTICS_REGISTERS.values())
         assert error == (not readable), f"read 0x{address:03x}"
         if address not in taken:
             _, error = await block._access(address, 0xFFFFFFFF)
             assert error, f"write 0x{address:03x}"
     for name in ("identity", "version", "build", "status"):
-        _, error = await block._access(REGISTERS[name].address, 0)
+        _, error = await block._access(OPTICS_REGISTERS[name].address, 0)
         assert error
     assert {name: await block.read(name) for name in stored} == held
     assert await block.read("identity") == words["identity"]

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.conditioning.cases import changed
-from lippmann.conditioning.vectors import display_text, memory_lines, output_widths, words_of_memory
-from lippmann.display import load_display
+from lippmann.conditioning.vectors import OUTPUTS, memory_lines, widths, words_of_memory
+from lippmann.display import display_text, load_display
 from lippmann.engines import trace
-from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.sim.tools import repository
 
@@ -76,13 +75,13 @@ def test_memory_files_by_hand(folder):
 
 
 def test_words_survive_a_memory_file(tmp_path):
-    widths = output_widths(Build(23, "square", aims=True))
+    bits = widths(OUTPUTS, 23)
     random = np.random.default_rng(9)
-    words = [random.integers(-(1 << (w - 1)), 1 << (w - 1), 50) for w in widths[:-1]] + [random.integers(0, 5, 50)]
-    (tmp_path / "x.mem").write_text("// rays\n" + "\n".join(memory_lines(tuple(words), widths)))
-    for wrote, read in zip(words, words_of_memory(tmp_path / "x.mem", widths), strict=True):
+    words = [random.integers(-(1 << (w - 1)), 1 << (w - 1), 50) for w in bits[:-1]] + [random.integers(0, 5, 50)]
+    (tmp_path / "x.mem").write_text("// rays\n" + "\n".join(memory_lines(words, bits)))
+    for wrote, read in zip(words, words_of_memory(tmp_path / "x.mem", bits), strict=True):
         np.testing.assert_array_equal(wrote, read)
-    assert len(FixedRays._fields) == len(widths)
+    assert len(FixedRays._fields) == len(bits)
 
 
 @pytest.mark.parametrize("file", ["rays.npz", "words.csv", "expected.mem"])

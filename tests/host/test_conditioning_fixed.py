@@ -17,7 +17,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import fits, wrapped
 from lippmann.optics.rays import gets_through
 from optics_cases import GRIDS, SIDES
-from test_hard_cases import SEED, base
+from test_conditioning_cases import SEED, base
 
 MODULES = [
     importlib.import_module(f"lippmann.fixed.{module.name}") for module in pkgutil.iter_modules(lippmann.fixed.__path__)
