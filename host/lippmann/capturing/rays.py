@@ -30,7 +30,7 @@ class CapturedRays(NamedTuple):
 
 def system_of(setup: Setup) -> System:
     """Return the array's optics as they stand while the picture is taken."""
-    return replace(System.of(setup.captured), hollow=setup.concave)
+    return replace(System.of(setup.captured), concave=setup.concave)
 
 
 def rays_from_picture(

@@ -259,7 +259,7 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
     (place / "registers.mem").write_text("".join(f"{line}\n" for line in register_lines(fixed.registers)))
     (place / "inputs.mem").write_text("\n".join(memory_lines(fixed.words, input_widths(fixed.build))) + "\n")
     (place / "expected.mem").write_text("\n".join(memory_lines(tuple(out), output_widths(fixed.build))) + "\n")
-    return entry | {"words": len(out.status), "build": dataclasses.asdict(fixed.build)}
+    return entry | {"words": len(out.status), "build": fixed.build.as_dict()}
 
 
 def register_lines(registers: Configuration) -> list[str]:

@@ -86,7 +86,7 @@ def trace_fixed(
     model: Model,
     fraction_bits: int = WIDEST,
     pipeline: Pipeline = ray_pipeline,
-    walk: int | None = None,
+    max_cell_steps: int | None = None,
 ) -> Rays:
     """Trace rays through a fixed-point pipeline; parameters and result as `lippmann.optics.pixel_rays.trace`'s.
 
@@ -97,7 +97,7 @@ def trace_fixed(
     InputError
         For a display, pixels or aperture points that the formats cannot hold.
     """
-    build = Build.of(display, model, fraction_bits, aperture is not None, walk)
+    build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
     config = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)

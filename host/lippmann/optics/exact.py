@@ -40,7 +40,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
-        exit_ = _out_of_hollow(b, system, ray) if system.hollow else _upward(b, system, ray, strays)
+        exit_ = _out_of_concave(b, system, ray) if system.concave else _upward(b, system, ray, strays)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
         exit_ = exit_._replace(ray=mirrored(exit_.ray))
@@ -61,12 +61,12 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
         inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
         exit_ = _upward(b, system, inside, strays=True)
         panel_z = system.gap_mm
-    alive = gets_through(exit_.status)
+    active = gets_through(exit_.status)
     last = exit_.ray
-    t = b.where(alive, (panel_z - last.z) / b.where(alive, last.dz, 1.0), 0.0)
+    t = b.where(active, (panel_z - last.z) / b.where(active, last.dz, 1.0), 0.0)
     x, y = last.x + t * last.dx, last.y + t * last.dy
     own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
-    status = b.where(alive, own, exit_.status)
+    status = b.where(active, own, exit_.status)
     return Landing(x, y, exit_.di, exit_.dj, exit_.cx, exit_.cy, status)
 
 
@@ -106,7 +106,7 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
 
-def _out_of_hollow(b: Backend, system: System, ray: Ray) -> Exit:
+def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
     """From the flat face (ray already in the glass) through a dome of air pressed into it."""
     # Mirrored, the domes bulge to +z as ever, but the glass lies above them and the air below.
     ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))

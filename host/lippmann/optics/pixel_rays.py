@@ -68,7 +68,7 @@ def rays_from_pixels(
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     """Trace rays from lens-local panel points (double); those that graze a face are traced in double throughout."""
 
-    def work(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
+    def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
         points = (aim[0], aim[1]) if aim else None
         if model == "exact":
             out = exact.leave_panel(b, system, x, y, points)
@@ -77,9 +77,9 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
         return *out.ray, *out[1:]
 
     aim = aperture or ()
-    rough = work(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
+    coarse = traced(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
     inputs = (x, y, *(b.double(a) for a in aim))
-    done = b.redo(rough[-1] < GRAZING_SQUARE, work, inputs, rough)
+    done = b.refine(coarse[-1] < GRAZING_SQUARE, traced, inputs, coarse)
     return Exit(Ray(*done[:6]), *done[6:])
 
 

@@ -17,7 +17,7 @@ from lippmann.optics.panel import PanelFrame
 class System:
     """The optical system of a display: frames, lattice, domes, and distances in mm.
 
-    `hollow`: the domes are pressed into the glass (plano-concave lenslets, flat face to the panel) and `thickness_mm`
+    `concave`: the domes are pressed into the glass (plano-concave lenslets, flat face to the panel) and `thickness_mm`
     is that of their middle. No display has such; `exact.leave_panel` alone knows them.
     """
 
@@ -32,7 +32,7 @@ class System:
     plano_to_panel: bool
     width_px: int
     height_px: int
-    hollow: bool = False
+    concave: bool = False
 
     @classmethod
     def of(cls, display: Display) -> System:

@@ -93,7 +93,14 @@ def measure(mi: Any, scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, 
         build, display = named.build, named.displays(scenes)[0]
         aperture = aperture_of(build)
         sample = Sample.of(mi, display, aperture, plan.rays, seed)
-        twin = trace_fixed(display, sample.pixels, sample.aperture, named.model, build.fraction_bits, walk=build.walk)
+        twin = trace_fixed(
+            display,
+            sample.pixels,
+            sample.aperture,
+            named.model,
+            build.fraction_bits,
+            max_cell_steps=build.max_cell_steps,
+        )
         depths = stage(display).scene.depth_range_mm
         picture = stage(display).integral(named.model, "twin", build.fraction_bits, aperture)
         own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
