@@ -121,7 +121,7 @@ class CaptureSource:
         aperture = None
         if self.aperture == "full" and isinstance(self.setup.pickup, Pickup):
             s, t = points_in_square(mi, pixel, sample, self.seed, stream=1)
-            x, y = square_to_cell(mi, s, t, self.setup.array.grid, self.setup.array.pitch_mm)
+            x, y = square_to_cell(b, s, t, self.setup.array.grid, self.setup.array.pitch_mm)
             aperture = (b.double(x), b.double(y))
         u, v = b.double(column) + b.double(jitter_x), b.double(row) + b.double(jitter_y)
         return rays_from_picture(b, self.setup, u, v, aperture)

@@ -23,6 +23,7 @@ from lippmann.images import psnr_db
 from lippmann.measure.rtl import Simulation
 from lippmann.measure.trace import fast_launch
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, Aperture
 from lippmann.rendering.variant import device_of
@@ -106,9 +107,9 @@ class Sample:
         pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
         if aperture == "chief":
             return cls(display, pixels, None)
-        s, t = (mi.Float(column) for column in random.uniform(0.0, 1.0, (2, count)))
-        points = np.stack([np.asarray(c) for c in square_to_cell(mi, s, t, array.grid, array.pitch_mm)], axis=1)
-        words = words_of_aims(display, points.astype(np.float64), WIDEST)
+        s, t = random.uniform(0.0, 1.0, (2, count))
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, array.grid, array.pitch_mm), axis=1)
+        words = words_of_aims(display, points, WIDEST)
         return cls(display, pixels, aims_of_words(display, *words, WIDEST))
 
     def first(self, count: int) -> Sample:
