@@ -96,7 +96,7 @@ def _formats(f: int) -> dict[str, _Format]:
     x = _Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of {_FEW_PIXELS.format('')}")
     y = x._replace(remedy=f"give rows of lenslets {_FEW_PIXELS.format(' apart')}")
     offset = _Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
-    slope = _Format(near, f, f"the panel is too near for the pitch: {_TOO_NEAR}")
+    slope = _Format(near, f, f"the panel stands too near for the pitch: {_TOO_NEAR}")
     steep = _Format(near, f, "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm")
     return {
         **dict.fromkeys(("x_from_u", "x_from_v"), x),
@@ -224,7 +224,7 @@ def _check_panel(display: Display) -> None:
     if max(panel.width_px, panel.height_px) >= limit:
         raise InputError(
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
-            f"{limit - 1} in columns and rows; lower panel.width_px and panel.height_px"
+            f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
     # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
     # the index i counts along an oblique axis.
