@@ -22,8 +22,8 @@ from lippmann.fixed.words import WIDEST
 from lippmann.images import psnr_db
 from lippmann.measure.rtl import Simulation
 from lippmann.measure.trace import fast_launch
-from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, Aperture
 from lippmann.rendering.variant import device_of
