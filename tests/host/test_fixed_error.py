@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from lippmann.cli import cli
 from lippmann.display import load_display
-from lippmann.engines import trace
+from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, turned_over
-from lippmann.fixed.conversion import aims_of_words, trace_fixed, words_of_aims
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from lippmann.capturing.setup import Pickup, Setup
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
-from lippmann.optics.pixel_rays import leave_panel
+from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System

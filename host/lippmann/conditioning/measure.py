@@ -22,12 +22,11 @@ from lippmann.conditioning.digits import (
     true_hits,
     true_rays,
 )
-from lippmann.engines import trace, trace_to_panel
+from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import (
-    Pipeline,
     aims_of_words,
     pixels_of_words,
     rays_of_words,

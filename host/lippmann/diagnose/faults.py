@@ -21,7 +21,7 @@ from lippmann.conditioning.steps import steps
 from lippmann.display import Display, Grid
 from lippmann.engines import trace
 from lippmann.errors import LippmannError
-from lippmann.optics import exact, models
+from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model, Rays
@@ -238,10 +238,7 @@ def _through_neighbour(step: Floats, given: Given) -> Arrays:
     wide = Lattice(system.lattice.grid, 8.0 * system.lattice.pitch_mm)
     alone = dataclasses.replace(system, lattice=wide, dome=dataclasses.replace(system.dome, lattice=wide))
     x, y, aim = start[:, 0] - cx, start[:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
-    if given.model == "exact":
-        ray = exact.leave_panel(b, alone, x, y, aim).ray
-    else:
-        ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
+    ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
     lenslet = home + step
     centre = np.stack(frame.panel_from_array(*system.lattice.centre(lenslet[:, 0], lenslet[:, 1])), axis=1)
     local = np.stack([*frame.turn(ray.x, ray.y), ray.z], axis=1)

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.display import Display
+from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
-from lippmann.fixed.conversion import trace_fixed
 from lippmann.images import psnr_db
 from lippmann.measure.rtl import Simulation, words_differ
 from lippmann.rendering.sources import Aperture
