@@ -1,23 +1,27 @@
-"""What follows from a display file: the numbers that `lippmann inspect` prints, each with its formula."""
+"""The numbers that follow from a display file, each with its formula; `lippmann inspect` prints them."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from lippmann.display import Display
 
-#: Where eyes are taken to be, mm from the display.
+#: Assumed distance of the eyes from the display, mm.
 VIEWING_DISTANCE_MM = 600.0
-#: Beats between lenslets and pixels are seen as moire when they are longer than this many lenslets ...
+#: A beat between lenslets and pixels is visible as moire when it is longer than this many lenslets ...
 MOIRE_FROM_LENSLETS = 4.0
-#: ... and their contrast matters while an elemental image has fewer pixels than this.
+#: ... and an elemental image has fewer pixels than this: beyond, the contrast is too low.
 MOIRE_BELOW_PIXELS = 60.0
+#: A lattice turned by less than this counts as parallel to the pixels, degrees.
+PARALLEL_DEG = 0.05
 
 
 @dataclass(frozen=True)
 class DisplayProperties:
-    """DisplayProperties numbers of a display.
+    """The numbers that follow from a display file.
 
     Attributes
     ----------
@@ -32,22 +36,22 @@ class DisplayProperties:
     viewing_angle_deg
         Full angle in which a lenslet shows its own elemental image: 2 atan(pitch / 2D).
     crosstalk_angle_deg
-        Half of it: farther off a lenslet's axis its neighbour's elemental image is seen through it.
+        Half the viewing angle: farther off its axis, a lenslet shows the elemental image of its neighbour.
     viewing_zone_mm
-        How far an eye at VIEWING_DISTANCE_MM may move off the axis and still see no crosstalk on the whole panel; 0
-        where it cannot anywhere.
+        Largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees no crosstalk on the whole panel; 0
+        where there is none.
     central_depth_plane_mm
-        z where the panel is imaged: 1/l = 1/f - 1/D; infinite when the panel is in focus.
+        z of the panel's image: 1/l = 1/f - 1/D; infinite when the panel is in focus.
     depth_range_mm
-        (far, near): up to pitch D / pixel pitch from the display; there neighbouring pixels' rays are a lenslet apart.
+        (far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart.
     angular_resolution_deg
         Angle between neighbouring pixels' rays: pixel pitch / D.
     spatial_resolution_mm
         Lenslet pitch: a view has one pixel for each lenslet.
     views
-        Directions across: whole pixels in an elemental image.
+        Number of directions across: whole pixels in an elemental image.
     warnings
-        In words, with remedies.
+        One sentence each, with a remedy.
     """
 
     radius_mm: float
@@ -73,7 +77,7 @@ class DisplayProperties:
 
 
 def display_properties(display: Display) -> DisplayProperties:
-    """Compute the derived numbers of a display."""
+    """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
     distance = display.aperture_distance_mm
     row_pitch = array.row_pitch_mm
@@ -81,7 +85,7 @@ def display_properties(display: Display) -> DisplayProperties:
     down = _whole_lenslets(panel.height_mm / row_pitch)
     half_field_deg = math.degrees(math.atan2(0.5 * array.pitch_mm, distance))
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
-    # In focus to within what float arithmetic leaves: the image is at infinity.
+    # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
     reach = array.pitch_mm * distance / panel.pixel_pitch_mm
     return DisplayProperties(
@@ -93,11 +97,8 @@ def display_properties(display: Display) -> DisplayProperties:
         f_number=array.focal_length_mm / array.pitch_mm,
         index=array.index,
         aperture_distance_mm=distance,
-        back_focal_length_mm=(
-            array.focal_length_mm - array.thickness_mm / array.index
-            if array.plano_side == "panel"
-            else array.focal_length_mm
-        ),
+        back_focal_length_mm=array.focal_length_mm
+        - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0),
         lenslets=(across, down, across * down),
         elemental_image_px=array.pitch_mm / panel.pixel_pitch_mm,
         viewing_angle_deg=2.0 * half_field_deg,
@@ -117,24 +118,50 @@ def _whole_lenslets(exact: float) -> int:
     return math.ceil(exact - 1e-9)
 
 
+def beats_in_lenslets(display: Display) -> tuple[float, float]:
+    """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
+
+    From a lenslet to its neighbour along a lattice vector a, the phase of the pixel columns, of frequency k = (1/p, 0),
+    advances by k . a cycles. Whole cycles are invisible, so that the eye sees the longest wave whose frequency f has
+    f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k from the reciprocal lattice. Infinite
+    where each lenslet has the same phase.
+    """
+    array = display.array
+    ratio = array.pitch_mm / display.panel.pixel_pitch_mm
+    turn, between = math.radians(array.rotation_deg), math.radians(60.0 if array.grid == "hex" else 90.0)
+
+    def period(along: Callable[[float], float]) -> float:
+        """Return a beat's period; `along` gives a unit lattice vector's component across the pixel lines."""
+        phases = [math.remainder(ratio * along(angle), 1.0) for angle in (turn, turn + between)]
+        squares = []
+        for i, j in itertools.product((-1, 0, 1), repeat=2):
+            first, second = phases[0] + i, phases[1] + j
+            squares.append(first * first + second * second - 2.0 * first * second * math.cos(between))
+        frequency = math.sqrt(max(min(squares), 0.0)) / math.sin(between)
+        return 1.0 / frequency if frequency else math.inf
+
+    return period(math.cos), period(math.sin)
+
+
 def _warnings(display: Display) -> list[str]:
     panel, array = display.panel, display.array
     found = []
     ratio = array.pitch_mm / panel.pixel_pitch_mm
-    beat = abs(ratio - round(ratio))
     if ratio < 2.0:
         found.append(
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
             "take a finer panel or a coarser array"
         )
-    turned = abs(math.remainder(array.rotation_deg, 90.0)) > 0.05
-    span = max(panel.width_mm, panel.height_mm) / array.pitch_mm
-    if not turned and ratio < MOIRE_BELOW_PIXELS and 1.0 / span < beat < 1.0 / MOIRE_FROM_LENSLETS:
+    widest = max(panel.width_mm, panel.height_mm) / array.pitch_mm
+    beats = [beat for beat in beats_in_lenslets(display) if MOIRE_FROM_LENSLETS < beat < widest]
+    if beats and ratio < MOIRE_BELOW_PIXELS:
         found.append(
-            f"moire: {ratio:.6g} pixels for each lenslet beat every {1.0 / beat:.3g} lenslets; "
-            "choose a whole number, one near a half, or turn the array by some degrees"
+            f"moire: pixels and lenslets beat every {max(beats):.3g} lenslets; change the pitch of either, or the "
+            "angle of the array by some degrees"
         )
-    if not turned and panel.subpixels != "none":
+    # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
+    symmetry_deg = 30.0 if array.grid == "hex" else 90.0
+    if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
     half_field = math.degrees(math.atan2(0.5 * array.pitch_mm, display.aperture_distance_mm))
     if half_field < 5.0:
@@ -145,7 +172,7 @@ def _warnings(display: Display) -> list[str]:
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:
         found.append(
-            f"the panel stands {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
+            f"the panel is {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
             f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
         )
     if display.gap_mm == 0.0 and array.plano_side == "viewer":

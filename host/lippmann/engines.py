@@ -1,28 +1,33 @@
-"""One function over the four engines: display, pixels, aperture points, model and engine; rays come out.
+"""The four engines: `trace` takes a display, pixels, aperture points, a model and an engine, and returns rays.
 
-Golden and fast share `lippmann.optics.pixel_rays`; twin and RTL share `lippmann.fixed.conversion`.
+Golden and fast share `lippmann.optics.pixel_rays`; twin and RTL share `trace_fixed`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import LENGTHS, Display
 from lippmann.errors import InputError, MissingLibraryError
-from lippmann.fixed.conversion import trace_fixed
-from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.words import WIDEST
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.conversion import pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS, pixels_from_rays, rays_from_pixels
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays
 from lippmann.optics.system import System
 from lippmann.sim.harness import rtl_pipeline
 
-#: How far the length of a direction may be from 1: small steps aside of a unit vector pass, slopes do not.
+#: Largest error of a direction's length: a unit vector with a small step added passes, a slope does not.
 UNIT_ERROR = 1e-3
+#: A run of a build: words of pixels and aperture points to words of rays.
+Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
 def backend_of(engine: Engine, device: str = "llvm") -> Backend:
@@ -57,14 +62,14 @@ def _check_model(model: str) -> None:
 
 
 def _columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats:
-    """Return values as (N, width); refuse others, and those beyond `most`."""
+    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `most`."""
     array = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
     if not np.isfinite(array).all():
         raise InputError(f"{name} holds values that are not finite; remove them")
     if (np.abs(array) > most).any():
-        raise InputError(f"{name} holds values beyond {most:.6g}, where no lenslet stands; remove them")
+        raise InputError(f"{name} holds values beyond {most:.6g}, outside every array; remove them")
     return array
 
 
@@ -86,7 +91,7 @@ def trace(
     pixels
         (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r).
     aperture
-        (N, 2) points that the rays aim at, lens-local, mm, array's axes; left out, chief rays.
+        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; left out, chief rays.
     model
         "pinhole", "thin", "paraxial" or "exact".
     engine
@@ -110,19 +115,15 @@ def trace(
     if max(abs(x) for x in array.offset_mm) > farthest:
         raise InputError(f"array.offset_mm is beyond {farthest:.6g}; bring the array nearer to the panel")
     pixel = _columns("pixels", pixels, 2, farthest / panel.pixel_pitch_mm)
-    chosen = None
-    if aperture is not None:
-        chosen = _columns("aperture", aperture, 2, farthest)
-        if len(chosen) != len(pixel):
-            raise InputError(f"aperture has {len(chosen)} rows for {len(pixel)} pixels; give one each")
+    points = None if aperture is None else _columns("aperture", aperture, 2, farthest)
+    if points is not None and len(points) != len(pixel):
+        raise InputError(f"aperture has {len(points)} rows for {len(pixel)} pixels; give one each")
     if engine in ("twin", "rtl"):
-        return _trace_fixed(display, pixel, chosen, model, engine, fraction_bits)
-    b = backend_of(engine, device)
-    if not len(pixel):
-        b = NumpyBackend()  # Dr.Jit does not compute with empty arrays
-    u, v = b.double(pixel[:, 0]), b.double(pixel[:, 1])
-    points = None if chosen is None else (b.double(chosen[:, 0]), b.double(chosen[:, 1]))
-    out = rays_from_pixels(b, System.of(display), u, v, points, model)
+        pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
+        return trace_fixed(display, pixel, points, model, fraction_bits or WIDEST, pipeline)
+    b = _backend_for(len(pixel), engine, device)
+    aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
+    out = rays_from_pixels(b, System.of(display), b.double(pixel[:, 0]), b.double(pixel[:, 1]), aims, model)
     n = len(pixel)
     return Rays(
         pixel=pixel,
@@ -130,15 +131,37 @@ def trace(
         centre_mm=_stack(n, out.centre_x, out.centre_y),
         local_mm=_stack(n, out.ray.x, out.ray.y, out.ray.z),
         direction=_stack(n, out.ray.dx, out.ray.dy, out.ray.dz),
-        status=np.broadcast_to(np.asarray(out.status), (n,)).astype(np.uint8),
+        status=_stack(n, out.status)[:, 0].astype(np.uint8),
     )
 
 
-def _trace_fixed(
-    display: Display, pixel: Floats, aperture: Floats | None, model: Model, engine: Engine, fraction_bits: int | None
+def trace_fixed(
+    display: Display,
+    pixels: Floats,
+    aperture: Floats | None,
+    model: Model,
+    fraction_bits: int = WIDEST,
+    pipeline: Pipeline = ray_pipeline,
+    max_cell_steps: int | None = None,
 ) -> Rays:
-    pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
-    return trace_fixed(display, pixel, aperture, model, fraction_bits or WIDEST, pipeline)
+    """Trace rays through a fixed-point pipeline: the twin, unless another is given (parameters as in `trace`).
+
+    Pixel coordinates are rounded to 1/16 pixel; `pixel` of the result holds the rounded ones.
+
+    Raises
+    ------
+    InputError
+        For a display, pixels or aperture points that the formats cannot hold.
+    """
+    build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
+    reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
+    registers = configuration(display, build, model, reach)
+    u, v = words_of_pixels(display, pixels)
+    a = b = np.zeros_like(u)
+    if aperture is not None and build.aims:
+        a, b = words_of_aims(display, aperture, fraction_bits)
+    rays = pipeline(u, v, a, b, registers, build)
+    return rays_of_words(display, pixels_of_words(display, u, v), rays, fraction_bits)
 
 
 def trace_to_panel(
@@ -155,25 +178,25 @@ def trace_to_panel(
     `trace` does, and for directions that are not of length 1.
     """
     _check_model(model)
-    b = backend_of(engine, device)
-    origin, way = _columns("origin_mm", origin_mm, 3, LENGTHS["at_most"]), _columns("direction", direction, 3, math.inf)
-    if (np.abs(np.linalg.norm(way, axis=1) - 1.0) > UNIT_ERROR).any():
+    origins = _columns("origin_mm", origin_mm, 3, LENGTHS["at_most"])
+    directions = _columns("direction", direction, 3, math.inf)
+    if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():
         raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
-    if not len(origin):
-        b = NumpyBackend()  # as above
-    hits = pixels_from_rays(
-        b,
-        System.of(display),
-        tuple(b.double(origin[:, k]) for k in range(3)),
-        tuple(b.double(way[:, k]) for k in range(3)),
-        model,
-    )
-    n = len(origin)
+    n = len(origins)
+    b = _backend_for(n, engine, device)
+    origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
+    hits = pixels_from_rays(b, System.of(display), origin, unit, model)
     return Hits(
         pixel=_stack(n, hits.u, hits.v),
         lenslet=_stack(n, hits.i, hits.j).astype(np.int64),
-        status=np.broadcast_to(np.asarray(hits.status), (n,)).astype(np.uint8),
+        status=_stack(n, hits.status)[:, 0].astype(np.uint8),
     )
+
+
+def _backend_for(n: int, engine: Engine, device: str) -> Backend:
+    """Return the backend of an engine for n rays: numpy for none, since Dr.Jit does not compute with empty arrays."""
+    backend = backend_of(engine, device)
+    return backend if n else NumpyBackend()
 
 
 def _stack(n: int, *columns: Arr) -> Floats:

@@ -77,7 +77,7 @@ def _sensor_class(mi: Any) -> Any:
                 # A point of a pixel lies in one stripe and has its one colour, three times as bright.
                 third = mi.Float(u - dr.floor(u)) - 0.5
                 weight = mi.Color3f([dr.select(dr.abs(third - offset) <= 1.0 / 6.0, 3.0, 0.0) for offset in stripes])
-            aperture = square_to_cell(sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
+            aperture = square_to_cell(b, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
             point, way, alive = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of everything, as the viewer looks.
             t = (self.near_mm - point[2]) / way[2]

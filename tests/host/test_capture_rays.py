@@ -10,7 +10,7 @@ from lippmann.capturing.rays import rays_from_picture, system_of
 from lippmann.capturing.setup import Camera, Pickup, Setup, Subject
 from lippmann.engines import trace, trace_to_panel
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
-from lippmann.optics.pixel_rays import leave_panel
+from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
 from lippmann.rendering.placement import Placement
 from optics_cases import display_of

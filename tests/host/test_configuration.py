@@ -6,11 +6,11 @@ import os
 import numpy as np
 import pytest
 from lippmann.dev.random_cases import configured_display
-from lippmann.engines import trace
+from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import LEAST_HALF, configuration
-from lippmann.fixed.conversion import aims_of_words, pixels_of_words, trace_fixed, words_of_aims, words_of_pixels
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.optics.rays import Status, gets_through
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
@@ -79,7 +79,7 @@ def test_exit_points_are_as_far_off_as_stated(grid, side, displays, rays):
     measured = 0
     while measured < displays:
         f = int(rng.choice([14, 16, 20, 23]))
-        build = Build(f, grid, viewer=side == "viewer", aims=True, walk=2)
+        build = Build(f, grid, viewer=side == "viewer", aims=True, max_cell_steps=2)
         display, _ = configured_display(rng, build, "exact")
         array, radius = display.array, float(display.array.radius_mm)
         corner = array.half_diagonal_mm
@@ -107,7 +107,7 @@ def test_only_what_passes_the_sphere_by_is_missed_in_its_own_cell(grid):
     rng = np.random.default_rng(3)
     pixels, aims = random_pixels(rng, display, 20000), random_in_cell(rng, display, 20000)
     aims = aims_of_words(display, *words_of_aims(display, aims, 23), 23)
-    twin = trace_fixed(display, pixels, aims, "exact", walk=4)
+    twin = trace_fixed(display, pixels, aims, "exact", max_cell_steps=4)
     golden = trace(display, twin.pixel, aims, "exact")
     lost = (twin.status == Status.MISSED) & (golden.status != Status.MISSED)
     assert 20 < lost.sum() < 2000
@@ -149,11 +149,11 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
     [
         ({"grid": "oct"}, "grid 'oct' cannot be built; choose from square, hex"),
         ({"model": "thin"}, "model 'thin' cannot be built; choose from pinhole, paraxial, exact"),
-        ({"model": "paraxial", "viewer": True}, "viewer is for exact builds; leave it out of a paraxial one"),
-        ({"fraction_bits": 24}, "F = 24 fraction bits cannot be built; choose 14 to 23"),
-        ({"walk": 5, "aims": True}, "walk = 5 cannot be built; choose 0 to 4"),
-        ({"walk": 1}, "walk = 0 is the only choice"),
-        ({"model": "pinhole", "aims": True}, "a pinhole build knows no aperture points"),
+        ({"model": "paraxial", "viewer": True}, "viewer belongs to exact builds; leave it out of a paraxial build"),
+        ({"fraction_bits": 24}, "fraction_bits = 24 cannot be built; choose 14 to 23"),
+        ({"max_cell_steps": 5, "aims": True}, "max_cell_steps = 5 cannot be built; choose 0 to 4"),
+        ({"max_cell_steps": 1}, "max_cell_steps must be 0 in a build whose rays"),
+        ({"model": "pinhole", "aims": True}, "a pinhole build has no aperture points"),
     ],
 )
 def test_what_the_rtl_refuses_is_no_build(parameters, says):

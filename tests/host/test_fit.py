@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.display import load_display
-from lippmann.engines import trace
+from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
-from lippmann.fixed.conversion import trace_fixed
 from lippmann.optics.rays import MODELS
 from lippmann.select.build import choose_build, choose_samples, fit, gap
 from lippmann.select.model import choose_model

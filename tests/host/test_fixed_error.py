@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from lippmann.cli import cli
 from lippmann.display import load_display
-from lippmann.engines import trace
+from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, turned_over
-from lippmann.fixed.conversion import aims_of_words, trace_fixed, words_of_aims
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend
@@ -164,7 +164,7 @@ def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
     row = fixed.measure(named, display, "wide", iter([fixed.wide_words(display, named.build, SEED, 20_000)]))
     assert 0 < row.refused < 0.05 * row.rays
     # With enough domes to try none is lost.
-    more = dataclasses.replace(named, build=dataclasses.replace(named.build, walk=4))
+    more = dataclasses.replace(named, build=dataclasses.replace(named.build, max_cell_steps=4))
     row = fixed.measure(more, display, "wide", iter([fixed.wide_words(display, more.build, SEED, 20_000)]))
     assert row.lost == 0
     assert row.edge_nm <= 2.0

@@ -197,7 +197,7 @@ def test_the_most_samples_are_written_as_0():
 
 def test_a_block_tells_its_build():
     words = {"identity": 0x4C495050, "version": 0x00010007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
-    build = Build(23, "hex", "exact", viewer=True, aims=True, walk=3)
+    build = Build(23, "hex", "exact", viewer=True, aims=True, max_cell_steps=3)
     assert build_of(words) == build
     assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
     with pytest.raises(InputError, match="0x4C495051"):

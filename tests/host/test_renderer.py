@@ -12,6 +12,7 @@ import pytest
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
+from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_square, square_to_cell
@@ -20,6 +21,7 @@ from lippmann.rendering.placement import Placement, load_placement
 from lippmann.rendering.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import STRIPES, Window
+from lippmann.variant import current_device
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
 from scipy.spatial.transform import Rotation
@@ -168,7 +170,8 @@ def test_samples_spread_evenly(mi):
         # 16 in each of 256 boxes; random points would scatter by 4.
         assert counts.std() < 2.0
         for grid in GRIDS:
-            x, y = (np.array(c) for c in square_to_cell(mi.Float(s), mi.Float(t), grid, 2.0))
+            cell = square_to_cell(DrJitBackend(current_device()), mi.Float(s), mi.Float(t), grid, 2.0)
+            x, y = (np.array(c) for c in cell)
             inside = Lattice(grid, 2.0 * (1.0 + 1e-6)).holds(x, y)
             assert inside.all()
             # Second moments of a square and of a hexagon about their axes: a^2/12, and 5/24 of the side^2.

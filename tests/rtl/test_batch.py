@@ -23,8 +23,8 @@ SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1
 BUILDS = [
     Build(23, "square"),
     Build(16, "hex"),
-    Build(21, "hex", aims=True, walk=1),
-    Build(18, "square", viewer=True, aims=True, walk=2),
+    Build(21, "hex", aims=True, max_cell_steps=1),
+    Build(18, "square", viewer=True, aims=True, max_cell_steps=2),
     Build(20, "hex", "paraxial", aims=True),
     Build(14, "square", "pinhole"),
 ]
@@ -33,8 +33,13 @@ GRIDS = ("square", "hex")
 ALL_BUILDS = [
     *(Build(f, grid) for f in (14, 16, 22, 23) for grid in GRIDS),
     *(Build(f, grid, cross_cells=True) for f in (19, 23) for grid in GRIDS),
-    *(Build(23, grid, aims=True, walk=walk) for grid in GRIDS for walk in (0, 1, 2, 4)),
-    *(Build(f, grid, viewer=True, aims=aims, walk=2) for f in (16, 23) for grid in GRIDS for aims in (False, True)),
+    *(Build(23, grid, aims=True, max_cell_steps=steps) for grid in GRIDS for steps in (0, 1, 2, 4)),
+    *(
+        Build(f, grid, viewer=True, aims=aims, max_cell_steps=2)
+        for f in (16, 23)
+        for grid in GRIDS
+        for aims in (False, True)
+    ),
     *(Build(f, grid, "paraxial", aims=aims) for f in (16, 23) for grid in GRIDS for aims in (False, True)),
     *(Build(23, grid, "pinhole") for grid in GRIDS),
 ]
@@ -42,7 +47,8 @@ ALL_BUILDS = [
 
 def name(build: Build) -> str:
     parts = [build.grid, build.model, f"F{build.fraction_bits}"]
-    parts += ["viewer"] * build.viewer + ["aims"] * build.aims + [f"walk{build.walk}"] * (build.walk > 0)
+    parts += ["viewer"] * build.viewer + ["aims"] * build.aims
+    parts += [f"steps{build.max_cell_steps}"] * (build.max_cell_steps > 0)
     return "-".join(parts + ["cells"] * build.cross_cells)
 
 

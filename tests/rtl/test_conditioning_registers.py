@@ -35,7 +35,7 @@ def test_rtl_equals_twin_on_hard_cases(build):
     base = changed(base, plano_side=side, gap_mm=base.array.focal_length_mm if build.viewer else base.gap_mm)
     compared = 0
     for rays in hard_sets(base, "all", SEED, 24):
-        case = fixed_words(rays, build.fraction_bits, build.walk)[0] if isinstance(rays, Out) else None
+        case = fixed_words(rays, build.fraction_bits, build.max_cell_steps)[0] if isinstance(rays, Out) else None
         if case is not None:
             assert case.build == build
             twin = ray_pipeline(*case.words, case.registers, build)

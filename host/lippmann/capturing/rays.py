@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from lippmann.capturing.setup import Pickup, Setup
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
-from lippmann.optics.pixel_rays import leave_panel
+from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
@@ -31,7 +31,7 @@ class CapturedRays(NamedTuple):
 
 def system_of(setup: Setup) -> System:
     """Return the array's optics as they stand while the picture is taken."""
-    return replace(System.of(setup.captured), hollow=setup.concave)
+    return replace(System.of(setup.captured), concave=setup.concave)
 
 
 def rays_from_picture(
@@ -123,7 +123,7 @@ class CaptureSource:
         aperture = None
         if self.aperture == "full" and isinstance(self.setup.pickup, Pickup):
             s, t = points_in_square(pixel, sample, self.seed, stream=1)
-            x, y = square_to_cell(s, t, self.setup.array.grid, self.setup.array.pitch_mm)
+            x, y = square_to_cell(b, s, t, self.setup.array.grid, self.setup.array.pitch_mm)
             aperture = (b.double(x), b.double(y))
         u, v = b.double(column) + b.double(jitter_x), b.double(row) + b.double(jitter_y)
         return rays_from_picture(b, self.setup, u, v, aperture)

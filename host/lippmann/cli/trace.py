@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 import time
-import warnings
 import zipfile
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 import numpy as np
@@ -21,10 +20,14 @@ from lippmann.engines import trace
 from lippmann.errors import input_error
 from lippmann.fixed.words import FRACTIONS, WIDEST
 from lippmann.images import check_output, replacing
-from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Status
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Status
+from lippmann.optics.sampling import square_to_cell
 
-#: Rays that one call may ask for: what fits in memory.
+#: Most rays of one call: they fit in memory.
 MAX_RAYS = 100_000_000
+#: The arrays of the file that come from `Rays`.
+ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm")
 
 
 @click.command("trace")
@@ -61,8 +64,8 @@ MAX_RAYS = 100_000_000
 def command(
     ctx: click.Context,
     display_path: str,
-    engine: str,
-    model: str,
+    engine: Engine,
+    model: Model,
     pixels: str,
     aperture: str,
     fraction_bits: int,
@@ -88,32 +91,25 @@ def command(
         display = display.at_wavelength(wavelength_nm)
     random = np.random.default_rng(seed)
     pixel = _pixels(pixels, display, random)
-    points = _aperture(display, len(pixel), random) if aperture == "full" else None
+    points = None
+    if aperture == "full":
+        s, t = random.uniform(size=(2, len(pixel)))
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, display.array.grid, display.array.pitch_mm), axis=1)
     if engine == "fast":
         from lippmann.variant import start_mitsuba
 
         device = start_mitsuba(device)
     if engine == "rtl":
-        # Compiles the RTL, which is no part of tracing.
-        trace(
-            display, pixel[:1], None if points is None else points[:1], cast(Model, model), "rtl", device, fraction_bits
-        )
+        # Compile the RTL first: that time is not tracing time.
+        trace(display, pixel[:1], None if points is None else points[:1], model, engine, device, fraction_bits)
     started = time.perf_counter()
-    rays = trace(display, pixel, points, cast(Model, model), cast(Engine, engine), device, fraction_bits)
+    rays = trace(display, pixel, points, model, engine, device, fraction_bits)
     seconds = time.perf_counter() - started
     counts = np.bincount(rays.status, minlength=len(Status))
+    status = {kind.name.lower(): int(counts[kind]) for kind in Status}
     with replacing(path) as partial, partial.open("wb") as stream:
-        np.savez(
-            stream,
-            pixel=rays.pixel,
-            aperture_mm=np.zeros_like(rays.pixel) if points is None else points,
-            origin_mm=rays.origin_mm,
-            direction=rays.direction,
-            status=rays.status,
-            lenslet=rays.lenslet,
-            centre_mm=rays.centre_mm,
-            local_mm=rays.local_mm,
-        )
+        aims = np.zeros_like(rays.pixel) if points is None else points
+        np.savez(stream, pixel=rays.pixel, aperture_mm=aims, **{name: getattr(rays, name) for name in ARRAYS})
     result = {
         "output": str(path),
         "display": display.name,
@@ -123,90 +119,57 @@ def command(
         "rays": len(pixel),
         "seed": seed,
         "seconds": seconds,
-        "status": {status.name.lower(): int(counts[status]) for status in Status},
+        "status": status,
     }
 
     def text() -> None:
-        shares = ", ".join(f"{name} {n}" for name, n in cast(dict[str, int], result["status"]).items() if n)
+        shares = ", ".join(f"{name} {n}" for name, n in status.items() if n)
         click.echo(f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
 
     emit(result, as_json, text)
 
 
-def _pixels(spec: str, display: Display, random: np.random.Generator) -> npt.NDArray[np.float64]:
+def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
     """Return pixel coordinates (N, 2) from a count or a file."""
     panel = display.panel
+    size = np.array([panel.width_px, panel.height_px])
     if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):
         count = int(spec)
         if not 1 <= count <= MAX_RAYS:
             raise input_error("--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file")
-        columns, rows = random.integers(0, panel.width_px, count), random.integers(0, panel.height_px, count)
+        columns, rows = (random.integers(0, side, count) for side in size)
         return np.stack([columns, rows], axis=1).astype(np.float64) + 0.5
     path = Path(spec)
     if not path.is_file():
         raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
     table = _table(path)
-    if isinstance(table, np.ndarray) and table.size == 0:
+    if table.size == 0:
         raise input_error(spec, "holds no pixels", "give columns u, v")
-    if (
-        not isinstance(table, np.ndarray)
-        or table.ndim != 2
-        or table.shape[1] != 2
-        or len(table) == 0
-        or table.dtype.kind not in "iuf"
-    ):
+    if table.ndim != 2 or table.shape[1] != 2 or table.dtype.kind not in "iuf":
         raise input_error(spec, f"holds {table.dtype} of shape {table.shape}", "give numbers of shape (N, 2)")
     values = np.asarray(table, np.float64)
     if not np.isfinite(values).all():
         raise input_error(spec, "holds values that are not finite", "remove them")
     if (values == np.floor(values)).all():
         values = values + 0.5
-    if (values < 0.0).any() or (values[:, 0] > panel.width_px).any() or (values[:, 1] > panel.height_px).any():
-        raise input_error(
-            spec,
-            f"holds pixels outside the panel of {panel.width_px} x {panel.height_px}",
-            "give columns u, v within it",
-        )
+    if (values < 0.0).any() or (values > size).any():
+        outside = f"holds pixels outside the panel of {panel.width_px} x {panel.height_px}"
+        raise input_error(spec, outside, "give columns u, v within it")
     return values
 
 
-def _table(path: Path) -> Any:
-    """Return what a file of pixels holds."""
-    spec = str(path)
+def _table(path: Path) -> npt.NDArray[Any]:
+    """Return the array in a file of pixels."""
     try:
-        if path.suffix == ".npy":
+        if path.suffix in (".npy", ".npz"):
             with path.open("rb") as stream:
-                return np.load(stream)
-        if path.suffix == ".npz":
-            with path.open("rb") as stream:
-                return np.load(stream)["pixel"]
+                table = np.load(stream)
+                return np.asarray(table["pixel"] if path.suffix == ".npz" else table)
         if path.suffix in (".csv", ".txt"):
-            with warnings.catch_warnings(action="ignore"):  # of an empty file, which is refused below
-                return np.genfromtxt(path, delimiter=",", comments="#", ndmin=2, skip_header=_lines_of_header(path))
-        raise input_error(spec, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
+            lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.split("#")[0].strip()]
+            if lines and re.fullmatch(r"\s*u\s*,\s*v\s*(#.*)?", lines[0], re.IGNORECASE):
+                del lines[0]
+            return np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
     except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-        raise input_error(spec, f"cannot be read ({error})", "give columns u, v") from None
-
-
-def _lines_of_header(path: Path) -> int:
-    """Return how many lines stand before the numbers where the columns have the heading u,v; else none."""
-    with path.open(encoding="utf-8") as stream:
-        for count, line in enumerate(stream, 1):
-            text = line.split("#")[0].strip()
-            if text:
-                return count if re.fullmatch(r"u\s*,\s*v", text, re.IGNORECASE) else 0
-    return 0
-
-
-def _aperture(display: Display, count: int, random: np.random.Generator) -> npt.NDArray[np.float64]:
-    """Return random points (N, 2) over a lenslet's cell, mm."""
-    from lippmann.optics.lattice import Lattice
-
-    array = display.array
-    lattice = Lattice(array.grid, array.pitch_mm)
-    reach = array.pitch_mm / np.sqrt(3.0) if array.grid == "hex" else 0.5 * array.pitch_mm
-    points = np.empty((0, 2))
-    while len(points) < count:
-        more = random.uniform(-reach, reach, (2 * (count - len(points)) + 16, 2))
-        points = np.concatenate([points, more[lattice.holds(more[:, 0], more[:, 1])]])
-    return np.asarray(points[:count], np.float64)
+        raise input_error(str(path), f"cannot be read ({error})", "give columns u, v") from None
+    raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")

@@ -57,19 +57,15 @@ def exact_array(values: npt.ArrayLike) -> Digits:
 class FiftyDigits(NumpyBackend):
     """Arrays of mpf, 50 digits throughout."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.floor, self.sqrt = _floor, _root
+
     def real(self, x: Arr) -> Arr:
         """Take a number of any kind at its exact value."""
         return exact_array(x)
 
     double = real
-
-    def floor(self, x: Arr) -> Arr:
-        """Largest whole number <= x."""
-        return _floor(x)
-
-    def sqrt(self, x: Arr) -> Arr:
-        """Square root."""
-        return _root(x)
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,11 @@ from lippmann.conditioning.digits import (
     true_hits,
     true_rays,
 )
-from lippmann.engines import trace, trace_to_panel
+from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import (
-    Pipeline,
     aims_of_words,
     pixels_of_words,
     rays_of_words,
@@ -167,7 +166,7 @@ class FixedCase:
 
 
 def fixed_words(
-    rays: Out, fraction_bits: int, walk: int | None = None, model: Model = "exact"
+    rays: Out, fraction_bits: int, max_cell_steps: int | None = None, model: Model = "exact"
 ) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when it is refused whole, and the reason of the last refusal.
 
@@ -175,7 +174,7 @@ def fixed_words(
     """
     display, array = rays.display, rays.display.array
     aims = rays.aims
-    build = Build.of(display, model, fraction_bits, True, walk)
+    build = Build.of(display, model, fraction_bits, True, max_cell_steps)
     near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""

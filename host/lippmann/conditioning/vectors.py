@@ -241,7 +241,7 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
         ("expected", memory_lines(out, widths(OUTPUTS, fraction_bits))),
     ):
         (place / f"{file}.mem").write_text("\n".join(lines) + "\n")
-    return entry | {"words": len(out.status), "build": dataclasses.asdict(fixed.build)}
+    return entry | {"words": len(out.status), "build": fixed.build.as_dict()}
 
 
 def _save(place: Path, **arrays: Any) -> None:

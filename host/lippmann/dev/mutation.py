@@ -39,8 +39,8 @@ from lippmann.sim.tools import optics_sources, repository, verilator_environment
 #: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
 BUILDS = (
     Build(20, "square"),
-    Build(18, "hex", aims=True, walk=1),
-    Build(18, "square", viewer=True, aims=True, walk=1),
+    Build(18, "hex", aims=True, max_cell_steps=1),
+    Build(18, "square", viewer=True, aims=True, max_cell_steps=1),
     Build(17, "hex", "paraxial", aims=True),
     Build(19, "square", cross_cells=True),
     Build(23, "square", viewer=True),
@@ -225,7 +225,7 @@ def _uses(build: Build, module: str) -> bool:
         "lenslet_hex": build.grid == "hex",
         "aim": build.aims,
         "cell_step": build.aims,
-        "move_lenslet": build.walk > 0,
+        "move_lenslet": build.max_cell_steps > 0,
         "enter_flat": build.model == "exact" and not build.viewer,
         "leave_dome": build.model == "exact" and not build.viewer,
         "enter_dome": build.viewer,

@@ -21,7 +21,7 @@ from lippmann.conditioning.steps import steps
 from lippmann.display import Display, Grid
 from lippmann.engines import trace
 from lippmann.errors import LippmannError
-from lippmann.optics import exact, models
+from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model
@@ -223,10 +223,7 @@ def _through_neighbour(step: Floats, given: Given) -> Arrays:
     wide = Lattice(system.lattice.grid, 8.0 * system.lattice.pitch_mm)
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
     x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
-    if given.model == "exact":
-        ray = exact.leave_panel(b, alone, x, y, aim).ray
-    else:
-        ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
+    ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
     lenslet = rays["home"] + step
     local = np.stack([*frame.turn(ray.x, ray.y), ray.z], axis=1)
     return {

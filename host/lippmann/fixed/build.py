@@ -1,25 +1,26 @@
-"""A build of the RTL: the parameters that decide what hardware there is."""
+"""A build of the RTL: the parameters that decide what hardware is made."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Model
 
-#: What the RTL distinguishes; `thin` is the paraxial hardware with other coefficients.
+#: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
 
-#: Most further domes that a build may try.
-MAX_WALK = 4
+#: Largest `max_cell_steps` of a build.
+MOST_CELL_STEPS = 4
 
 
 @dataclass(frozen=True)
 class Build:
-    """Parameters of `ray_pipeline`.
+    """Parameters of the RTL module `ray_pipeline`.
 
     Attributes
     ----------
@@ -28,15 +29,15 @@ class Build:
     grid
         Lattice.
     model
-        Hardware model.
+        Lens model.
     viewer
-        Plano side to the viewer.
+        The plano side faces the viewer.
     aims
-        Rays aim at aperture points; without, chief rays only.
-    walk
-        Further domes tried when a ray meets a dome outside its cell.
+        Rays aim at aperture points; without, all rays are chief rays.
+    max_cell_steps
+        Neighbouring cells that a ray may step to when it meets a dome outside that dome's cell (RTL: `Walk`).
     cross_cells
-        Cross terms of products in multiplier cells instead of logic; the same words come out.
+        Compute the cross terms of products in multiplier cells, not in logic. The results are the same.
     """
 
     fraction_bits: int
@@ -44,7 +45,7 @@ class Build:
     model: HardwareModel = "exact"
     viewer: bool = False
     aims: bool = False
-    walk: int = 0
+    max_cell_steps: int = 0
     cross_cells: bool = False
 
     def __post_init__(self) -> None:
@@ -54,33 +55,42 @@ class Build:
                 raise InputError(
                     f"{name} '{getattr(self, name)}' cannot be built; choose from {', '.join(get_args(kind))}"
                 )
-        if self.fraction_bits not in FRACTIONS:
-            raise InputError(
-                f"F = {self.fraction_bits} fraction bits cannot be built; choose {FRACTIONS[0]} to {FRACTIONS[-1]}"
-            )
-        if not 0 <= self.walk <= MAX_WALK:
-            raise InputError(f"walk = {self.walk} cannot be built; choose 0 to {MAX_WALK}")
-        if self.walk and (self.model != "exact" or not (self.aims or self.viewer)):
-            raise InputError("walk = 0 is the only choice where rays cannot leave their cell")
+        for name, low, high in (
+            ("fraction_bits", FRACTIONS[0], FRACTIONS[-1]),
+            ("max_cell_steps", 0, MOST_CELL_STEPS),
+        ):
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} = {getattr(self, name)} cannot be built; choose {low} to {high}")
+        if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer)):
+            raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
-                f"viewer is for exact builds; leave it out of a {self.model} one, whose registers know the side"
+                f"viewer belongs to exact builds; leave it out of a {self.model} build, whose registers hold the side"
             )
         if self.aims and self.model == "pinhole":
-            raise InputError("a pinhole build knows no aperture points; leave aims out, or choose another model")
+            raise InputError("a pinhole build has no aperture points; leave aims out, or choose another model")
 
     @classmethod
-    def of(cls, display: Display, model: Model, fraction_bits: int, aims: bool, walk: int | None = None) -> Build:
-        """Return the build that traces a display with a model; `walk` as needed when left out."""
+    def of(
+        cls, display: Display, model: Model, fraction_bits: int, aims: bool, max_cell_steps: int | None = None
+    ) -> Build:
+        """Return the build that traces a display with a model.
+
+        `max_cell_steps` left out: 2 where rays can leave their cell, else 0.
+        """
         viewer = display.array.plano_side == "viewer"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
         exact = model == "exact"
         aims = aims and model != "pinhole"
-        if walk is None:
-            walk = 2 if exact and (viewer or aims) else 0
-        return cls(fraction_bits, display.array.grid, hardware, viewer and exact, aims, walk)
+        if max_cell_steps is None:
+            max_cell_steps = 2 if exact and (viewer or aims) else 0
+        return cls(fraction_bits, display.array.grid, hardware, viewer and exact, aims, max_cell_steps)
 
     @property
     def near(self) -> int:
         """Bits of a near or wide word, W."""
         return self.fraction_bits + 2
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
+        return {**dataclasses.asdict(self), "walk": self.max_cell_steps}

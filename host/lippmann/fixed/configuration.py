@@ -1,6 +1,9 @@
-"""The configuration registers of a display, computed by the host; `optics_config_t` of rtl/optics/optics_pkg.sv.
+"""The register values (`optics_config_t` of rtl/optics/optics_pkg.sv) with which the RTL traces one display.
 
-What a format cannot hold is refused here, before anything runs, with the register's name and range.
+Two words that look alike: a *configuration* is this set of values, which software writes at run time. The
+*configurations* of `lippmann.fixed.configurations` are builds of the RTL that have a name, such as `widest-square`.
+
+A value that its register cannot hold is refused here, before any ray is traced, with the register's name and range.
 """
 
 from __future__ import annotations
@@ -8,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,23 +32,28 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
-#: Square of the largest slope to the axis, 60 degrees: what `unit_slope` takes.
+#: Square of the largest slope to the axis, 60 degrees: the range of `unit_slope`.
 MAX_SLOPE_SQUARE = 3.0
-#: Furthest that a ray meets the first face from the axis, radii.
+#: Largest distance from the axis at which a ray may meet the first face, radii.
 MAX_POINT = 4.0
-#: Indices that the words hold: the bend at a dome stays below 2; above 1.16 a ray in the glass that is steeper than
-#: 60 degrees is totally reflected at the flat face.
+#: Range of the index: the bend at a dome stays below 2, and above 1.16 a ray in the glass that is steeper than 60
+#: degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
-#: Least half of a cell, units of the last place: lengths are in radii, and exit points (5 + 1.2 (T/R)^2) R 2^-(F + 1)
-#: off at most where no ray grazes the dome (measured), so a thousandth of the pitch with T up to one and a half radii.
+#: Least half of a cell, units of the last place. Lengths are in radii, and an exit point is at most
+#: (5 + 1.2 (T/R)^2) R 2^-(F + 1) off where no ray grazes the dome (measured): a thousandth of the pitch at T <= 1.5 R.
 LEAST_HALF = 1 << 12
-#: Lenslets that a ray may leave from beyond the one that it starts in: aims of 1.5 pitches, and four further domes.
+#: Lenslets between the one that a ray starts in and the one that it leaves: aims of 1.5 pitches, and four cell steps.
 MAX_ASTRAY = 8
+
+_FEW_PIXELS = "more than 4 pixels{} (array.pitch_mm, panel.pixel_pitch_mm)"
+_TOO_NEAR = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
+_TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
+_INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Integers for every field of `optics_config_t`, under the same names."""
+    """One integer for each field of `optics_config_t`, under the same names."""
 
     x_from_u: int
     x_from_v: int
@@ -72,75 +81,104 @@ class Configuration:
     cell_pitch_y: int
 
 
+class _Format(NamedTuple):
+    """A register's bits and fraction bits, and what to change in a display whose value does not fit."""
+
+    bits: int
+    fraction: int
+    remedy: str
+
+
+def _formats(f: int) -> dict[str, _Format]:
+    """Return the format of each register in a build with F fraction bits."""
+    near = f + 2
+    far = near + 2
+    x = _Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of {_FEW_PIXELS.format('')}")
+    y = x._replace(remedy=f"give rows of lenslets {_FEW_PIXELS.format(' apart')}")
+    offset = _Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
+    slope = _Format(near, f, f"the panel stands too near for the pitch: {_TOO_NEAR}")
+    steep = _Format(near, f, "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm")
+    return {
+        **dict.fromkeys(("x_from_u", "x_from_v"), x),
+        **dict.fromkeys(("y_from_u", "y_from_v"), y),
+        **dict.fromkeys(("x_offset", "y_offset"), offset),
+        **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"), slope),
+        **dict.fromkeys(("point_x", "point_y", "point_aim_x", "point_aim_y", "cell_pitch_x", "cell_pitch_y"), steep),
+        "cell_half": steep._replace(fraction=f + 1),
+        "depth": _Format(far, f, _TOO_THICK),
+        "depth_rest": _Format(f + 9, f + 3, _TOO_THICK),
+        "exit_z": _Format(far, f + 1, _TOO_THICK),
+        "index": _Format(near + 1, f, _INDEX),
+        "index_square": _Format(far, f, _INDEX),
+        "index_inverse": _Format(near, f + 1, _INDEX),
+        "index_inverse_square": _Format(far, f, _INDEX),
+    }
+
+
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
     """Return the registers with which a build traces a display.
 
-    `reach_mm` is how far from a lenslet's centre rays aim, the corner of its cell when left out.
+    `reach_mm` is the largest distance of an aperture point from its lenslet's centre; left out, the corner of a cell.
 
     Raises
     ------
     InputError
-        When the build is not for this kind of display, or a format cannot hold it: which register, and its range.
+        When the build does not fit this display, or a register cannot hold a value: its name and range.
     """
-    array = display.array
+    array, f = display.array, build.fraction_bits
+    p, row, R = array.pitch_mm, array.row_pitch_mm, array.radius_mm
+    exact = build.model == "exact"
     _check_build(display, build, model)
-    f = build.fraction_bits
-    p, R = array.pitch_mm, array.radius_mm
-    row = array.row_pitch_mm
-    n, T = array.index, array.thickness_mm
-    frame = System.of(display).frame
     _check_panel(display)
-    _check_curvature(display, build)
+    slope, point = _sums(display, build, model)
+    # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
+    T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
+    flat_exit = model in ("paraxial", "exact") and array.plano_side == "viewer"
 
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
+    frame = System.of(display).frame
     c, s, px = frame.cos, frame.sin, frame.pitch_mm
     zero_x, zero_y = frame.array_from_panel(0.0, 0.0)
+    depth = 1.0 - T / R
+    rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
     values = {
-        "x_from_u": _word("x_from_u", px * c / p, SLOPE_BITS, SLOPE_FRACTION),
-        "x_from_v": _word("x_from_v", px * s / p, SLOPE_BITS, SLOPE_FRACTION),
-        "y_from_u": _word("y_from_u", -px * s / row, SLOPE_BITS, SLOPE_FRACTION),
-        "y_from_v": _word("y_from_v", px * c / row, SLOPE_BITS, SLOPE_FRACTION),
+        "x_from_u": px * c / p,
+        "x_from_v": px * s / p,
+        "y_from_u": -px * s / row,
+        "y_from_v": px * c / row,
+        "x_offset": zero_x / p,
+        "y_offset": zero_y / row,
+        "depth": depth,
+        "depth_rest": 1.0 - rounded**2,
+        "index": n,
+        "index_square": n * n,
+        "index_inverse": 1.0 / n,
+        "index_inverse_square": 1.0 / n**2,
+        "exit_z": array.thickness_mm / R if flat_exit else 0.0,
+        "cell_half": 0.5 * p / R,
+        "cell_pitch_x": p / R,
+        "cell_pitch_y": row / R,
     }
-    half = 1 << (OFFSET_FRACTION - 1 - f)
-    values["x_offset"] = _word("x_offset", zero_x / p, OFFSET_BITS, OFFSET_FRACTION) + half
-    values["y_offset"] = _word("y_offset", zero_y / row, OFFSET_BITS, OFFSET_FRACTION) + half
-
-    slope, point = _sums(display, build, model)
-    _check_reach(display, build, slope, point, reach_mm)
-    near, wide, far = build.near, build.near, build.near + 2
     for axis, unit in (("x", p), ("y", row)):
-        values[f"slope_{axis}"] = _word(f"slope_{axis}", slope[0] * unit, wide, f)
-        values[f"slope_aim_{axis}"] = _word(f"slope_aim_{axis}", slope[1] * unit, wide, f)
-        values[f"point_{axis}"] = _word(f"point_{axis}", point[0] * unit / R, wide, f)
-        values[f"point_aim_{axis}"] = _word(f"point_aim_{axis}", point[1] * unit / R, wide, f)
+        values[f"slope_{axis}"], values[f"slope_aim_{axis}"] = (k * unit for k in slope)
+        values[f"point_{axis}"], values[f"point_aim_{axis}"] = (k * unit / R for k in point)
 
-    # The simpler models know of the lens only what is in those sums.
-    exact = build.model == "exact"
+    # Ranges that are narrower than the registers come first: their messages say more.
+    _check_curvature(display, build)
     if exact:
-        _check_index(display)
-        _check_depth(display, build)
-    zc = 1.0 - T / R if exact else 0.0
-    zc_word = _word("depth", zc, far, f)
-    values["depth"] = zc_word
-    rest = 1.0 - (zc_word / (1 << f)) ** 2
-    values["depth_rest"] = _word("depth_rest", rest, f + 9, f + 3)
-    n = n if exact else 1.5  # any index that the words hold: the simpler models do not read it
-    values["index"] = _word("index", n, near + 1, f)
-    values["index_square"] = _word("index_square", n * n, far, f)
-    values["index_inverse"] = _word("index_inverse", 1.0 / n, near, f + 1)
-    values["index_inverse_square"] = _word("index_inverse_square", 1.0 / n**2, far, f)
-    plane = model in ("paraxial", "exact") and array.plano_side == "viewer"
-    values["exit_z"] = _word("exit_z", T / R if plane else 0.0, far, f + 1)
-    values["cell_half"] = _word("cell_half", 0.5 * p / R, near, f + 1)
-    values["cell_pitch_x"] = _word("cell_pitch_x", p / R, wide, f)
-    values["cell_pitch_y"] = _word("cell_pitch_y", row / R, wide, f)
-    return Configuration(**values)
+        _check_lens(display, build)
+    _check_reach(display, build, slope, point, reach_mm)
+    words = {name: _word(name, values[name], form) for name, form in _formats(f).items()}
+    half = 1 << (OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
+    words["x_offset"] += half
+    words["y_offset"] += half
+    return Configuration(**words)
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return slope and point (mm) as sums k x + l a over the pixel's point and the aperture point, mm.
+    """Return (k, l) of the slope k x + l a and of the point k x + l a (mm): x the pixel's point, a the aperture point.
 
-    The exact ray's slope is k (a - x), its point where it crosses the first face's plane.
+    The slope of an exact ray is k (a - x), its point the place where it crosses the plane of the first face.
     """
     D = display.aperture_distance_mm
     share = display.gap_mm / D
@@ -154,55 +192,25 @@ def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, fl
     return (m10 - m11 / D, m11 / D), (m00 - m01 / D, m01 / D)
 
 
-def _word(name: str, value: float, bits: int, fraction: int) -> int:
+def _word(name: str, value: float, form: _Format) -> int:
     """Return the nearest word of a value; refuse it where the register is too narrow."""
-    limit = 2.0 ** (bits - 1 - fraction)
-    word = math.floor(math.ldexp(value, fraction) + 0.5)
-    if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
-        raise InputError(
-            f"register {name}: {value:.6g} is outside its range [{-limit:g}, {limit:g}); {_REMEDIES[name]}"
-        )
+    limit = 2.0 ** (form.bits - 1 - form.fraction)
+    word = math.floor(math.ldexp(value, form.fraction) + 0.5)
+    if not -(1 << (form.bits - 1)) <= word < 1 << (form.bits - 1):
+        raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", form.remedy)
     return word
 
 
-_REMEDIES = {
-    **dict.fromkeys(
-        ("x_from_u", "x_from_v"), "give lenslets of more than 4 pixels (array.pitch_mm, panel.pixel_pitch_mm)"
-    ),
-    **dict.fromkeys(
-        ("y_from_u", "y_from_v"),
-        "give rows of lenslets more than 4 pixels apart (array.pitch_mm, panel.pixel_pitch_mm)",
-    ),
-    **dict.fromkeys(("x_offset", "y_offset"), "bring array.offset_mm nearer to the panel"),
-    **dict.fromkeys(
-        ("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"),
-        "the panel stands too near for the pitch: raise gap_mm, or array.thickness_mm where the plano side faces "
-        "the panel, or lower array.pitch_mm",
-    ),
-    **dict.fromkeys(
-        ("point_x", "point_y", "point_aim_x", "point_aim_y", "cell_half", "cell_pitch_x", "cell_pitch_y"),
-        "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm",
-    ),
-    **dict.fromkeys(
-        ("depth", "depth_rest", "exit_z"),
-        "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm",
-    ),
-    **dict.fromkeys(
-        ("index", "index_square", "index_inverse", "index_inverse_square"),
-        f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}",
-    ),
-}
+def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
+    return InputError(f"register {register}: {value} is outside its range {limits}; {remedy}")
 
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
-    wanted = Build.of(display, model, build.fraction_bits, build.aims, build.walk)
+    wanted = Build.of(display, model, build.fraction_bits, build.aims, build.max_cell_steps)
     wanted = dataclasses.replace(wanted, cross_cells=build.cross_cells)
     if wanted != build:
-        differ = [
-            field.name
-            for field in dataclasses.fields(Build)
-            if getattr(wanted, field.name) != getattr(build, field.name)
-        ]
+        names = [field.name for field in dataclasses.fields(Build)]
+        differ = [name for name in names if getattr(wanted, name) != getattr(build, name)]
         raise InputError(
             f"this build is not for display '{display.name}' and model {model}: "
             f"{', '.join(f'{name} is {getattr(build, name)}' for name in differ)}; "
@@ -218,11 +226,10 @@ def _check_panel(display: Display) -> None:
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
             f"{limit - 1} either way; lower panel.width_px and panel.height_px"
         )
-    # What the sum of x_from_u, x_from_v and x_offset (y likewise) makes of the panel's corners; a hexagonal lenslet's
-    # index counts along oblique axes.
-    half = np.array([panel.width_mm, panel.height_mm]) / 2.0
-    corner = half * np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
-    x, y = System.of(display).frame.array_from_panel(*corner.T)
+    # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
+    # the index i counts along an oblique axis.
+    corners = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
+    x, y = System.of(display).frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
     x, y = x / array.pitch_mm, y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
@@ -236,7 +243,7 @@ def _check_panel(display: Display) -> None:
 
 
 def _check_curvature(display: Display, build: Build) -> None:
-    """Refuse a dome so flat that its cell has too few significant bits in radii; a pinhole has no dome."""
+    """Refuse a dome so flat that its cell, in radii, has too few significant bits; a pinhole has no dome."""
     half = 0.5 * display.array.pitch_mm / display.array.radius_mm
     least = math.ldexp(LEAST_HALF, -build.fraction_bits - 1)
     if build.model != "pinhole" and half < least:
@@ -244,25 +251,27 @@ def _check_curvature(display: Display, build: Build) -> None:
         remedy = "lower array.radius_mm or raise array.pitch_mm"
         if build.fraction_bits < most:
             remedy = f"lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to {most}"
-        raise InputError(
-            f"register cell_half: {half:.6g} is outside its range [{least:.6g}, 1) at F = {build.fraction_bits}; the "
-            f"lenslet is too flat: {remedy}"
+        raise _refusal(
+            "cell_half",
+            f"{half:.6g}",
+            f"[{least:.6g}, 1) at F = {build.fraction_bits}",
+            f"the lenslet is too flat: {remedy}",
         )
 
 
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
-    """Refuse rays steeper than 60 degrees, and those that meet the first face too far from the lenslet aimed at."""
+    """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at."""
     array = display.array
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
-    # Measured from the lenslet aimed at, whose cell is another than the pixel's when the aim lies out of that.
+    # Distances from the lenslet aimed at, which is not the pixel's own when the aperture point lies outside its cell.
     pixel, aim = (rho, rho) if reach <= rho * (1.0 + 1e-9) else (2.0 * rho + reach, rho)
     aim = aim if build.aims else 0.0
 
     def names(what: str) -> str:
-        """Tell which registers' sum it is."""
+        """Return the names of the registers in the sum."""
         alone = not build.aims or (build.model == "exact" and what == "slope")
         return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
 
@@ -271,8 +280,7 @@ def _check_reach(
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
-            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: raise gap_mm, or "
-            "array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
+            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: {_TOO_NEAR}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
     if furthest >= MAX_POINT:
@@ -282,20 +290,13 @@ def _check_reach(
         )
 
 
-def _check_index(display: Display) -> None:
-    low, high = INDEX_LIMITS
-    if not low <= display.array.index <= high:
-        raise InputError(
-            f"register index: {display.array.index:g} is outside its range [{low}, {high}]; {_REMEDIES['index']}"
-        )
-
-
-def _check_depth(display: Display, build: Build) -> None:
-    """Lengths along the ray must fit into far words, below 8 radii."""
+def _check_lens(display: Display, build: Build) -> None:
+    """Refuse an index out of range, and a substrate whose rays are longer than a far word holds, 8 radii."""
     array = display.array
+    low, high = INDEX_LIMITS
+    if not low <= array.index <= high:
+        raise _refusal("index", f"{array.index:g}", f"[{low}, {high}]", _INDEX)
     limit = 4.0 if build.viewer else 6.0
     if array.thickness_mm >= limit * array.radius_mm:
-        raise InputError(
-            f"register depth: a thickness of {array.thickness_mm / array.radius_mm:.3g} radii is outside its range, "
-            f"below {limit:g}; {_REMEDIES['depth']}"
-        )
+        thickness = f"a thickness of {array.thickness_mm / array.radius_mm:.3g} radii"
+        raise InputError(f"register depth: {thickness} is outside its range, below {limit:g}; {_TOO_THICK}")

@@ -62,9 +62,9 @@ def _named() -> dict[str, Named]:
     grids: tuple[Grid, ...] = ("square", "hex")
     rows = [
         *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in grids),
-        *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, walk=1), 1.0, 2.0) for g in grids),
+        *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in grids),
         *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in grids),
-        Named("viewer-square", Build(WIDEST, "square", viewer=True, walk=2), 1.0, 2.0),
+        Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
         Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
         Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
         *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),

@@ -1,29 +1,15 @@
-"""Engines `twin` and `rtl`: a display's rays through fixed point, from pixel coordinates to millimetres and back.
-
-The words are turned into millimetres here and nowhere else: radii into mm, the array's axes into the panel's, the
-lenslet's index into its centre.
-"""
+"""Conversion between the words of the fixed-point engines (twin, rtl) and pixel coordinates, millimetres and rays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, WIDEST, Ints, fits
-from lippmann.optics.rays import Model, Rays
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits
+from lippmann.optics.rays import Floats, Rays
 from lippmann.optics.system import System
-
-Floats = npt.NDArray[np.float64]
-
-#: What runs a build: words of pixels and aperture points to words of rays.
-Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
@@ -32,7 +18,7 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     Raises
     ------
     InputError
-        For pixels further from the panel's centre than the words hold.
+        For pixels farther from the panel's centre than the words can hold.
     """
     scale = 1 << PIXEL_FRACTION
     u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
@@ -41,13 +27,13 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
         reach = 1 << (PIXEL_BITS - 1 - PIXEL_FRACTION)
         raise InputError(
             f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
-            "pixel coordinates; give those nearer"
+            "pixel coordinates; give pixels nearer to it"
         )
     return u.astype(np.int64), v.astype(np.int64)
 
 
 def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
-    """Return the pixel coordinates (N, 2) that words stand for."""
+    """Return the pixel coordinates (N, 2) of words."""
     scale = 1.0 / (1 << PIXEL_FRACTION)
     return np.stack([u * scale + 0.5 * display.panel.width_px, 0.5 * display.panel.height_px - v * scale], axis=1)
 
@@ -58,58 +44,30 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
     Raises
     ------
     InputError
-        For points further than one and a half pitches from the centre, which the words may not hold.
+        For points farther than one and a half pitches from the centre, which the words may not hold.
     """
     array = display.array
     scaled = aperture_mm / np.array([array.pitch_mm, array.row_pitch_mm])
     if (np.abs(scaled) > 1.5).any():
         raise InputError(
-            "aperture points lie more than 1.5 pitches from their lenslet's centre; the fixed-point engines take "
-            "those nearer"
+            "aperture points lie more than 1.5 pitches from their lenslet's centre; give the fixed-point engines "
+            "points nearer to it"
         )
     words = np.floor(np.ldexp(scaled, fraction_bits) + 0.5).astype(np.int64)
     return words[:, 0], words[:, 1]
 
 
 def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Floats:
-    """Return the aperture points (N, 2), mm, that words stand for."""
+    """Return the aperture points (N, 2), mm, of words."""
     array = display.array
-    return np.stack(
-        [np.ldexp(a * array.pitch_mm, -fraction_bits), np.ldexp(b * array.row_pitch_mm, -fraction_bits)], axis=1
-    )
-
-
-def trace_fixed(
-    display: Display,
-    pixels: Floats,
-    aperture: Floats | None,
-    model: Model,
-    fraction_bits: int = WIDEST,
-    pipeline: Pipeline = ray_pipeline,
-    walk: int | None = None,
-) -> Rays:
-    """Trace rays through a fixed-point pipeline; parameters and result as `lippmann.optics.pixel_rays.trace`'s.
-
-    Pixel coordinates are rounded to 1/16 pixel; `pixel` of the result holds what was traced.
-
-    Raises
-    ------
-    InputError
-        For a display, pixels or aperture points that the formats cannot hold.
-    """
-    build = Build.of(display, model, fraction_bits, aperture is not None, walk)
-    reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
-    config = configuration(display, build, model, reach)
-    u, v = words_of_pixels(display, pixels)
-    a = b = np.zeros_like(u)
-    if aperture is not None and build.aims:
-        a, b = words_of_aims(display, aperture, fraction_bits)
-    rays = pipeline(u, v, a, b, config, build)
-    return rays_of_words(display, pixels_of_words(display, u, v), rays, fraction_bits)
+    return np.stack([np.ldexp(a * array.pitch_mm, -fraction_bits), np.ldexp(b * array.row_pitch_mm, -fraction_bits)], 1)
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
-    """Return rays in mm and unit vectors, panel's axes."""
+    """Return the rays of words: radii become mm, the array's axes the panel's, a lenslet's index its centre.
+
+    `pixel` is (N, 2), the pixel coordinates that were traced.
+    """
     system = System.of(display)
     frame = system.frame
     unit = 2.0 ** -(fraction_bits + 1)

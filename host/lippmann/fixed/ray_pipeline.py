@@ -75,7 +75,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         return FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, status)
 
     out = _through_lenslet(_Met(i, j, hx, hy, ex, ey, ez), config, build)
-    crosstalk = (out.i != own_i) | (out.j != own_j) if build.walk else stray
+    crosstalk = (out.i != own_i) | (out.j != own_j) if build.max_cell_steps else stray
     missed = out.status == int(Status.MISSED)
     if build.aims:
         missed = missed | beyond
@@ -101,7 +101,7 @@ def _through_lenslet(ray: _Met, config: Configuration, build: Build) -> FixedRay
     i, j, hx, hy, ex, ey, ez = ray
     dx, dy, dz = (ex, ey, ez) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
     met = meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
-    for _ in range(build.walk):
+    for _ in range(build.max_cell_steps):
         di, dj, _ = cell_step(met.nx, met.ny, config.cell_half, grid, f)
         hx, hy = move_lenslet(hx, hy, di, dj, config.cell_pitch_x, config.cell_pitch_y, grid, f)
         i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)

@@ -255,7 +255,7 @@ def _meet_dome(build: Build, c: Configuration, n: Numbers) -> Stage:
         i, j, hx, hy = (s[key] for key in ("i", "j", "hx", "hy"))
         dx, dy, dz = (s[key] for key in way)
         met = meet_dome(hx, hy, dx, dy, dz, c.depth, c.depth_rest, f, up)
-        for _ in range(build.walk):
+        for _ in range(build.max_cell_steps):
             di, dj, _ = cell_step(met.nx, met.ny, c.cell_half, grid, f)
             hx, hy = move_lenslet(hx, hy, di, dj, c.cell_pitch_x, c.cell_pitch_y, grid, f)
             i, j = i + di, j + dj
@@ -281,7 +281,7 @@ def _meet_dome(build: Build, c: Configuration, n: Numbers) -> Stage:
         i, j, hx, hy = (s[key] for key in ("i", "j", "hx", "hy"))
         d = [s[key] for key in way]
         met = met_at(hx, hy, *d)
-        for _ in range(build.walk):
+        for _ in range(build.max_cell_steps):
             di, dj = _step(build, met["nx"], met["ny"], n.cell_half)
             hx = hx - di * n.cell_pitch[0] - (0.5 * dj * n.cell_pitch[0] if grid == "hex" else 0.0)
             hy = hy - dj * n.cell_pitch[1]

@@ -11,7 +11,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.engines import trace
-from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import MODELS, Model, gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
@@ -49,14 +49,13 @@ class TraceRate:
 
 def measure(display: Display, model: Model, aperture: str, seed: int) -> TraceRate:
     """Measure one row."""
-    mi = mitsuba()
     random = np.random.default_rng(seed)
     panel, array = display.panel, display.array
     pixels = random.uniform((0.0, 0.0), (panel.width_px, panel.height_px), (COMPARED_RAYS, 2))
     points = None
     if aperture == "full":
-        s, t = (mi.Float(column) for column in random.uniform(0.0, 1.0, (2, COMPARED_RAYS)))
-        points = np.stack([np.asarray(c) for c in square_to_cell(s, t, array.grid, array.pitch_mm)], axis=1)
+        s, t = random.uniform(0.0, 1.0, (2, COMPARED_RAYS))
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, array.grid, array.pitch_mm), axis=1)
     golden = trace(display, pixels, points, model)
     fast = trace(display, pixels, points, model, "fast", current_device())
     same = golden.status == fast.status
@@ -106,7 +105,7 @@ def fast_launch(
         points = None
         if aperture == "full":
             s, t = points_in_square(index, mi.UInt32(0), 0, stream=1)
-            points = square_to_cell(s, t, array.grid, array.pitch_mm)
+            points = square_to_cell(b, s, t, array.grid, array.pitch_mm)
         out = rays_from_pixels(b, system, u, v, points, model)
         origin = mi.Float(out.centre_x + out.centre_y) + out.ray.x + out.ray.y + out.ray.z
         value = origin + out.ray.dx + out.ray.dy + out.ray.dz

@@ -1,5 +1,5 @@
-"""The way of a ray: panel, lattice, aim, flat face, dome, exit.
+"""The path of a ray: panel, lattice, aim, flat face, dome, exit.
 
-One file a step. The steps are written once over arrays of any kind (`backend.py`): numpy float64 makes
-the golden tracer, Dr.Jit float32 the fast engine. Their independent leg is physics, in the tests.
+One file for each step. The steps are written once over arrays of any kind (`backend.py`): with numpy float64 they are
+the golden engine, with Dr.Jit float32 the fast one. The tests check both against physics, independently.
 """

@@ -1,4 +1,4 @@
-"""Step 3: the ray from the panel point to the aperture point, or the ray's crossing of a face's plane."""
+"""Step 3: a ray, its unit direction, and its point on a plane."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The few array operations that the optics need, for numpy (golden) and Dr.Jit (fast).
 
-Two real formats take part: `double` for coordinates that span the whole panel, and `real`, the engine's own,
-for everything lens-local. In the golden engine both are float64; in the fast one `real` is float32, which
-resolves 0.05 nm inside a lenslet but only 30 nm across a 700 mm panel.
+There are two real formats: `double` for coordinates that span the whole panel, and `real`, the engine's own, for
+everything lens-local. In the golden engine both are float64. In the fast engine `real` is float32, which resolves
+0.05 nm inside a lenslet but only 30 nm across a 700 mm panel.
 """
 
 from __future__ import annotations
@@ -12,53 +12,64 @@ from typing import Any, Protocol
 
 import numpy as np
 
-#: An array of the backend at hand: numpy.ndarray, or a Dr.Jit array type. All of a call have one length.
+#: An array of the backend at hand: numpy.ndarray, or a Dr.Jit array type. All arrays of a call have one length.
 Arr = Any
 State = tuple[Arr, ...]
+Operation = Callable[..., Arr]
+#: A function of a backend and a state that returns a state.
+Trace = Callable[..., State]
 
 
 class Backend(Protocol):
-    """What the optics ask of an array library."""
+    """The operations that the optics take from an array library."""
 
-    def real(self, x: Arr) -> Arr:
+    def real(self, x: Arr, /) -> Arr:
         """Cast to the engine's own floating-point format."""
 
-    def double(self, x: Arr) -> Arr:
+    def double(self, x: Arr, /) -> Arr:
         """Cast to float64."""
 
-    def integer(self, x: Arr) -> Arr:
+    def integer(self, x: Arr, /) -> Arr:
         """Cast whole numbers to signed integers."""
 
-    def floor(self, x: Arr) -> Arr:
+    def floor(self, x: Arr, /) -> Arr:
         """Largest whole number <= x, in x's format."""
 
-    def sqrt(self, x: Arr) -> Arr:
+    def sqrt(self, x: Arr, /) -> Arr:
         """Square root."""
 
-    def absolute(self, x: Arr) -> Arr:
+    def absolute(self, x: Arr, /) -> Arr:
         """Magnitude."""
 
-    def maximum(self, x: Arr, y: Arr | float) -> Arr:
+    def maximum(self, x: Arr, y: Arr | float, /) -> Arr:
         """Larger of two."""
 
-    def minimum(self, x: Arr, y: Arr | float) -> Arr:
+    def minimum(self, x: Arr, y: Arr | float, /) -> Arr:
         """Smaller of two."""
 
-    def where(self, condition: Arr, yes: Arr | float, no: Arr | float) -> Arr:
+    def where(self, condition: Arr, yes: Arr | float, no: Arr | float, /) -> Arr:
         """Choose element by element."""
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         """Repeat `state = body(*state)` for the elements where `active(*state)`, until there are none."""
 
-    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
-        """Return `rough` with its doubtful elements replaced by `work(backend, *inputs)` in double precision.
+    def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
+        """Return `coarse` with the elements under `mask` replaced by `trace(backend, *inputs)` in double precision.
 
-        `inputs` are double. A backend that works in double precision anyway returns `rough`.
+        `inputs` are double. A backend that computes in double precision anyway returns `coarse`.
         """
 
 
 class NumpyBackend:
     """float64 throughout."""
+
+    def __init__(self) -> None:
+        self.floor: Operation = np.floor
+        self.sqrt: Operation = np.sqrt
+        self.absolute: Operation = np.abs
+        self.maximum: Operation = np.maximum
+        self.minimum: Operation = np.minimum
+        self.where: Operation = np.where
 
     def real(self, x: Arr) -> Arr:
         return np.asarray(x, np.float64)
@@ -67,24 +78,6 @@ class NumpyBackend:
 
     def integer(self, x: Arr) -> Arr:
         return np.asarray(x).astype(np.int64)
-
-    def floor(self, x: Arr) -> Arr:
-        return np.floor(x)
-
-    def sqrt(self, x: Arr) -> Arr:
-        return np.sqrt(x)
-
-    def absolute(self, x: Arr) -> Arr:
-        return np.abs(x)
-
-    def maximum(self, x: Arr, y: Arr | float) -> Arr:
-        return np.maximum(x, y)
-
-    def minimum(self, x: Arr, y: Arr | float) -> Arr:
-        return np.minimum(x, y)
-
-    def where(self, condition: Arr, yes: Arr | float, no: Arr | float) -> Arr:
-        return np.where(condition, yes, no)
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         # Works on the active elements only: they are few, and the others must not change.
@@ -97,8 +90,8 @@ class NumpyBackend:
             index = index[active(*part)]
         return state
 
-    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
-        return rough
+    def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
+        return coarse
 
 
 class DrJitBackend:
@@ -108,51 +101,23 @@ class DrJitBackend:
         import drjit as dr  # soft: the golden engine must run without it
 
         module = getattr(dr, device).ad
-        self._dr = dr
-        self._device = device
-        self._precise = precise
-        self.Double = module.Float64
-        self.Real = module.Float64 if precise else module.Float
-        self.Int = module.Int
-
-    def real(self, x: Arr) -> Arr:
-        return self.Real(x)
-
-    def double(self, x: Arr) -> Arr:
-        return self.Double(x)
-
-    def integer(self, x: Arr) -> Arr:
-        return self.Int(x)
-
-    def floor(self, x: Arr) -> Arr:
-        return self._dr.floor(x)
-
-    def sqrt(self, x: Arr) -> Arr:
-        return self._dr.sqrt(x)
-
-    def absolute(self, x: Arr) -> Arr:
-        return self._dr.abs(x)
-
-    def maximum(self, x: Arr, y: Arr | float) -> Arr:
-        return self._dr.maximum(x, y)
-
-    def minimum(self, x: Arr, y: Arr | float) -> Arr:
-        return self._dr.minimum(x, y)
-
-    def where(self, condition: Arr, yes: Arr | float, no: Arr | float) -> Arr:
-        return self._dr.select(condition, yes, no)
+        self._dr, self._device, self._precise = dr, device, precise
+        self.double, self.integer = module.Float64, module.Int
+        self.real = module.Float64 if precise else module.Float
+        self.floor, self.sqrt, self.absolute = dr.floor, dr.sqrt, dr.abs
+        self.maximum, self.minimum, self.where = dr.maximum, dr.minimum, dr.select
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         result: State = self._dr.while_loop(state, active, body, mode="symbolic")
         return result
 
-    def redo(self, doubtful: Arr, work: Callable[..., State], inputs: State, rough: State) -> State:
+    def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
         if self._precise:
-            return rough
-        precise = DrJitBackend(self._device, precise=True)
+            return coarse
+        double = DrJitBackend(self._device, precise=True)
 
-        def again(inputs: State, rough: State) -> State:
-            return tuple(type(old)(new) for old, new in zip(rough, work(precise, *inputs), strict=True))
+        def fine(inputs: State, coarse: State) -> State:
+            return tuple(type(old)(new) for old, new in zip(coarse, trace(double, *inputs), strict=True))
 
-        result: State = self._dr.if_stmt((inputs, rough), doubtful, again, lambda inputs, rough: rough, mode="symbolic")
+        result: State = self._dr.if_stmt((inputs, coarse), mask, fine, lambda _, coarse: coarse, mode="symbolic")
         return result

@@ -8,13 +8,14 @@ Q . d = 0. Then with F = c |Q|^2 + 2 Q_z the sphere is met where c t^2 + 2 d_z t
 and normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the distance that the
 ray came from, and none with R: a flat face is c = 0.
 
-**The height field.** The array's face is one surface made of caps, one a cell. A ray meets the cap of the cell it is
-in or walks on to the next cell. Caps meet at equal heights on the flats between them, so the first cap met before the
-ray leaves its cell is the first met at all, and no ray slips between two cells.
+**The height field.** The array's face is one surface made of caps, one for each cell. A ray meets the cap of its cell
+or steps to the next cell. Neighbouring caps have equal heights on the flat between them, so the first cap met before
+the ray leaves its cell is the first met at all, and no ray slips between two cells.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.lattice import Lattice
 
-#: Cells that a ray may walk over before it counts as having missed.
+#: Largest number of cells that a ray is followed through; beyond, it counts as having missed.
 MAX_CELLS = 16
 
 
@@ -41,14 +42,16 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """A ray's meeting with the height field.
+    """Where a ray meets the height field.
 
+    Attributes
+    ----------
     ray
         Lens-local to the lenslet met, its point on the dome.
     di, dj
-        Lenslet met, relative to the one that the incoming ray was local to; whole numbers in the real format.
+        Lenslet met, counted from the one that the incoming ray was local to; whole numbers in the real format.
     cx, cy
-        Centre of the lenslet met, from that same lenslet, mm.
+        Centre of the lenslet met, measured from that same lenslet, mm.
     cosine
         |d . N| at the dome.
     missed
@@ -109,8 +112,8 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def unsettled(*state: Arr) -> Arr:
         return ~state[0] & (state[1] < MAX_CELLS)
 
-    def walk(settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr) -> tuple[Arr, ...]:
-        # `rest`: the walking ray (x, y, z, dx, dy, dz), then the point on the dome and the cosine there.
+    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr) -> tuple[Arr, ...]:
+        # `rest`: the ray (x, y, z, dx, dy, dz) in its present cell, then the point on the dome and the cosine there.
         here = Ray(*rest[:6])
         hit, t, at, cosine = _cap(b, dome, here, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
@@ -132,9 +135,9 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         )
 
     state = (settled, b.integer(zero), zero, zero, zero, zero, *ray, at.x, at.y, at.z, cosine)
-    state = b.loop(unsettled, walk, state)
+    state = b.loop(unsettled, step, state)
     found, _, di, dj, cx, cy, *rest = state
-    # A ray that met nothing keeps its own last place.
+    # A ray that met nothing keeps its last point.
     point = [b.where(found, rest[6 + k], rest[k]) for k in range(3)]
     at = Ray(point[0], point[1], point[2], ray.dx, ray.dy, ray.dz)
     return Crossing(at, di, dj, cx, cy, rest[9], ~found)
@@ -172,81 +175,58 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     """Tell which rays, leaving a dome upward through the air, meet a neighbour's dome.
 
-    `ray` is local to the lenslet left, its point on that dome. Only rays of `suspect` are looked at.
+    `ray` is local to the lenslet left, its point on that dome. Only rays of `suspect` are examined.
     """
-    # At the vertices' plane still above its own cell: clear, because a dome cannot be met twice from outside.
-    flat = b.maximum(ray.dz, 1e-30)
-    t_top = -ray.z / flat
-    clear = (ray.dz > 0.0) & dome.lattice.holds(ray.x + t_top * ray.dx, ray.y + t_top * ray.dy)
-    sinking = ray.dz <= 0.0
-    searching = suspect & ~clear & ~sinking
 
-    def active(searching: Arr, steps: Arr, *_: Arr) -> Arr:
-        return searching & (steps < MAX_CELLS)
-
-    def walk(searching: Arr, steps: Arr, hit: Arr, t: Arr, *rest: Arr) -> tuple[Arr, ...]:
-        here = Ray(*rest)
-        t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
-        t_top = -here.z / here.dz
+    def meets_cap(steps: Arr, here: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
         # This cell's cap, entered from the side: both roots are behind the vertex's foot, nothing cancels.
         # The dome just left cannot be met again, so step 0 skips it.
-        cap_hit, _, _, cosine = _cap(b, dome, here, upward=True)
+        hit, _, _, cosine = _cap(b, dome, here, upward=True)
         foot = here.x * here.dx + here.y * here.dy + here.z * here.dz
         t_cap = -(here.dz + cosine) * dome.radius_mm - foot
-        met = (steps > 0) & cap_hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
-        searching = ~met & (t_flat < t_top)
-        return (
-            searching,
-            steps + 1,
-            hit | met,
-            t_flat,
-            b.where(searching, here.x - to_x, here.x),
-            b.where(searching, here.y - to_y, here.y),
-            *here[2:],
-        )
+        return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
-    zero = 0.0 * ray.x
-    state = (searching, b.integer(zero), sinking, zero, *ray)
-    state = b.loop(active, walk, state)
-    # Still searching after the last step: it skims the array and never gets away.
-    return suspect & (state[2] | state[0])
+    # At the vertices' plane still above its own cell: clear, because a dome cannot be met twice from outside.
+    return _blocked(b, dome, ray, suspect, 0.0, 1.0, meets_cap)
 
 
 def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Tell which rays, entering a dome downward through the glass, leave it again through a seam's valley.
+    """Tell which rays, entering a dome downward through the glass, leave it again through the valley of a seam.
 
-    `ray` is local to the lenslet entered, its point on that dome. Only rays of `suspect` are looked at.
+    `ray` is local to the lenslet entered, its point on that dome. Only rays of `suspect` are examined.
     """
+
+    def leaves_glass(_steps: Arr, here: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
+        x, y, z = here.x + t_flat * here.dx, here.y + t_flat * here.dy, here.z + t_flat * here.dz
+        return (t_flat < t_rim) & (dome.curvature * (x * x + y * y + z * z) + 2.0 * z > 0.0)
+
     # At the rims' plane still inside its own cell: a chord of one sphere, all in the glass.
-    depth = -dome.sag_mm
-    steep = b.minimum(ray.dz, -1e-30)
-    t_rim = (depth - ray.z) / steep
-    inside = (ray.dz < 0.0) & dome.lattice.holds(ray.x + t_rim * ray.dx, ray.y + t_rim * ray.dy)
-    rising = ray.dz >= 0.0
-    searching = suspect & ~inside & ~rising
-    c = dome.curvature
+    return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
+
+
+def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Callable[..., Arr]) -> Arr:
+    """Follow rays from cell to cell to the plane at height `plane`; tell which are blocked before they reach it.
+
+    A ray that reaches the plane over its own cell is clear; one that heads away from it is blocked. The others step
+    from cell to cell until `meets(steps, ray, t of the cell's near flat, t of its far flat, t of the plane)`.
+    `up` is 1 for a plane above the rays and -1 for one below.
+    """
+    away = up * ray.dz <= 0.0
+    t_plane = (plane - ray.z) / (up * b.maximum(up * ray.dz, 1e-30))
+    clear = ~away & dome.lattice.holds(ray.x + t_plane * ray.dx, ray.y + t_plane * ray.dy)
 
     def active(searching: Arr, steps: Arr, *_: Arr) -> Arr:
         return searching & (steps < MAX_CELLS)
 
-    def walk(searching: Arr, steps: Arr, left: Arr, *rest: Arr) -> tuple[Arr, ...]:
-        here = Ray(*rest)
+    def step(_: Arr, steps: Arr, blocked: Arr, t: Arr, *state: Arr) -> tuple[Arr, ...]:
+        here = Ray(*state)
         t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
-        t_rim = (depth - here.z) / here.dz
-        x, y, z = here.x + t_flat * here.dx, here.y + t_flat * here.dy, here.z + t_flat * here.dz
-        deeper = t_flat < t_rim
-        outside = deeper & (c * (x * x + y * y + z * z) + 2.0 * z > 0.0)
-        searching = deeper & ~outside
-        return (
-            searching,
-            steps + 1,
-            left | outside,
-            b.where(searching, here.x - to_x, here.x),
-            b.where(searching, here.y - to_y, here.y),
-            *here[2:],
-        )
+        t_plane = (plane - here.z) / here.dz
+        met = meets(steps, here, t, t_flat, t_plane)
+        searching = ~met & (t_flat < t_plane)
+        x, y = b.where(searching, here.x - to_x, here.x), b.where(searching, here.y - to_y, here.y)
+        return searching, steps + 1, blocked | met, t_flat, x, y, *here[2:]
 
     zero = 0.0 * ray.x
-    state = (searching, b.integer(zero), rising, *ray)
-    state = b.loop(active, walk, state)
-    return suspect & (state[2] | state[0])
+    searching, _, blocked, *_ = b.loop(active, step, (suspect & ~clear & ~away, b.integer(zero), away, zero, *ray))
+    return suspect & (blocked | searching)

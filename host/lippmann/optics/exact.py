@@ -1,9 +1,9 @@
-"""Model `exact`: Snell's law at both faces, at their true places.
+"""Model `exact`: Snell's law at both faces, at their true positions.
 
-Four ways through one array: panel to world and back, each with the plano side to the panel or to the viewer. Seen in
-a mirror where needed, domes always bulge to +z, so that only two kinds of passage exist: upward, out of the glass
+There are four cases: panel to world and world to panel, each with the plano side to the panel or to the viewer.
+Mirrored where needed, domes always bulge to +z, so that two kinds of passage are enough: upward, out of the glass
 through a dome, and downward, into the glass through a dome. Plano-concave lenslets are the downward kind with glass
-and air changed over.
+and air exchanged.
 """
 
 from __future__ import annotations
@@ -17,19 +17,7 @@ from lippmann.optics.system import Exit, Landing, System
 
 
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
-    """Trace rays from the panel to the world.
-
-    Parameters
-    ----------
-    b
-        Backend.
-    system
-        The optics.
-    x, y
-        Panel points local to the lenslet that they belong to, array's axes, mm.
-    aperture
-        Points aimed at, local and in mm likewise; None for the chief ray.
-    """
+    """Trace rays from the panel to the world (parameters as in `models.leave_panel`)."""
     towards_x, towards_y = (-x, -y) if aperture is None else (aperture[0] - x, aperture[1] - y)
     dx, dy, dz = unit(b, towards_x, towards_y, system.aperture_distance_mm)
     # Point on the array's near plane: the flat face, or the domes' vertices.
@@ -40,7 +28,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
-        exit_ = _out_of_hollow(b, system, ray) if system.hollow else _upward(b, system, ray, strays)
+        exit_ = _out_of_concave(b, system, ray) if system.concave else _upward(b, system, ray, strays)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
         exit_ = exit_._replace(ray=mirrored(exit_.ray))
@@ -48,11 +36,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
 
 
 def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
-    """Trace rays from the world to the panel.
-
-    `ray` stands on the face that the viewer sees (its vertices' plane or its flat), local to the lenslet whose
-    cell it stands in, array's axes, heading for the panel.
-    """
+    """Trace rays from the world to the panel (parameters as in `models.reach_panel`)."""
     if system.plano_to_panel:
         exit_ = _downward(b, system, ray, strays=False)
         panel_z = -(system.thickness_mm + system.gap_mm)
@@ -61,12 +45,12 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
         inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
         exit_ = _upward(b, system, inside, strays=True)
         panel_z = system.gap_mm
-    alive = gets_through(exit_.status)
+    active = gets_through(exit_.status)
     last = exit_.ray
-    t = b.where(alive, (panel_z - last.z) / b.where(alive, last.dz, 1.0), 0.0)
+    t = b.where(active, (panel_z - last.z) / b.where(active, last.dz, 1.0), 0.0)
     x, y = last.x + t * last.dx, last.y + t * last.dy
     own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
-    status = b.where(alive, own, exit_.status)
+    status = b.where(active, own, exit_.status)
     return Landing(x, y, exit_.di, exit_.dj, exit_.cx, exit_.cy, status)
 
 
@@ -101,14 +85,14 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     at_flat = at_flat._replace(dz=inside.dz)
     out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    # A ray that grazes the dome on its way in is as delicate as one that grazes the flat face on its way out.
+    # A ray may graze the dome where it enters, or the flat face where it leaves: rounding hurts both alike.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
 
-def _out_of_hollow(b: Backend, system: System, ray: Ray) -> Exit:
+def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
     """From the flat face (ray already in the glass) through a dome of air pressed into it."""
-    # Mirrored, the domes bulge to +z as ever, but the glass lies above them and the air below.
+    # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
     ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))
     crossing = meet(b, system.dome, ray, upward=False)
     out, square = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=False)
@@ -118,7 +102,7 @@ def _out_of_hollow(b: Backend, system: System, ray: Ray) -> Exit:
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr, Arr, Arr]]:
-    """Make rays local to the lenslet whose cell their points lie in; returns the step there too."""
+    """Make rays local to the lenslet whose cell their points lie in; return the step to that lenslet too."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j, ray.x - x, ray.y - y)
 

@@ -1,7 +1,7 @@
-"""Step 2: which lenslet a point belongs to, and where the point lies inside that lenslet.
+"""Step 2: the lenslet that a point belongs to, and the point's position inside that lenslet.
 
-Lenslet (i, j) stands at p (i, j) on the square grid, at p (i + j/2, j sqrt(3)/2) on the hexagonal one. A cell is
-half-open, -p/2 <= q < p/2 along each of its axes, so that every point of the plane has exactly one owner.
+The centre of lenslet (i, j) is at p (i, j) on the square grid, at p (i + j/2, j sqrt(3)/2) on the hexagonal one. A cell
+is half-open, -p/2 <= q < p/2 along each of its axes, so that every point of the plane has exactly one owner.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 class Lattice:
     """Square or hexagonal lattice with pitch p (mm), in the array's frame.
 
-    `half_sqrt3` is sqrt(3)/2 in as many digits as the numbers have that it is used with.
+    `half_sqrt3` is sqrt(3)/2 in the precision of the coordinates.
     """
 
     grid: Grid
@@ -52,8 +52,8 @@ class Lattice:
             i = b.floor(x * (1.0 / p) + 0.5)
             j = b.floor(y * (1.0 / p) + 0.5)
         else:
-            # Corner of the lattice parallelogram that holds the point, then which of its four corners is
-            # nearest: the bisectors of the corners are q = 1/2 and q = 1 along the cell's axes.
+            # First the corner (i, j) of the lattice parallelogram that holds the point, then the nearest of its four
+            # corners: the bisectors between them are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * p))
             u = x * (1.0 / p)
             s = u - 0.5 * t
@@ -84,7 +84,7 @@ class Lattice:
         Returns
         -------
         t
-            Where it crosses the first flat (infinite for a line along the axis).
+            At its crossing of the first flat (infinite for a line along the axis).
         step
             (di, dj) to the neighbour there, whole numbers in x's format.
         centre

@@ -1,6 +1,7 @@
-"""Models `pinhole`, `thin` and `paraxial`: the lenslet idealised, for scenes that need no more.
+"""A ray through a lenslet by one of the four models: `exact` (exact.py), or the idealised lenslet, which is here.
 
-Slopes are tangents of angles in the x and y sections; heights are lens-local, mm.
+The idealised models are `pinhole`, `thin` and `paraxial`. Their slopes are tangents of angles in the x and y sections;
+heights are lens-local, mm.
 """
 
 from __future__ import annotations
@@ -8,10 +9,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.optics import exact
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.rays import Status
+from lippmann.optics.rays import Model, Status
 from lippmann.optics.system import Exit, Landing, System
+
+#: Squared cosine below which the fast engine traces a ray again in double precision. float32 turns a ray by about 0.2
+#: microradian over its cosine to the face's normal: above this cosine, by less than 1 microradian.
+GRAZING_SQUARE = 0.15
 
 
 def ray_matrix(system: System) -> npt.NDArray[np.float64]:
@@ -27,23 +33,56 @@ def ray_matrix(system: System) -> npt.NDArray[np.float64]:
     return matrix
 
 
-def leave_panel(
-    b: Backend,
-    system: System,
-    x: Arr,
-    y: Arr,
-    aperture: tuple[Arr, Arr] | None,
-    model: str,
-) -> Exit:
-    """Trace rays from the panel to the world (parameters as in `exact.leave_panel`)."""
+def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+    """Trace rays from the panel to the world; rays that graze a face, in double precision throughout.
+
+    Parameters
+    ----------
+    b
+        Backend.
+    system
+        The optics.
+    x, y
+        Panel points local to the lenslet that they belong to, array's axes, mm, double.
+    aperture
+        Points aimed at, local and in mm likewise; None for chief rays.
+    model
+        Lens model.
+    """
+
+    def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
+        points = (aim[0], aim[1]) if aim else None
+        if model == "exact":
+            out = exact.leave_panel(b, system, x, y, points)
+        else:
+            out = _leave_ideal(b, system, x, y, points, model)
+        return *out.ray, *out[1:]
+
+    aim = aperture or ()
+    coarse = traced(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
+    inputs = (x, y, *(b.double(a) for a in aim))
+    done = b.refine(coarse[-1] < GRAZING_SQUARE, traced, inputs, coarse)
+    return Exit(Ray(*done[:6]), *done[6:])
+
+
+def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
+    """Trace rays from the world to the panel.
+
+    `ray` is local to the lenslet whose cell its point lies in, array's axes, heading for the panel. The point lies in
+    the vertices' plane for `pinhole` and `thin`, on the last face's plane (dome vertices or flat) for the others.
+    """
+    return exact.reach_panel(b, system, ray) if model == "exact" else _reach_ideal(b, system, ray, model)
+
+
+def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     zero = 0.0 * x
     di = dj = cx = cy = hx = hy = zero
-    sx, sy = -x * (1.0 / system.aperture_distance_mm), -y * (1.0 / system.aperture_distance_mm)
+    per_mm = 1.0 / system.aperture_distance_mm
+    sx, sy = -x * per_mm, -y * per_mm
     z = 0.0
     if aperture is not None and model != "pinhole":
         # The lenslet whose cell the aperture point lies in bends the ray.
-        sx = (aperture[0] - x) * (1.0 / system.aperture_distance_mm)
-        sy = (aperture[1] - y) * (1.0 / system.aperture_distance_mm)
+        sx, sy = (aperture[0] - x) * per_mm, (aperture[1] - y) * per_mm
         di, dj, hx, hy = system.lattice.locate(b, *aperture)
         cx, cy = aperture[0] - hx, aperture[1] - hy
     launch = 1.0 / (1.0 + sx * sx + sy * sy)
@@ -63,11 +102,7 @@ def leave_panel(
     return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status, grazing)
 
 
-def reach_panel(b: Backend, system: System, ray: Ray, model: str) -> Landing:
-    """Trace rays from the world to the panel (parameters as in `exact.reach_panel`).
-
-    For `pinhole` and `thin` the ray stands in the vertices' plane, for `paraxial` on the last face's vertex plane.
-    """
+def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     zero = 0.0 * ray.x
     sx, sy = ray.dx / ray.dz, ray.dy / ray.dz
     if model == "paraxial":

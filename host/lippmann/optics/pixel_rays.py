@@ -1,5 +1,6 @@
-"""From pixels to the rays that leave the array, and back, in an engine's own arrays.
+"""From pixel coordinates to rays in the panel's frame, and from such rays to pixel coordinates, in a backend's arrays.
 
+Coordinates across the panel are double; each ray is traced local to its lenslet, in the engine's own format.
 `lippmann.engines.trace` wraps these functions for numpy arrays. The renderer and the observer call them directly.
 """
 
@@ -7,24 +8,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lippmann.optics import exact, models
+from lippmann.optics import models
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.rays import Model, Status, gets_through
-from lippmann.optics.system import Exit, System
+from lippmann.optics.system import System
 
-#: Squared cosine below which the fast engine traces a ray again in double precision: float32 turns a ray by about 0.2
-#: microradian over its cosine to the face's normal, which stays below 1 microradian above it.
-GRAZING_SQUARE = 0.15
-
-#: Farthest place from the array's centre that rays are followed to, in lenslets: their indices fit into 32 bits.
+#: Largest distance from the array's centre to which rays are followed, in lenslets: their indices fit into 32 bits.
 FARTHEST_LENSLETS = 1 << 28
-#: A ray flatter than this never comes to the array: below it, what it is divided by may be 0 in float32.
+#: Least |dz| of a ray that can reach the array; a divisor below it may be 0 in float32.
 FLATTEST = 1e-30
 
 
 class LocalRays(NamedTuple):
-    """Rays in an engine's arrays, panel's axes: lens-local point and direction (real), lenslet's centre (double)."""
+    """Rays in a backend's arrays, panel's axes: lens-local point and direction (real), lenslet's centre (double)."""
 
     ray: Ray
     centre_x: Arr
@@ -35,12 +32,7 @@ class LocalRays(NamedTuple):
 
 
 def rays_from_pixels(
-    b: Backend,
-    system: System,
-    u: Arr,
-    v: Arr,
-    aperture: tuple[Arr, Arr] | None,
-    model: Model,
+    b: Backend, system: System, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None, model: Model
 ) -> LocalRays:
     """Trace from pixel coordinates (u, v), given as double, to the rays that leave the array.
 
@@ -49,42 +41,18 @@ def rays_from_pixels(
     frame = system.frame
     x, y = frame.array_from_panel(*frame.panel_from_pixel(u, v))
     i, j, x, y = system.lattice.locate(b, x, y)
-    out = leave_panel(b, system, x, y, aperture, model)
+    out = models.leave_panel(b, system, x, y, aperture, model)
     i, j = i + b.double(out.di), j + b.double(out.dj)
     centre_x, centre_y = frame.panel_from_array(*system.lattice.centre(i, j))
     ray = out.ray
     px, py = frame.turn(ray.x, ray.y)
     dx, dy = frame.turn(ray.dx, ray.dy)
-    return LocalRays(
-        Ray(px, py, ray.z, dx, dy, ray.dz),
-        centre_x,
-        centre_y,
-        b.integer(i),
-        b.integer(j),
-        out.status,
-    )
-
-
-def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
-    """Trace rays from lens-local panel points (double); those that graze a face are traced in double throughout."""
-
-    def work(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
-        points = (aim[0], aim[1]) if aim else None
-        if model == "exact":
-            out = exact.leave_panel(b, system, x, y, points)
-        else:
-            out = models.leave_panel(b, system, x, y, points, model)
-        return *out.ray, *out[1:]
-
-    aim = aperture or ()
-    rough = work(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
-    inputs = (x, y, *(b.double(a) for a in aim))
-    done = b.redo(rough[-1] < GRAZING_SQUARE, work, inputs, rough)
-    return Exit(Ray(*done[:6]), *done[6:])
+    ray = Ray(px, py, ray.z, dx, dy, ray.dz)
+    return LocalRays(ray, centre_x, centre_y, b.integer(i), b.integer(j), out.status)
 
 
 class PixelHits(NamedTuple):
-    """Where rays from the world meet the panel: pixel coordinates (double), lenslet passed, status."""
+    """Hits of rays on the panel: pixel coordinates (double), the lenslet that each ray passed, status."""
 
     u: Arr
     v: Arr
@@ -96,7 +64,7 @@ class PixelHits(NamedTuple):
 def pixels_from_rays(
     b: Backend, system: System, origin: tuple[Arr, ...], direction: tuple[Arr, ...], model: Model
 ) -> PixelHits:
-    """Trace rays from the world (origins in mm and unit directions, double) to the panel."""
+    """Trace rays from the world, origins (mm) and unit directions in the panel's frame (double), to the panel."""
     frame = system.frame
     ox, oy, oz = origin
     dx, dy, dz = direction
@@ -105,7 +73,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # What meets the array's plane out of all proportion does not meet the array; nothing may be computed from it.
+    # A ray that meets the array's plane too far out has missed; its numbers are replaced, so that none overflows.
     farthest = FARTHEST_LENSLETS * system.lattice.pitch_mm
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -114,10 +82,7 @@ def pixels_from_rays(
     dx, dy = frame.turn_back(dx, dy)
     x, y = b.real(x), b.real(y)
     ray = Ray(x, y, 0.0 * x + z, b.real(dx), b.real(dy), b.real(safe_z))
-    if model == "exact":
-        landing = exact.reach_panel(b, system, ray)
-    else:
-        landing = models.reach_panel(b, system, ray, model)
+    landing = models.reach_panel(b, system, ray, model)
     i, j = i + b.double(landing.di), j + b.double(landing.dj)
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(landing.x), cy + b.double(landing.y))

@@ -1,4 +1,4 @@
-"""Rays that leave a display, where rays meet its panel, and the names of models, engines and fates."""
+"""Results of a trace (`Rays`, `Hits`, `Status`), and the names of models and engines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lippmann.optics.backend import Arr
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
 Engine = Literal["golden", "fast", "twin", "rtl"]
-#: From the cheapest to the dearest.
+#: From the cheapest to the most expensive.
 MODELS: tuple[Model, ...] = get_args(Model)
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Status(IntEnum):
-    """What became of a ray; the same numbers in golden, fast, twin and RTL."""
+    """Fate of a ray; the same numbers in golden, fast, twin and RTL."""
 
     OK = 0
     MISSED = 1
@@ -31,7 +31,7 @@ class Status(IntEnum):
 
 
 def gets_through(status: Arr) -> Arr:
-    """Tell which rays leave the lenslets: ok and crosstalk. `status` is an array of any backend."""
+    """Tell which rays pass the lenslets: ok and crosstalk. `status` is an array of any backend."""
     # Plain integers: Dr.Jit does not compare with an IntEnum.
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 
@@ -43,7 +43,7 @@ class Rays:
     Attributes
     ----------
     pixel
-        (N, 2) float64, pixel coordinates (column, row; continuous) that they start from.
+        (N, 2) float64, pixel coordinates (column, row; continuous) of their start.
     lenslet
         (N, 2) int64, (i, j) of the lenslet that they leave through.
     centre_mm
@@ -73,7 +73,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class Hits:
-    """Where N rays from the world meet the panel: pixel (N, 2), lenslet passed (N, 2), status (N,)."""
+    """Hits of N rays from the world on the panel: pixel (N, 2), lenslet passed (N, 2), status (N,)."""
 
     pixel: Floats
     lenslet: npt.NDArray[np.int64]

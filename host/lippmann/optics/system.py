@@ -1,4 +1,4 @@
-"""A display turned into the plain numbers that the tracer works with."""
+"""The optical system of a display as plain numbers, and the rays at its two ends."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from lippmann.optics.panel import PanelFrame
 class System:
     """The optical system of a display: frames, lattice, domes, and distances in mm.
 
-    `hollow`: the domes are pressed into the glass (plano-concave lenslets, flat face to the panel) and `thickness_mm`
-    is that of their middle. No display has such; `exact.leave_panel` alone knows them.
+    `concave`: plano-concave lenslets, the domes pressed into the glass, the flat face to the panel; `thickness_mm` is
+    their thickness at the vertex. Only capturing optics have them, and only `exact.leave_panel` traces them.
     """
 
     frame: PanelFrame
@@ -32,7 +32,7 @@ class System:
     plano_to_panel: bool
     width_px: int
     height_px: int
-    hollow: bool = False
+    concave: bool = False
 
     @classmethod
     def of(cls, display: Display) -> System:
@@ -62,8 +62,9 @@ class System:
 class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
-    `cx`, `cy` is that lenslet's centre from the own one's, mm. `grazing` is the smallest squared cosine to a face's
-    normal, on the air's side, launch and exit included: rounding turns the ray by about epsilon over its root.
+    `cx`, `cy` is the centre of that lenslet, measured from the centre of the pixel's own, mm. `grazing` is the least
+    squared cosine to a face's normal, on the air's side, launch and exit included: rounding turns the ray by about
+    epsilon over its root.
     """
 
     ray: Ray

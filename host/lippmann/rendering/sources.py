@@ -130,7 +130,7 @@ class IntegralSource:
         if self.aperture == "full":
             s, t = points_in_square(pixel, sample, self.seed, stream=1)
             array = self.display.array
-            aperture = square_to_cell(s, t, array.grid, array.pitch_mm)
+            aperture = square_to_cell(b, s, t, array.grid, array.pitch_mm)
         if self.engine != "fast":
             return self._traced_outside(u, v, aperture)
         return lines_from_pixels(b, self.display, u, v, aperture, self.model)

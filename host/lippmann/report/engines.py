@@ -22,6 +22,7 @@ from lippmann.fixed.words import WIDEST
 from lippmann.images import psnr_db
 from lippmann.measure.rtl import Simulation
 from lippmann.measure.trace import fast_launch
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, Rays, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, Aperture
@@ -31,7 +32,7 @@ from lippmann.report.plots import COLOURS, MARKS, drawn, finish, legend
 from lippmann.report.section import Plot, Section, Shown, column
 from lippmann.report.views import EYE_MM, Stage
 from lippmann.select.model import crossing
-from lippmann.variant import current_device, mitsuba
+from lippmann.variant import current_device
 
 Row = dict[str, Any]
 Floats = npt.NDArray[np.float64]
@@ -101,15 +102,14 @@ class Sample:
     @classmethod
     def of(cls, display: Display, aperture: str, count: int, seed: int) -> Sample:
         """Draw some."""
-        mi = mitsuba()
         panel, array = display.panel, display.array
         random = np.random.default_rng(seed)
         pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
         if aperture == "chief":
             return cls(display, pixels, None)
-        s, t = (mi.Float(column) for column in random.uniform(0.0, 1.0, (2, count)))
-        points = np.stack([np.asarray(c) for c in square_to_cell(s, t, array.grid, array.pitch_mm)], axis=1)
-        words = words_of_aims(display, points.astype(np.float64), WIDEST)
+        s, t = random.uniform(0.0, 1.0, (2, count))
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, array.grid, array.pitch_mm), axis=1)
+        words = words_of_aims(display, points, WIDEST)
         return cls(display, pixels, aims_of_words(display, *words, WIDEST))
 
     def first(self, count: int) -> Sample:

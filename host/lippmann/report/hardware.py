@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.display import Display
+from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
-from lippmann.fixed.conversion import trace_fixed
 from lippmann.images import psnr_db
 from lippmann.measure.rtl import Simulation, words_differ
 from lippmann.rendering.sources import Aperture
@@ -93,7 +93,14 @@ def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Call
         build, display = named.build, named.displays(scenes)[0]
         aperture = aperture_of(build)
         sample = Sample.of(display, aperture, plan.rays, seed)
-        twin = trace_fixed(display, sample.pixels, sample.aperture, named.model, build.fraction_bits, walk=build.walk)
+        twin = trace_fixed(
+            display,
+            sample.pixels,
+            sample.aperture,
+            named.model,
+            build.fraction_bits,
+            max_cell_steps=build.max_cell_steps,
+        )
         depths = stage(display).scene.depth_range_mm
         picture = stage(display).integral(named.model, "twin", build.fraction_bits, aperture)
         own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))

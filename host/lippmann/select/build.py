@@ -22,10 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.engines import trace
+from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
-from lippmann.fixed.conversion import pixels_of_words, trace_fixed, words_of_pixels
+from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice

@@ -130,7 +130,7 @@ def parameters(build: Build) -> dict[str, int]:
         "Model": ("pinhole", "paraxial", "exact").index(build.model),
         "Viewer": int(build.viewer),
         "Aims": int(build.aims),
-        "Walk": build.walk,
+        "Walk": build.max_cell_steps,
         "CrossCells": int(build.cross_cells),
     }
 

@@ -11,16 +11,16 @@ DISPLAYS = repository() / "scenes" / "displays"
 
 
 @pytest.mark.parametrize(
-    ("name", "model", "f", "walk"),
+    ("name", "model", "f", "steps"),
     [
         ("paper-square", "pinhole", 14, 0),
         pytest.param("paper-hex", "exact", 16, 1),
         pytest.param("paper-square", "exact", 23, 2, marks=pytest.mark.full),
     ],
 )
-def test_frames_from_a_display_file(name, model, f, walk, tmp_path):
+def test_frames_from_a_display_file(name, model, f, steps, tmp_path):
     path = DISPLAYS / f"{name}.toml"
-    build = Build.of(load_display(path), model, f, model != "pinhole", walk)
+    build = Build.of(load_display(path), model, f, model != "pinhole", steps)
     # Another display for the same build: its array turned, and another pitch of pixels.
     text = path.read_text()
     other = tmp_path / "other.toml"
@@ -32,6 +32,6 @@ def test_frames_from_a_display_file(name, model, f, walk, tmp_path):
         "BLOCK_OTHER": str(other),
         "BLOCK_MODEL": model,
         "BLOCK_F": str(f),
-        "BLOCK_WALK": str(walk),
+        "BLOCK_WALK": str(steps),
     }
     simulate(folder, "optics_block", "block_frames", seed(), environment)

@@ -16,7 +16,7 @@ from runner import compiled, seed, simulate
 BENCH = Path(__file__).with_name("ray_lenslet_bench.sv")
 BUILDS = [
     Build(14, "square", "paraxial", aims=True),
-    pytest.param(Build(16, "hex", "exact", aims=True, walk=1, cross_cells=True), marks=pytest.mark.full),
+    pytest.param(Build(16, "hex", "exact", aims=True, max_cell_steps=1, cross_cells=True), marks=pytest.mark.full),
     pytest.param(Build(23, "square", "exact", viewer=True), marks=pytest.mark.full),
 ]
 

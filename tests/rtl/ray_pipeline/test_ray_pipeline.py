@@ -12,8 +12,8 @@ from rtl_coverage import Coverage
 from runner import seed
 
 FAST = [
-    Build(23, "square", "exact", aims=True, walk=1),
-    Build(16, "hex", "exact", viewer=True, aims=True, walk=2, cross_cells=True),
+    Build(23, "square", "exact", aims=True, max_cell_steps=1),
+    Build(16, "hex", "exact", viewer=True, aims=True, max_cell_steps=2, cross_cells=True),
     Build(18, "hex", "paraxial", aims=True),
     Build(14, "square", "pinhole"),
 ]
@@ -52,7 +52,7 @@ def statuses(build: Build) -> set[Status]:
     found = {Status.OK, Status.INTERNAL_REFLECTION}
     if build.aims or build.viewer:
         found |= {Status.MISSED}
-    if build.aims or build.walk:
+    if build.aims or build.max_cell_steps:
         found |= {Status.CROSSTALK}
     return found
 

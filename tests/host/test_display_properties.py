@@ -1,0 +1,97 @@
+"""The moire warning against the reciprocal lattice, and against the phases of the pixels under each lenslet."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+from lippmann.display_properties import beats_in_lenslets, display_properties
+from optics_cases import GRIDS, display_of
+from scene_cases import generator
+
+SEED = 4421
+
+
+def lattice_vectors(display):
+    """(2, 2): the lattice's basis in panel axes, in lenslet pitches."""
+    angles = np.radians(display.array.rotation_deg + np.array([0.0, 60.0 if display.array.grid == "hex" else 90.0]))
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def nearest_reciprocal(display):
+    """Distances of the pixels' two fundamental frequencies from the reciprocal lattice, cycles a lenslet: tries all."""
+    ratio = display.array.pitch_mm / display.panel.pixel_pitch_mm
+    reach = math.ceil(ratio) + 2
+    counts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
+    reciprocal = counts @ np.linalg.inv(lattice_vectors(display)).T  # b_i . a_j = delta_ij
+    return [np.linalg.norm(reciprocal - frequency, axis=1).min() for frequency in ([ratio, 0.0], [0.0, ratio])]
+
+
+def case(rng):
+    """A random display with up to 60 pixels for each lenslet, turned or not, often almost commensurate."""
+    grid = rng.choice(GRIDS)
+    rotation = rng.choice([0.0, 30.0, 60.0, 90.0, rng.uniform(-180.0, 180.0), rng.uniform(-0.5, 0.5)])
+    ratio = rng.choice([rng.uniform(2.5, 59.0), rng.integers(3, 59) + rng.uniform(-0.2, 0.2)])
+    ratio *= rng.choice([1.0, 2.0 / math.sqrt(3.0)]) if grid == "hex" and ratio < 50.0 else 1.0
+    return display_of(grid, "panel", rotation=float(rotation), pixel_pitch=float(1.0 / ratio), width_px=2000)
+
+
+def moire_of(display):
+    """The period in the moire warning, lenslets; None without one."""
+    found = [w for w in display_properties(display).warnings if w.startswith("moire: ")]
+    return float(re.search(r"every ([\d.e+]+) lenslets", found[0]).group(1)) if found else None
+
+
+@pytest.mark.parametrize("number", range(100))
+def test_moire_follows_from_the_reciprocal_lattice(number):
+    display = case(generator(SEED, number))
+    frequencies = nearest_reciprocal(display)
+    assert [1.0 / beat for beat in beats_in_lenslets(display)] == pytest.approx(frequencies, abs=1e-9)
+    widest = display.panel.width_mm / display.array.pitch_mm
+    visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < widest]
+    assert moire_of(display) == (pytest.approx(max(visible), rel=5e-3) if visible else None)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("rotation", [0.0, 7.0, 60.0])
+def test_the_beat_is_the_wave_of_the_pixels_phases(grid, rotation):
+    """The strongest wave in the phase of the pixel columns (rows) under 512 x 512 lenslets has that period."""
+    display = display_of(grid, "panel", rotation=rotation, pixel_pitch=1.0 / 14.13)
+    basis, count = lattice_vectors(display), 512
+    i, j = np.mgrid[:count, :count]
+    for axis, beat in enumerate(beats_in_lenslets(display)):
+        phase = 14.13 * (i * basis[0, axis] + j * basis[1, axis])
+        spectrum = np.abs(np.fft.fft2(np.exp(2j * np.pi * phase)))
+        peak = np.array(np.unravel_index(spectrum.argmax(), spectrum.shape)) / count
+        # A wave of the lattice has many frequencies, a reciprocal vector apart; the eye sees the slowest.
+        whole = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
+        slowest = np.linalg.norm((peak - whole) @ np.linalg.inv(basis).T, axis=1).min()
+        assert slowest == pytest.approx(1.0 / beat, abs=3.0 / count)
+
+
+def test_hexagonal_rows_beat_with_their_own_pitch():
+    """9.1 pixels a lenslet are 7.88 a row: 0.12 short of 8, a beat of 8.4 rows or 7.3 lenslets. Columns do not beat,
+    because neighbouring rows are half a pitch apart.
+    """
+    columns, rows = beats_in_lenslets(display_of("hex", "panel", pixel_pitch=1.0 / 9.1))
+    assert rows == pytest.approx(0.5 * math.sqrt(3.0) / (8.0 - 9.1 * 0.5 * math.sqrt(3.0)))
+    assert columns < 2.0
+
+
+def striped(grid, rotation, ratio):
+    """A display with colour stripes and so many pixels for each lenslet."""
+    display = display_of(grid, "panel", rotation=rotation, pixel_pitch=1.0 / ratio)
+    return dataclasses.replace(display, panel=dataclasses.replace(display.panel, subpixels="rgb"))
+
+
+@pytest.mark.parametrize("rotation", [0.0, 13.0, 30.0])
+@pytest.mark.parametrize(("grid", "symmetry"), [("square", 90.0), ("hex", 60.0)])
+@pytest.mark.parametrize("ratio", [9.1, 10.0, 15.2])
+def test_a_turn_by_the_lattices_symmetry_changes_no_warning(grid, symmetry, ratio, rotation):
+    turns = (rotation, rotation + symmetry, rotation - 2.0 * symmetry)
+    warnings = [display_properties(striped(grid, turn, ratio)).warnings for turn in turns]
+    assert warnings[0] == warnings[1] == warnings[2]
+    # Stripes along a row of lenslets or across it: a hexagonal lattice has rows every 60 degrees.
+    parallel = rotation == 0.0 or (grid == "hex" and rotation == 30.0)
+    assert any(warning.startswith("colour moire") for warning in warnings[0]) == parallel
