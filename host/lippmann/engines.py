@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import LENGTHS, Display
+from lippmann.display import MAX_LENGTH_MM, Display
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.fixed.conversion import trace_fixed
 from lippmann.fixed.ray_pipeline import ray_pipeline
@@ -156,7 +156,7 @@ def trace_to_panel(
     """
     _check_model(model)
     b = backend_of(engine, device)
-    origin, way = _columns("origin_mm", origin_mm, 3, LENGTHS["at_most"]), _columns("direction", direction, 3, math.inf)
+    origin, way = _columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM), _columns("direction", direction, 3, math.inf)
     if (np.abs(np.linalg.norm(way, axis=1) - 1.0) > UNIT_ERROR).any():
         raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
     if not len(origin):

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
-from lippmann.errors import InputError, input_error
-from lippmann.film.path import MOTIONS, Motion, read_path
+from lippmann import toml
+from lippmann.errors import InputError
+from lippmann.film.path import Motion, check_frames
 from lippmann.film.path import Path as FilmPath
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.toml import Table
+from lippmann.toml import key
 
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
-#: Slowest and fastest: what every kind of video can say of a frame's time.
-SPEEDS = (0.1, 1000.0)
+Depth = Annotated[float | None, key("", default="the placement's, and as far as shapes move")]
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,27 @@ class Film:
         return replace(placement, near_mm=near, far_mm=far)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ObjectKeys(FilmPath):
+    """An object's table in a film file."""
+
+    shapes: Annotated[str, key("id of the shapes in the scene's file; `*` stands for any text, `?` for any letter")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmFile:
+    """The keys of a film file."""
+
+    scene: Annotated[str, key("a Mitsuba scene, its path counted from the film file")]
+    frames: Annotated[int, key("number of frames; they count from 0", low=1, high=MAX_FRAMES)]
+    frames_per_second: Annotated[float, key("at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
+    motion: Annotated[Motion, key("interpolation between keys")] = "smooth"
+    near_mm: Annotated[Depth, key("front of the depths of interest in every frame; primary rays start there")] = None
+    far_mm: Annotated[Depth, key("back of the depths of interest in every frame")] = None
+    object: tuple[ObjectKeys, ...] = ()
+    world: FilmPath | None = None
+
+
 def load_film(path: str | Path) -> Film:
     """Read a film file.
 
@@ -81,27 +102,16 @@ def load_film(path: str | Path) -> Film:
         Naming file, key and remedy.
     """
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
-        raise input_error(str(path), f"cannot be read ({error})", "give a film file (.toml)") from None
-    top = Table(raw, str(path), "")
-    scene = (path.parent / top.text("scene")).resolve()
-    frames = top.integer("frames", 1, MAX_FRAMES)
-    speed = top.number("frames_per_second", 12.0, at_least=SPEEDS[0], at_most=SPEEDS[1])
-    motion: Motion = "linear" if top.choice("motion", MOTIONS, "smooth") == "linear" else "smooth"
-    objects = []
-    for one in top.tables("object"):
-        shapes = one.text("shapes")
-        objects.append(Moving(shapes, read_path(one, frames, motion)))
-        one.refuse_leftovers()
-    world_table = top.optional_table("world")
-    world = None
-    if world_table is not None:
-        world = read_path(world_table, frames, motion)
-        world_table.refuse_leftovers()
-    near, far = top.optional_number("near_mm"), top.optional_number("far_mm")
-    top.refuse_leftovers()
+    keys = toml.read(FilmFile, toml.load(path, "film"), str(path))
+    near, far = keys.near_mm, keys.far_mm
     if near is not None and far is not None and near <= far:
         raise InputError(f"{path}: near_mm {near:g} is not in front of far_mm {far:g}; +z is towards the eye")
-    return Film(path.stem, scene, frames, speed, tuple(objects), world, near, far)
+
+    def moving(table: FilmPath, name: str) -> FilmPath:
+        check_frames(table, keys.frames, f"{path}: {name}")
+        return FilmPath(table.keys, table.pivot_mm, table.motion or keys.motion)
+
+    objects = tuple(Moving(one.shapes, moving(one, f"object[{place}]")) for place, one in enumerate(keys.object))
+    world = None if keys.world is None else moving(keys.world, "world")
+    scene = (path.parent / keys.scene).resolve()
+    return Film(path.stem, scene, keys.frames, keys.frames_per_second, objects, world, near, far)
