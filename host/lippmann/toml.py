@@ -81,7 +81,7 @@ def values(keys: Any) -> dict[str, Any]:
 @cache
 def schema(form: Any) -> Schema:
     """Return the JSON Schema of a declared table, without references."""
-    whole = msgspec.json.schema(form)
+    whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Any) -> Any:
         if isinstance(node, list):
@@ -175,7 +175,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
             raise _wrong(source, name, value, node)
     try:
-        read: Form = msgspec.convert(raw, form)
+        read: Form = msgspec.convert(raw, form, dec_hook=lambda kind, text: kind(text))
         return read
     except InputError as error:  # of a __post_init__
         raise InputError(f"{source}: {error}") from None

@@ -37,19 +37,17 @@ MIN_ELEMENTAL_PX = 2.0
 
 @dataclass(frozen=True)
 class Subject:
-    """Where the scene stands.
+    """Where the scene stands. The origin of the object's frame is its centre: x right, y up, +z towards the lens."""
 
-    Attributes
-    ----------
-    distance_mm
-        From the lens, or from the array where there is no lens, to the object's centre: the origin of the object's
-        frame, x right, y up, +z towards the lens.
-    placement
-        From the scene as it stands before a display (its own placement file) to the object's frame.
-    """
+    distance_mm: Annotated[Length, key("object's centre from the lens, without a lens from the array")]
+    scale: Annotated[Scale, key("size of the scene, after its own placement, about the object's centre")] = 1.0
+    rotation_deg: Annotated[Triple, key("turns about x, then y, then z")] = ORIGIN
+    offset_mm: Annotated[Triple, key("movement of the scene; +z is towards the lens")] = ORIGIN
 
-    distance_mm: float
-    placement: Placement
+    @property
+    def placement(self) -> Placement:
+        """From the scene as it stands before a display (its own placement file) to the object's frame."""
+        return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
 @dataclass(frozen=True)
@@ -178,16 +176,6 @@ def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectKeys:
-    """`[object]` in a set-up file."""
-
-    distance_mm: Annotated[Length, key("object's centre from the lens, without a lens from the array")]
-    scale: Annotated[Scale, key("size of the scene, after its own placement, about the object's centre")] = 1.0
-    rotation_deg: Annotated[Triple, key("turns about x, then y, then z")] = ORIGIN
-    offset_mm: Annotated[Triple, key("movement of the scene; +z is towards the lens")] = ORIGIN
-
-
-@dataclass(frozen=True, kw_only=True)
 class LensKeys:
     """`[lens]` in a set-up file."""
 
@@ -227,7 +215,7 @@ class SetupFile:
 
     name: Annotated[str | None, key("name of the set-up in reports", default="the file's name")] = None
     display: Annotated[str | DisplayFile, key("a display file, its path counted from the set-up file, or its tables")]
-    object: ObjectKeys
+    object: Subject
     lens: LensKeys | None = None
     array: ArrayKeys = ArrayKeys()
     camera: Camera | None = None
@@ -244,8 +232,7 @@ def load_setup(path: str | Path) -> Setup:
     """
     path = Path(path)
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
-    where, placed = f"{path}: ", keys.object
-    subject = Subject(placed.distance_mm, Placement(placed.scale, placed.rotation_deg, placed.offset_mm))
+    where, subject = f"{path}: ", keys.object
     lens = None if keys.lens is None else _lens(keys.lens, subject.distance_mm, f"{where}lens.")
     if isinstance(keys.display, str):
         display = load_display(path.parent / keys.display)
