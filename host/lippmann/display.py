@@ -9,54 +9,50 @@ import dataclasses
 import hashlib
 import json
 import math
-import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import Annotated, Any, Literal
 
+from lippmann import toml
 from lippmann.errors import InputError, input_error
-from lippmann.glass import DESIGN_WAVELENGTH_NM, index_of
-from lippmann.toml import Table
+from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
+from lippmann.toml import key, variant
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
 Subpixels = Literal["none", "rgb", "bgr"]
 Transfer = Literal["srgb", "linear", "gamma2.2"]
 
+Pair = tuple[float, float]
+
 MM_PER_INCH = 25.4
 #: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
 MAX_SIDE_PX = 65535
-#: Lengths that are accepted (mm): far beyond what can be built, well within what squares and quotients survive.
-LENGTHS = {"at_least": 1e-9, "at_most": 1e12}
-#: Indices that are accepted: above air, up to the densest optical materials.
-INDEX_RANGE = (1.0, 4.0)
+#: Largest length of a file, mm: far beyond what can be built, well within what squares and quotients survive.
+MAX_LENGTH_MM = 1e12
+Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
+Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
+Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
+#: Above air, up to the densest optical materials.
+Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
+Glass = Annotated[
+    str,
+    key("index by a published dispersion formula; names below", instead_of="index", examples=tuple(SELLMEIER)),
+]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """The panel that emits the light.
+    """The panel that emits the light."""
 
-    Attributes
-    ----------
-    width_px, height_px
-        Number of pixels.
-    pixel_pitch_mm
-        Distance of neighbouring pixels' centres, the same in x and y.
-    subpixels
-        "none": a pixel emits all its colours everywhere; "rgb", "bgr": three vertical stripes, left to right.
-    bits
-        Bits for each colour.
-    transfer
-        Curve from panel value to light.
-    """
-
-    width_px: int
-    height_px: int
-    pixel_pitch_mm: float
-    subpixels: Subpixels = "none"
-    bits: int = 8
-    transfer: Transfer = "srgb"
+    width_px: Side
+    height_px: Side
+    pixel_pitch_mm: Annotated[Length, key("from pixel to pixel, the same in x and y")]
+    subpixels: Annotated[Subpixels, key("colour stripes of a pixel; none: every colour fills the pixel")] = "none"
+    bits: Annotated[int, key("levels of each colour, as a power of two; used for PNG", low=1, high=16)] = 8
+    transfer: Annotated[Transfer, key("curve between panel value and light; used for PNG")] = "srgb"
 
     @property
     def width_mm(self) -> float:
@@ -71,37 +67,17 @@ class Panel:
 
 @dataclass(frozen=True)
 class Array:
-    """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice.
+    """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
 
-    Attributes
-    ----------
-    pitch_mm
-        Lattice pitch; hexagonal cells are this far across their flats, rows run along x.
-    radius_mm
-        Radius of curvature of the dome.
-    index
-        Refractive index at the design wavelength.
-    glass
-        Name of the glass, or None when only the index is known.
-    thickness_mm
-        Vertex to flat face.
-    plano_side
-        What the flat face looks at.
-    rotation_deg
-        Turn of the lattice, counter-clockwise as the viewer sees it.
-    offset_mm
-        Where the centre of one lenslet stands on the panel, from the panel's centre.
-    """
-
-    grid: Grid
-    pitch_mm: float
-    radius_mm: float
-    index: float
-    thickness_mm: float
-    plano_side: PlanoSide = "panel"
-    glass: str | None = None
-    rotation_deg: float = 0.0
-    offset_mm: tuple[float, float] = (0.0, 0.0)
+    grid: Annotated[Grid, key("lattice; hexagonal rows run along x")]
+    pitch_mm: Annotated[Length, key("from lenslet to lenslet, at least a pixel; hexagonal: across the flats")]
+    radius_mm: Annotated[Length, key("radius of the dome, at least the cell's half diagonal")]
+    index: Index
+    thickness_mm: Annotated[Length, key("dome's vertex to flat face, at least the sag", default="the sag")]
+    plano_side: Annotated[PlanoSide, key("what the flat face looks at")] = "panel"
+    glass: Glass | None = None
+    rotation_deg: Annotated[float, key("lattice, counter-clockwise as the viewer sees it")] = 0.0
+    offset_mm: Annotated[Pair, key("a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
 
     @property
     def half_diagonal_mm(self) -> float:
@@ -136,10 +112,10 @@ class Array:
 class Display:
     """A panel, an array, and the gap between the panel's emitting plane and the array's near face (mm)."""
 
-    name: str
+    name: Annotated[str, key("name of the display in pictures and reports", default="the file's name")]
     panel: Panel
     array: Array
-    gap_mm: float
+    gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0: they touch")]
 
     @property
     def aperture_distance_mm(self) -> float:
@@ -197,7 +173,7 @@ class Display:
         )
         if pitch_scale > 1.0:
             # A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
-            _check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
+            check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
         _check(display, f"display '{self.name}', misaligned: ")
@@ -212,38 +188,56 @@ def load_display(path: str | Path) -> Display:
     InputError
         Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
-    path = Path(path)
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise input_error(str(path), "no such file", "give the path of a display file (.toml)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "give a display file (.toml)") from None
-    return parse_display(text, str(path))
+    return read_display(toml.load(Path(path), "display"), str(path))
 
 
 def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
-    try:
-        raw = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
-        raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
-    return read_display(Table(raw, source, ""), Path(source).stem)
+    return read_display(toml.parse(text, source), source)
 
 
-def read_display(top: Table, name: str) -> Display:
-    """Read a display from its TOML table; `name` is its name when the table gives none (see `load_display`)."""
-    panel = _read_panel(top.table("panel"))
-    array = _read_array(top.table("array"))
-    display = Display(
-        name=top.text("name", name),
-        panel=panel,
-        array=array,
-        gap_mm=top.number("gap_mm", at_least=0.0, at_most=LENGTHS["at_most"]),
-    )
-    top.refuse_leftovers()
-    _check(display, top.where(""))
+_Dpi = Annotated[Length, key("pixels per inch: 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
+_Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
+_PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
+_ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
+#: A display file: the keys of `Display`, and other ways to give the same numbers.
+DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
+
+
+def read_display(raw: Mapping[str, Any], source: str) -> Display:
+    """Read a display from parsed TOML; `source` names it in errors, and the display without a name."""
+    return display_of(toml.read(DisplayFile, raw, source), Path(source).stem, f"{source}: ")
+
+
+def display_of(keys: Any, name: str, where: str) -> Display:
+    """Return the display that the keys of a `DisplayFile` describe.
+
+    `name` is its name when the keys give none; `where` goes before a key's name in errors.
+    """
+    panel, array = toml.values(keys.panel), toml.values(keys.array)
+    dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
+    if dpi is not None:
+        panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
+    array["index"] = index_of_keys(keys.array, f"{where}array.")
+    if focal_mm is not None:
+        array["radius_mm"] = focal_mm * (array["index"] - 1.0)
+    made = Array(**array)
+    if made.thickness_mm is None:
+        check_radius(made, f"{where}array.radius_mm")
+        made = replace(made, thickness_mm=made.sag_mm)
+    display = Display(keys.name if keys.name is not None else name, Panel(**panel), made, keys.gap_mm)
+    _check(display, where)
     return display
+
+
+def index_of_keys(keys: Any, where: str) -> float:
+    """Return the index that `keys.index` gives, or the glass `keys.glass` at the design wavelength."""
+    if keys.glass is None:
+        return float(keys.index)
+    try:
+        return index_of(keys.glass, DESIGN_WAVELENGTH_NM)
+    except InputError as error:
+        raise InputError(f"{where}glass: {error}") from None
 
 
 def display_text(display: Display) -> str:
@@ -260,58 +254,8 @@ def display_text(display: Display) -> str:
     )
 
 
-def _read_panel(table: Table) -> Panel:
-    pitch = table.one_of("pixel_pitch_mm", "dpi")
-    panel = Panel(
-        width_px=table.integer("width_px", 1, MAX_SIDE_PX),
-        height_px=table.integer("height_px", 1, MAX_SIDE_PX),
-        pixel_pitch_mm=(
-            table.number(pitch, above=0.0, **LENGTHS)
-            if pitch == "pixel_pitch_mm"
-            else MM_PER_INCH / table.number(pitch, above=0.0, **LENGTHS)
-        ),
-        subpixels=cast(Subpixels, table.choice("subpixels", get_args(Subpixels), "none")),
-        bits=table.integer("bits", 1, 16, default=8),
-        transfer=cast(Transfer, table.choice("transfer", get_args(Transfer), "srgb")),
-    )
-    table.refuse_leftovers()
-    return panel
-
-
-def _read_array(table: Table) -> Array:
-    grid = cast(Grid, table.choice("grid", get_args(Grid)))
-    pitch_mm = table.number("pitch_mm", above=0.0, **LENGTHS)
-    glass: str | None = None
-    if table.one_of("index", "glass") == "glass":
-        glass = table.text("glass")
-        try:
-            index = index_of(glass, DESIGN_WAVELENGTH_NM)
-        except InputError as error:
-            raise InputError(f"{table.where('glass')}: {error}") from None
-    else:
-        index = table.number("index", above=INDEX_RANGE[0], at_most=INDEX_RANGE[1])
-    if table.one_of("focal_length_mm", "radius_mm") == "radius_mm":
-        radius_mm = table.number("radius_mm", above=0.0, **LENGTHS)
-    else:
-        radius_mm = table.number("focal_length_mm", above=0.0, **LENGTHS) * (index - 1.0)
-    array = Array(
-        grid=grid,
-        pitch_mm=pitch_mm,
-        radius_mm=radius_mm,
-        index=index,
-        thickness_mm=math.nan,
-        plano_side=cast(PlanoSide, table.choice("plano_side", get_args(PlanoSide), "panel")),
-        glass=glass,
-        rotation_deg=table.number("rotation_deg", default=0.0),
-        offset_mm=table.pair("offset_mm", (0.0, 0.0)),
-    )
-    _check_radius(array, table.where("radius_mm"))
-    thickness_mm = table.number("thickness_mm", default=array.sag_mm, above=0.0, **LENGTHS)
-    table.refuse_leftovers()
-    return replace(array, thickness_mm=thickness_mm)
-
-
-def _check_radius(array: Array, where: str) -> None:
+def check_radius(array: Array, where: str) -> None:
+    """Refuse domes that do not span their cells; `where` names the key in errors."""
     if not array.radius_mm >= array.half_diagonal_mm:
         raise input_error(
             where,
@@ -324,14 +268,7 @@ def _check_radius(array: Array, where: str) -> None:
 def _check(display: Display, where: str) -> None:
     """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
     array = display.array
-    _check_radius(array, f"{where}array.radius_mm")
-    # A thickness typed as the sag with 15 digits may round to a hair less.
-    if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
-        raise input_error(
-            f"{where}array.thickness_mm",
-            f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",
-            "make it at least the sag, or leave it out for the thinnest lenslet",
-        )
+    check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
     if array.pitch_mm < display.panel.pixel_pitch_mm:
@@ -339,4 +276,16 @@ def _check(display: Display, where: str) -> None:
             f"{where}array.pitch_mm",
             f"{array.pitch_mm:g} mm is finer than the panel's pixels ({display.panel.pixel_pitch_mm:.6g} mm)",
             "give lenslets of at least a pixel",
+        )
+
+
+def check_array(array: Array, where: str) -> None:
+    """Refuse lenslets that cannot be built; `where` goes before a key's name in errors."""
+    check_radius(array, f"{where}radius_mm")
+    # A thickness typed as the sag with 15 digits may round to a hair less.
+    if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
+        raise input_error(
+            f"{where}thickness_mm",
+            f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",
+            "make it at least the sag, or leave it out for the thinnest lenslet",
         )

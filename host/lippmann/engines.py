@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import LENGTHS, Display
+from lippmann.display import MAX_LENGTH_MM, Display
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
@@ -178,7 +178,7 @@ def trace_to_panel(
     `trace` does, and for directions that are not of length 1.
     """
     _check_model(model)
-    origins = _columns("origin_mm", origin_mm, 3, LENGTHS["at_most"])
+    origins = _columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
     directions = _columns("direction", direction, 3, math.inf)
     if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():
         raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")

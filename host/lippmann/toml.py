@@ -1,152 +1,256 @@
-"""Reads TOML tables key by key: each key is checked where it is read, and none is left over."""
+"""TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
+
+From the declaration follow the reader with its error messages (`read`), the JSON Schema for editors (`schema`), and the
+key tables of the reference pages (`lippmann.dev.generate_tables`). msgspec converts and checks the values.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
 import math
-from collections.abc import Mapping
-from typing import Any, cast
+import re
+import reprlib
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
 
-from lippmann.errors import input_error
+import msgspec
+
+from lippmann.errors import InputError, input_error
+
+Form = TypeVar("Form")
+Schema = dict[str, Any]
 
 
-class Table:
-    """One TOML table.
+def key(
+    meaning: str,
+    *,
+    above: float | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    items: int | None = None,
+    default: str = "",
+    instead_of: str = "",
+    examples: tuple[str, ...] = (),
+) -> msgspec.Meta:
+    """Describe a key: `name: Annotated[type, key(...)]`.
 
-    Every reading method raises InputError naming file, key and remedy. A default of None makes a key obligatory.
+    Parameters
+    ----------
+    meaning
+        For the reference page and for editors. A key's name ends with its unit.
+    above, low, high
+        Open lower bound, closed lower bound and closed upper bound of a number.
+    items
+        Least number of items of a list.
+    default
+        What holds without the key, in words, where the declaration's default does not say it.
+    instead_of
+        The key that this one replaces. A file gives exactly one of them; at most one where that key has a `default`.
+    examples
+        Values that an editor suggests.
     """
+    extra = {"x-default": default, "x-instead-of": instead_of, "examples": list(examples)}
+    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high, "min_length": items}
+    return msgspec.Meta(
+        description=meaning, extra_json_schema={name: value for name, value in extra.items() if value}, **bounds
+    )
 
-    def __init__(self, raw: Mapping[str, Any], source: str, name: str) -> None:
-        self.source = source
-        self._raw = dict(raw)
-        self._name = name
-        self._read: set[str] = set()
 
-    def where(self, key: str) -> str:
-        """Name a key for an error message."""
-        return f"{self.source}: {self._name + '.' if self._name else ''}{key}"
+def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:
+    """Return the dataclass `form` as a file writes it: keys added, of another type, or optional (None without them)."""
+    hints = {**get_type_hints(form, include_extras=True), **changes}
+    defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
+    missing = dataclasses.MISSING
+    fields = []
+    for name, kind in hints.items():
+        default = defaults.get(name, missing)
+        given = dataclasses.field() if default is missing else dataclasses.field(default=default)
+        fields.append((name, kind | None if name in optional else kind, given))
+    return dataclasses.make_dataclass(form.__name__, fields, frozen=True, kw_only=True)
 
-    def _take(self, key: str, default: Any = None) -> Any:
-        self._read.add(key)
-        if key not in self._raw:
-            if default is not None:
-                return default
-            raise input_error(self.where(key), "the key is missing", "add it")
-        return self._raw[key]
 
-    def table(self, key: str) -> Table:
-        """Return a table inside this one."""
-        value = self._take(key)
-        if not isinstance(value, dict):
-            raise input_error(self.where(key), "is not a table", f"write it as [{key}]")
-        return Table(value, self.source, f"{self._name}.{key}" if self._name else key)
+def values(keys: Any) -> dict[str, Any]:
+    """Return the keys of a table that was read, with defaults."""
+    return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
-    def optional_table(self, key: str) -> Table | None:
-        """Return a table inside this one, or None where it is left out."""
-        self._read.add(key)
-        return self.table(key) if key in self._raw else None
 
-    def tables(self, key: str) -> list[Table]:
-        """Return the tables of a list, in their order; none where it is left out."""
-        value = self._take(key, [])
-        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise input_error(self.where(key), "is not a list of tables", f"write each as [[{key}]] or {{ ... }}")
-        name = f"{self._name}.{key}" if self._name else key
-        return [Table(item, self.source, f"{name}[{k}]") for k, item in enumerate(value)]
+@cache
+def schema(form: Any) -> Schema:
+    """Return the JSON Schema of a declared table, without references."""
+    whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
-    def text(self, key: str, default: str | None = None) -> str:
-        """Return a text."""
-        value = self._take(key, default)
-        if not isinstance(value, str):
-            raise input_error(self.where(key), f"{value!r} is not text", "put it in quotes")
-        return value
+    def plain(node: Any) -> Any:
+        if isinstance(node, list):
+            return [plain(item) for item in node]
+        if not isinstance(node, dict):
+            return node
+        # TOML has no null: a key that may be None is left out.
+        options = [option for option in node.get("anyOf", ()) if option != {"type": "null"}]
+        if options:
+            node = {**node, "anyOf": options} if len(options) > 1 else {**options[0], **node, "anyOf": None}
+        if "enum" in node:
+            node["enum"] = [option for option in node["enum"] if option is not None]
+        if node.get("$ref"):  # what the docstring of a class says is for programmers
+            table = whole["$defs"][node["$ref"].rpartition("/")[2]]
+            node = {**table, "title": None, "description": None, **node, "$ref": None}
+        node = {name: plain(value) for name, value in node.items() if value is not None}
+        if node.get("type") == "object":
+            node["additionalProperties"] = False
+            choices = []
+            for group, needed in rivals(node):
+                given = [{"required": [name]} for name in group]
+                choices.append({"oneOf": given if needed else [*given, {"not": {"anyOf": given}}]})
+            if choices:
+                node["allOf"] = choices
+        return node
 
-    def choice(self, key: str, options: tuple[str, ...], default: str | None = None) -> str:
-        """Return one of the options."""
-        value = self._take(key, default)
-        if value not in options:
-            quoted = ", ".join(f'"{option}"' for option in options)
-            raise input_error(self.where(key), f"{value!r} is not known", f"choose from {quoted}")
-        return cast(str, value)
+    result: Schema = plain({"$ref": whole["$ref"]})
+    return result
 
-    def number(
-        self,
-        key: str,
-        default: float | None = None,
-        above: float = -math.inf,
-        at_least: float = -math.inf,
-        at_most: float = math.inf,
-    ) -> float:
-        """Return a finite number within bounds."""
-        return self._number(key, self._take(key, default), above, at_least, at_most)
 
-    def optional_number(self, key: str, above: float = -math.inf) -> float | None:
-        """Return a finite number, or None where the key is left out."""
-        self._read.add(key)
-        return self.number(key, above=above) if key in self._raw else None
+def rivals(table: Schema) -> list[tuple[list[str], bool]]:
+    """Return the groups of keys of which a table holds one at most, and whether it must hold one."""
+    groups: dict[str, list[str]] = {}
+    for name, node in table["properties"].items():
+        if "x-instead-of" in node:
+            groups.setdefault(node["x-instead-of"], [node["x-instead-of"]]).append(name)
+    return [(group, "x-default" not in table["properties"][first]) for first, group in groups.items()]
 
-    def _number(
-        self,
-        key: str,
-        value: Any,
-        above: float = -math.inf,
-        at_least: float = -math.inf,
-        at_most: float = math.inf,
-    ) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise input_error(self.where(key), f"{value!r} is not a number", "give a number")
-        try:
-            number = float(value)
-        except OverflowError:  # an integer beyond the largest float
-            number = math.inf if value > 0 else -math.inf
-        if not math.isfinite(number):
-            raise input_error(self.where(key), f"{number} is not finite", "give a finite number")
-        if not number > above:
-            raise input_error(self.where(key), f"{number:g} is out of range", f"give more than {above:g}")
-        if not number >= at_least:
-            raise input_error(self.where(key), f"{number:g} is out of range", f"give at least {at_least:g}")
-        if not number <= at_most:
-            raise input_error(self.where(key), f"{number:g} is out of range", f"give at most {at_most:g}")
-        return number
 
-    def integer(self, key: str, low: int, high: int, default: int | None = None) -> int:
-        """Return a whole number from low to high."""
-        value = self._take(key, default)
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise input_error(
-                self.where(key),
-                f"{value!r} is out of range",
-                f"give a whole number from {low} to {high}",
-            )
-        return value
+def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
+    """Yield the table and those inside it, each with its name ("" for the top)."""
+    for option in node.get("anyOf", [node]):
+        if "properties" in option:
+            yield name, option
+            for inner, value in option["properties"].items():
+                yield from tables(value, f"{name}.{inner}" if name else inner)
+        elif isinstance(option.get("items"), dict):
+            yield from tables(option["items"], name)
 
-    def _vector(self, key: str, default: tuple[float, ...], form: str) -> list[float]:
-        value = self._take(key, list(default))
-        if not isinstance(value, list) or len(value) != len(default):
-            raise input_error(self.where(key), f"{value!r} is not a vector", f"give {form}")
-        return [self._number(key, item) for item in value]
 
-    def pair(self, key: str, default: tuple[float, float]) -> tuple[float, float]:
-        """Return two finite numbers."""
-        x, y = self._vector(key, default, "[x, y]")
-        return x, y
+def parse(text: str, source: str) -> dict[str, Any]:
+    """Return the tables of TOML text; `source` names it in errors."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
+        raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
 
-    def triple(self, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Return three finite numbers."""
-        x, y, z = self._vector(key, default, "[x, y, z]")
-        return x, y, z
 
-    def one_of(self, *keys: str) -> str:
-        """Return which of several keys is there; exactly one must be."""
-        self._read.update(keys)
-        present = [key for key in keys if key in self._raw]
-        if len(present) != 1:
-            state = "several are given" if present else "none is given"
-            raise input_error(self.where(" or ".join(keys)), state, "give exactly one of them")
-        return present[0]
+def load(path: Path, what: str) -> dict[str, Any]:
+    """Return the tables of a TOML file; `what` names its kind in errors."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise input_error(str(path), "no such file", f"give the path of a {what} file (.toml)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise input_error(str(path), f"cannot be read ({error})", f"give a {what} file (.toml)") from None
+    return parse(text, str(path))
 
-    def refuse_leftovers(self) -> None:
-        """Raise for the first key that nothing has read."""
-        for key in self._raw:
-            if key not in self._read:
-                known = ", ".join(sorted(self._read))
-                raise input_error(self.where(key), "the key is unknown", f"known here: {known}")
+
+def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
+    """Return the declared table that the parsed TOML holds.
+
+    Raises
+    ------
+    InputError
+        One line with file, key, fault and remedy: for unknown keys first, then for the first other fault.
+    """
+    top = schema(form)
+    nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
+    for name, (value, node) in nodes.items():
+        for unknown in value if isinstance(value, dict) and "properties" in node else ():
+            if unknown not in node["properties"]:
+                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", _hint(top, node, name, unknown))
+    for name, (value, node) in nodes.items():
+        for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():
+            given = [rival for rival in group if rival in value]
+            if len(given) > 1 or (needed and not given):
+                state = "several are given" if given else "none is given"
+                raise input_error(f"{source}: {_join(name, ' or '.join(group))}", state, "give exactly one of them")
+        numbers = value if isinstance(value, list) else [value]
+        if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+            raise _wrong(source, name, value, node)
+    try:
+        read: Form = msgspec.convert(raw, form, dec_hook=lambda kind, text: kind(text))
+        return read
+    except InputError as error:  # of a __post_init__
+        raise InputError(f"{source}: {error}") from None
+    except msgspec.ValidationError as error:
+        # msgspec ends its messages with the place, such as "at `$.object[0].keys[1].frame`".
+        found = re.search(r" - at `\$\.?(.*)`$", str(error))
+        name = found[1] if found else ""
+        missing = re.match(r"Object missing required field `(.*?)`", str(error))
+        if missing:
+            raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
+        if name not in nodes:  # a number of a vector
+            name = name.rpartition("[")[0]
+        raise _wrong(source, name, *nodes[name]) from None
+
+
+def _join(table: str, name: str) -> str:
+    return f"{table}.{name}" if table else name
+
+
+def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schema]]:
+    """Yield name, value and schema of everything that the declaration knows, in the order of the file."""
+    if isinstance(value, dict):  # a key that takes text or a table
+        node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
+    yield name, value, node
+    if isinstance(value, dict) and "properties" in node:
+        for inner, item in value.items():
+            if inner in node["properties"]:
+                yield from _walk(item, node["properties"][inner], _join(name, inner))
+    elif isinstance(value, list) and isinstance(node.get("items"), dict):
+        for place, item in enumerate(value):
+            yield from _walk(item, node["items"], f"{name}[{place}]")
+
+
+def _hint(top: Schema, here: Schema, name: str, unknown: str) -> str:
+    """Say which key an unknown one may stand for."""
+    similar = difflib.get_close_matches(unknown, here["properties"], 1)
+    homes = [table for table, node in tables(top) if unknown in node["properties"]]
+    places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
+    hints = [f"it belongs {' or '.join(places)}"] if places else []
+    if not places and not similar:
+        everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
+        last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
+        similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
+    if similar:
+        hints.append(f"did you mean {similar[0]}?")
+    return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
+
+
+def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
+    shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
+    return input_error(f"{source}: {name}", f"{shown} is not valid", remedy(node, re.sub(r"\[\d+\]", "", name)))
+
+
+def remedy(node: Schema, name: str) -> str:
+    """Say what a key takes."""
+    if "anyOf" in node:
+        return " or ".join(remedy(option, name) for option in node["anyOf"])
+    if "enum" in node:
+        return "choose from " + ", ".join(f'"{option}"' for option in node["enum"])
+    if "prefixItems" in node:
+        return f"give [{', '.join('xyz'[: len(node['prefixItems'])])}], finite numbers"
+    bounds = bounds_text(node)
+    return {
+        "string": "put it in quotes",
+        "integer": f"give a whole number {bounds}",
+        "number": f"give a finite number{bounds and ', '}{bounds}",
+        "array": f"write each of them as [[{name}]] or {{ ... }}",
+        "object": f"write it as [{name}]",
+    }[node["type"]]
+
+
+def bounds_text(node: Schema) -> str:
+    """Return the bounds of a number in words."""
+    low, high = node.get("minimum"), node.get("maximum")
+    if low is not None and high is not None:
+        return f"from {low:g} to {high:g}" if max(abs(low), abs(high)) > 1e6 else f"from {low} to {high}"
+    words = {"exclusiveMinimum": "more than", "minimum": "at least", "maximum": "at most"}
+    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if bound in node)

@@ -12,7 +12,6 @@ from lippmann.engines import trace, trace_to_panel
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
-from lippmann.rendering.placement import Placement
 from optics_cases import display_of
 from scene_cases import generator
 
@@ -25,7 +24,7 @@ def setup_of(grid="square", side="panel", lens=None, pickup=None, concave=False,
     display = display_of(
         grid, side, radius=1.65, thickness=None, gap=4.8, rotation=rotation, offset=offset, width_px=300, height_px=200
     )
-    subject = Subject(OBJECT_MM, Placement())
+    subject = Subject(OBJECT_MM)
     return Setup("case", subject, lens, display, display.array, concave, 0.0, pickup or Camera(CAMERA_MM))
 
 
@@ -153,7 +152,7 @@ def test_hollow_seams_keep_every_ray_accounted_for():
 @pytest.mark.parametrize("concave", [False, True])
 def test_fast_engine_agrees(mi, concave):
     setup = setup_of("hex", lens=ThinLens(90.0, 80.0), concave=concave, rotation=7.0)
-    setup = replace(setup, subject=Subject(200.0, Placement()), position_mm=-20.0, pickup=Camera(600.0))
+    setup = replace(setup, subject=Subject(200.0), position_mm=-20.0, pickup=Camera(600.0))
     b = DrJitBackend("llvm")
     points = picture_points(16)
     golden = rays_from_picture(B, setup, *points.T)

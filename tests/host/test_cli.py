@@ -362,17 +362,17 @@ def changed(old: str, new: str) -> str:
     [
         (changed(r"^width_px.*\n", ""), "panel.width_px", "add it"),
         (changed(r"^gap_mm.*\n", ""), "gap_mm", "add it"),
-        (changed(r"^\[array\]", "[lenses]"), "array", "add it"),
-        (changed(r"^grid", "gridd"), "array.grid", "add it"),
-        (changed(r"^thickness_mm", "thicknes_mm"), "array.thicknes_mm", "known here"),
+        (changed(r"^\[array\]", "[lenses]"), "lenses", "unknown key; known here: panel, array"),
+        (changed(r"^grid", "gridd"), "array.gridd", "did you mean grid?"),
+        (changed(r"^thickness_mm", "thicknes_mm"), "array.thicknes_mm", "did you mean thickness_mm?"),
         (changed(r"^name", "title"), "title", "known here"),
         (changed(r"^width_px = 64", "width_px = -64"), "panel.width_px", "from 1 to"),
         (changed(r"^width_px = 64", "width_px = 64.5"), "panel.width_px", "whole number"),
-        (changed(r"^pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.0"), "panel.pixel_pitch_mm", "more than 0"),
+        (changed(r"^pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.0"), "panel.pixel_pitch_mm", "from 1e-09"),
         (changed(r"^pixel_pitch_mm = 0.1", "pixel_pitch_mm = nan"), "panel.pixel_pitch_mm", "finite number"),
         (changed(r"^pitch_mm = 1.0", "pitch_mm = inf"), "array.pitch_mm", "finite number"),
-        (changed(r"^gap_mm = .*", "gap_mm = -0.5"), "gap_mm", "at least 0"),
-        (changed(r"^index = .*", 'index = "glass"'), "array.index", "give a number"),
+        (changed(r"^gap_mm = .*", "gap_mm = -0.5"), "gap_mm", "from 0 to"),
+        (changed(r"^index = .*", 'index = "glass"'), "array.index", "give a finite number"),
         (changed(r"^index = .*", 'glass = "jelly"'), "array.glass", ""),
         (changed(r"^radius_mm = .*", "radius_mm = 0.5"), "array.radius_mm", "larger radius_mm"),
         (changed(r"^thickness_mm = .*", "thickness_mm = 0.1"), "array.thickness_mm", "leave it out"),
@@ -449,7 +449,7 @@ def test_what_is_no_scene(place, capfd, mi):
 def test_bad_placement_beside_the_scene(place, capfd):
     (place / "ball.toml").write_text("[placement]\nscale = 1.0\nturn = 3\n")
     line = refused(capfd, *render("-o", "a.exr"))
-    assert re.search(r"ball\.toml: placement\.turn: the key is unknown; known here: .*scale", line)
+    assert re.search(r"ball\.toml: placement\.turn: unknown key; known here: .*scale", line)
 
 
 # --- outputs and options --------------------------------------------------------------------------

@@ -6,17 +6,30 @@ lens's image-side principal plane, object distances from its object-side one: fo
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Annotated, Literal
 
+from lippmann import toml
 from lippmann.capturing.imaging_lens import Convex, ImagingLens, LensPair, ThinLens
-from lippmann.display import INDEX_RANGE, LENGTHS, MAX_SIDE_PX, Array, Display, load_display, read_display
+from lippmann.display import (
+    MAX_SIDE_PX,
+    Array,
+    Display,
+    DisplayFile,
+    Gap,
+    Glass,
+    Index,
+    Length,
+    check_array,
+    check_radius,
+    display_of,
+    index_of_keys,
+    load_display,
+)
 from lippmann.errors import InputError, input_error
-from lippmann.glass import DESIGN_WAVELENGTH_NM, index_of
-from lippmann.rendering.placement import SCALE_RANGE, Placement
-from lippmann.toml import Table
+from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
+from lippmann.toml import key
 
 #: Pixels that a camera must see of a lenslet.
 MIN_ELEMENTAL_PX = 2.0
@@ -24,36 +37,31 @@ MIN_ELEMENTAL_PX = 2.0
 
 @dataclass(frozen=True)
 class Subject:
-    """Where the scene stands.
+    """Where the scene stands. The origin of the object's frame is its centre: x right, y up, +z towards the lens."""
 
-    Attributes
-    ----------
-    distance_mm
-        From the lens, or from the array where there is no lens, to the object's centre: the origin of the object's
-        frame, x right, y up, +z towards the lens.
-    placement
-        From the scene as it stands before a display (its own placement file) to the object's frame.
-    """
+    distance_mm: Annotated[Length, key("object's centre from the lens, without a lens from the array")]
+    scale: Annotated[Scale, key("size of the scene, after its own placement, about the object's centre")] = 1.0
+    rotation_deg: Annotated[Triple, key("turns about x, then y, then z")] = ORIGIN
+    offset_mm: Annotated[Triple, key("movement of the scene; +z is towards the lens")] = ORIGIN
 
-    distance_mm: float
-    placement: Placement
+    @property
+    def placement(self) -> Placement:
+        """From the scene as it stands before a display (its own placement file) to the object's frame."""
+        return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole on the axis that sees the array's first principal plane, its picture being the display's panel there.
+    """A pinhole on the axis that sees the array's first principal plane; the display's panel there is its picture."""
 
-    `distance_mm` is counted from the lens, or from the array's vertices where there is no lens.
-    """
-
-    distance_mm: float
+    distance_mm: Annotated[Length, key("pinhole from the lens, without a lens from the array's vertices")]
 
 
 @dataclass(frozen=True)
 class Pickup:
-    """A sensor behind the array, the display's panel in place and size; `gap_mm` is the gap of a display file."""
+    """A sensor of the panel's size and place behind the array."""
 
-    gap_mm: float
+    gap_mm: Annotated[Gap, key("from the sensor to the array's near face, as in a display file")]
 
 
 @dataclass(frozen=True)
@@ -167,6 +175,53 @@ def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class LensKeys:
+    """`[lens]` in a set-up file."""
+
+    kind: Annotated[Literal["pair", "thin"], key("two equal thick plano-convex lenses, or one ideal lens")]
+    image_distance_mm: Annotated[Length | None, key("image of the object's centre: 1/f = 1/s + 1/s'")] = None
+    focal_length_mm: Annotated[Length | None, key("of the whole lens", instead_of="image_distance_mm")] = None
+    radius_mm: Annotated[Length | None, key("`pair`: of the domes", instead_of="image_distance_mm")] = None
+    index: Annotated[Index | None, key("`pair`: refractive index", default="required for `pair`")] = None
+    glass: Glass | None = None
+    thickness_mm: Annotated[Length | None, key("`pair`: in the middle of each", default="required for `pair`")] = None
+    separation_mm: Annotated[Gap | None, key("`pair`: air between the inner vertices", default="0")] = None
+    aperture_mm: Annotated[Length, key("diameter; rays beyond it are lost (vignetting)")]
+    convex: Annotated[Convex | None, key("`pair`: what the domes look at; in: each other", default='`"in"`')] = None
+
+
+#: Keys that a thin lens does not have.
+PAIR_ONLY = ("radius_mm", "index", "glass", "thickness_mm", "separation_mm", "convex")
+
+
+Position = Annotated[float | None, key("", default="required with a lens")]
+Focal = Annotated[float | None, key("", default="the display's")]
+Thickness = Annotated[float, key("", above=0.0, default="the display's, or the sag")] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayKeys:
+    """`[array]` in a set-up file."""
+
+    position_mm: Annotated[Position, key("vertices from the image of the object's centre, + to the camera")] = None
+    focal_length_mm: Annotated[Focal, key("negative: plano-concave, the flat side towards the camera")] = None
+    thickness_mm: Annotated[Thickness, key("vertex to flat face; of concave lenslets in their middle")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetupFile:
+    """The keys of a set-up file."""
+
+    name: Annotated[str | None, key("name of the set-up in reports", default="the file's name")] = None
+    display: Annotated[str | DisplayFile, key("a display file, its path counted from the set-up file, or its tables")]
+    object: Subject
+    lens: LensKeys | None = None
+    array: ArrayKeys = ArrayKeys()
+    camera: Camera | None = None
+    pickup: Annotated[Pickup | None, key("", instead_of="camera")] = None
+
+
 def load_setup(path: str | Path) -> Setup:
     """Read a set-up file.
 
@@ -176,149 +231,91 @@ def load_setup(path: str | Path) -> Setup:
         Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except FileNotFoundError:
-        raise input_error(str(path), "no such file", "give the path of a set-up file (.toml)") from None
-    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
-        raise input_error(str(path), f"cannot be read ({error})", "give a set-up file (.toml)") from None
-    top = Table(raw, str(path), "")
-    name = top.text("name", path.stem)
-    subject = _read_subject(top.table("object"))
-    lens_table = top.optional_table("lens")
-    lens = None if lens_table is None else _read_lens(lens_table, subject.distance_mm)
-    display = _read_display(top, raw.get("display"), path)
-    array_table = top.optional_table("array") if lens is None else top.table("array")
-    array, concave, position_mm = _read_array(array_table, display.array, lens is not None)
-    pickup = _read_pickup(top)
-    top.refuse_leftovers()
-    setup = Setup(name, subject, lens, display, array, concave, position_mm, pickup)
+    keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
+    where, subject = f"{path}: ", keys.object
+    lens = None if keys.lens is None else _lens(keys.lens, subject.distance_mm, f"{where}lens.")
+    if isinstance(keys.display, str):
+        display = load_display(path.parent / keys.display)
+    else:
+        display = display_of(keys.display, path.stem, f"{where}display.")
+    position_mm = keys.array.position_mm
+    if (position_mm is None) != (lens is None):
+        fault = ("is counted from a lens's image", "leave it out") if lens is None else ("the key is missing", "add it")
+        raise input_error(f"{where}array.position_mm", *fault)
+    array, concave = _captured_array(keys.array, display.array, f"{where}array.")
+    pickup = keys.camera or keys.pickup
+    assert pickup is not None
+    name = path.stem if keys.name is None else keys.name
+    setup = Setup(name, subject, lens, display, array, concave, position_mm or 0.0, pickup)
     _check(setup, str(path))
     return setup
 
 
-def _read_subject(table: Table) -> Subject:
-    distance_mm = table.number("distance_mm", above=0.0, **LENGTHS)
-    placement = Placement(
-        scale=table.number("scale", default=1.0, at_least=SCALE_RANGE[0], at_most=SCALE_RANGE[1]),
-        rotation_deg=table.triple("rotation_deg", (0.0, 0.0, 0.0)),
-        offset_mm=table.triple("offset_mm", (0.0, 0.0, 0.0)),
-    )
-    table.refuse_leftovers()
-    return Subject(distance_mm, placement)
-
-
-def _read_lens(table: Table, object_mm: float) -> ImagingLens:
-    """Read `[lens]`; `image_distance_mm` asks for the lens that images the object's centre there."""
-    kind = table.choice("kind", ("pair", "thin"))
-    keys = ("focal_length_mm", "image_distance_mm", *(("radius_mm",) if kind == "pair" else ()))
-    given = table.one_of(*keys)
-    size = table.number(given, above=0.0, **LENGTHS)
-    focal = object_mm * size / (object_mm + size) if given == "image_distance_mm" else size
-    aperture_mm = table.number("aperture_mm", above=0.0, **LENGTHS)
-    lens: ImagingLens
-    if kind == "thin":
-        lens = ThinLens(focal, aperture_mm)
+def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
+    """Return the lens of `[lens]`; `image_distance_mm` asks for the one that images the object's centre there."""
+    image_mm, focal = keys.image_distance_mm, keys.focal_length_mm
+    if image_mm is not None:
+        focal = object_mm * image_mm / (object_mm + image_mm)
+    if keys.kind == "thin":
+        for name in PAIR_ONLY:
+            if getattr(keys, name) is not None:
+                raise input_error(f"{where}{name}", "unknown key of a thin lens", 'leave it out, or set kind = "pair"')
+        assert focal is not None
+        return ThinLens(focal, keys.aperture_mm)
+    if keys.index is None and keys.glass is None:
+        raise input_error(f"{where}index or glass", "none is given", "give exactly one of them")
+    if keys.thickness_mm is None:
+        raise input_error(f"{where}thickness_mm", "the key is missing", "add it")
+    index = index_of_keys(keys, where)
+    rest = (index, keys.thickness_mm, keys.separation_mm or 0.0, keys.aperture_mm, keys.convex or "in")
+    if keys.radius_mm is not None:
+        pair = LensPair(keys.radius_mm, *rest)
     else:
-        if table.one_of("index", "glass") == "glass":
-            glass = table.text("glass")
-            try:
-                index = index_of(glass, DESIGN_WAVELENGTH_NM)
-            except InputError as error:
-                raise InputError(f"{table.where('glass')}: {error}") from None
-        else:
-            index = table.number("index", above=INDEX_RANGE[0], at_most=INDEX_RANGE[1])
-        thickness_mm = table.number("thickness_mm", above=0.0, **LENGTHS)
-        separation_mm = table.number("separation_mm", default=0.0, at_least=0.0, at_most=LENGTHS["at_most"])
-        convex = cast(Convex, table.choice("convex", get_args(Convex), "in"))
-        if given == "radius_mm":
-            pair = LensPair(size, index, thickness_mm, separation_mm, aperture_mm, convex)
-        else:
-            try:
-                pair = LensPair.of_focal_length(focal, index, thickness_mm, separation_mm, aperture_mm, convex)
-            except ValueError:
-                raise input_error(
-                    table.where(given),
-                    f"no pair of such thick lenses, so far apart, has a focal length of {focal:g} mm",
-                    "give a smaller thickness_mm or separation_mm",
-                ) from None
-        _check_pair(pair, table)
-        lens = pair
-    table.refuse_leftovers()
-    return lens
-
-
-def _check_pair(pair: LensPair, table: Table) -> None:
+        assert focal is not None
+        try:
+            pair = LensPair.of_focal_length(focal, *rest)
+        except ValueError:
+            raise input_error(
+                f"{where}{'focal_length_mm' if image_mm is None else 'image_distance_mm'}",
+                f"no pair of such thick lenses, so far apart, has a focal length of {focal:g} mm",
+                "give a smaller thickness_mm or separation_mm",
+            ) from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
         raise input_error(
-            table.where("aperture_mm"),
+            f"{where}aperture_mm",
             f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm are",
             "give a smaller aperture, or a higher index",
         )
     if pair.thickness_mm < pair.sag_mm:
         raise input_error(
-            table.where("thickness_mm"),
+            f"{where}thickness_mm",
             f"{pair.thickness_mm:g} mm is below the sag of the domes over the aperture, {pair.sag_mm:.5g} mm",
             "make it at least the sag, or the aperture smaller",
         )
+    return pair
 
 
-def _read_display(top: Table, value: Any, path: Path) -> Display:
-    """Read `display`: a display file's path, from the set-up file, or the table itself."""
-    if isinstance(value, dict):
-        return read_display(top.table("display"), path.stem)
-    return load_display(path.parent / top.text("display"))
-
-
-def _read_array(table: Table | None, shown: Array, with_lens: bool) -> tuple[Array, bool, float]:
-    """Read `[array]` over the display's array; returns it, whether it is concave, and its position."""
-    if table is None:
-        return shown, False, 0.0
-    position_mm = table.number("position_mm") if with_lens else 0.0
-    focal = table.optional_number("focal_length_mm")
-    thickness = table.optional_number("thickness_mm", above=0.0)
-    array, concave = shown, False
+def _captured_array(keys: ArrayKeys, shown: Array, where: str) -> tuple[Array, bool]:
+    """Return the lenslets of `[array]` over the display's, and whether they are concave."""
+    array, focal = shown, keys.focal_length_mm
     if focal is not None:
         if focal == 0.0:
-            raise input_error(table.where("focal_length_mm"), "0 is no focal length", "give mm, negative for concave")
-        concave = focal < 0.0
+            raise input_error(f"{where}focal_length_mm", "0 is no focal length", "give mm, negative for concave")
         array = replace(shown, radius_mm=abs(focal) * (shown.index - 1.0))
-        if array.radius_mm < array.half_diagonal_mm:
-            raise input_error(
-                table.where("focal_length_mm"),
-                f"a radius of {array.radius_mm:g} mm is too small to span a cell of half diagonal "
-                f"{array.half_diagonal_mm:g} mm",
-                "give a longer focal length",
-            )
+        check_radius(array, f"{where}focal_length_mm")
         array = replace(array, thickness_mm=array.sag_mm)
-    if thickness is not None:
-        array = replace(array, thickness_mm=thickness)
-    if not concave and array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
+    if keys.thickness_mm is not None:
+        array = replace(array, thickness_mm=keys.thickness_mm)
+    concave = focal is not None and focal < 0.0
+    if not concave:
+        check_array(array, where)
+    elif array.plano_side != "panel":
         raise input_error(
-            table.where("thickness_mm"),
-            f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",
-            "make it at least the sag",
-        )
-    if concave and array.plano_side != "panel":
-        raise input_error(
-            table.where("focal_length_mm"),
+            f"{where}focal_length_mm",
             "concave lenslets are traced with their plano side to the camera only",
             'give a display whose plano_side is "panel"',
         )
-    table.refuse_leftovers()
-    return array, concave, position_mm
-
-
-def _read_pickup(top: Table) -> Camera | Pickup:
-    kind = top.one_of("camera", "pickup")
-    table = top.table(kind)
-    taken: Camera | Pickup
-    if kind == "camera":
-        taken = Camera(table.number("distance_mm", above=0.0, **LENGTHS))
-    else:
-        taken = Pickup(table.number("gap_mm", at_least=0.0, at_most=LENGTHS["at_most"]))
-    table.refuse_leftovers()
-    return taken
+    return array, concave
 
 
 def _check(setup: Setup, source: str) -> None:

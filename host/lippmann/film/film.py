@@ -2,64 +2,55 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, TypeVar
 
-from lippmann.errors import InputError, input_error
-from lippmann.film.path import MOTIONS, Motion, read_path
+from lippmann import toml
+from lippmann.errors import InputError
+from lippmann.film.path import Motion, check_frames
 from lippmann.film.path import Path as FilmPath
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.toml import Table
+from lippmann.toml import key, values
 
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
-#: Slowest and fastest: what every kind of video can say of a frame's time.
-SPEEDS = (0.1, 1000.0)
+AnyPath = TypeVar("AnyPath", bound=FilmPath)
+Depth = Annotated[float | None, key("", default="the placement's, and as far as shapes move")]
 
 
-@dataclass(frozen=True)
-class Moving:
-    """An object of a film: the shapes whose id matches a pattern (`*` any text, `?` any letter), and their path."""
+@dataclass(frozen=True, kw_only=True)
+class Moving(FilmPath):
+    """An object of a film: shapes, and their path."""
 
-    shapes: str
-    path: FilmPath
+    shapes: Annotated[str, key("id of the shapes in the scene's file; `*` stands for any text, `?` for any letter")]
 
 
-@dataclass(frozen=True)
-class Film:
-    """A film.
+@dataclass(frozen=True, kw_only=True)
+class FilmFile:
+    """The keys of a film file. Later objects move what earlier ones have moved; the world is the whole scene."""
 
-    Attributes
-    ----------
-    name
-        The file's name without extension.
-    scene
-        Mitsuba XML; absolute.
-    frames, frames_per_second
-        Its length and speed.
-    objects
-        What moves, against the scene; later ones move what earlier ones have moved.
-    world
-        How the whole scene moves against the display; None: not at all.
-    near_mm, far_mm
-        Depths of interest of all frames, in the display's frame. None: the scene's own, and as far as it moves.
-    """
+    scene: Annotated[Path, key("a Mitsuba scene, its path counted from the film file")]
+    frames: Annotated[int, key("number of frames; they count from 0", low=1, high=MAX_FRAMES)]
+    frames_per_second: Annotated[float, key("at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
+    motion: Annotated[Motion, key("interpolation between keys")] = "smooth"
+    near_mm: Annotated[Depth, key("front of the depths of interest in every frame; primary rays start there")] = None
+    far_mm: Annotated[Depth, key("back of the depths of interest in every frame")] = None
+    object: tuple[Moving, ...] = ()
+    world: FilmPath | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film(FilmFile):
+    """A film; `name` is its file's name without extension, `scene` an absolute path."""
 
     name: str
-    scene: Path
-    frames: int
-    frames_per_second: float
-    objects: tuple[Moving, ...] = ()
-    world: FilmPath | None = None
-    near_mm: float | None = None
-    far_mm: float | None = None
 
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
         """Return what moves the objects at a frame, in the frame of a scene that stands by a placement."""
         forward, back = placement.display_from_scene, placement.scene_from_display
-        return tuple(Move(one.shapes, back @ one.path.at(frame).display_from_scene @ forward) for one in self.objects)
+        return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
     def placement(self, frame: int, placement: Placement, scale: float = 1.0) -> Placement:
         """Return how the whole scene stands at a frame: by a placement, along the world's path, then scaled."""
@@ -81,27 +72,16 @@ def load_film(path: str | Path) -> Film:
         Naming file, key and remedy.
     """
     path = Path(path)
-    try:
-        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
-        raise input_error(str(path), f"cannot be read ({error})", "give a film file (.toml)") from None
-    top = Table(raw, str(path), "")
-    scene = (path.parent / top.text("scene")).resolve()
-    frames = top.integer("frames", 1, MAX_FRAMES)
-    speed = top.number("frames_per_second", 12.0, at_least=SPEEDS[0], at_most=SPEEDS[1])
-    motion: Motion = "linear" if top.choice("motion", MOTIONS, "smooth") == "linear" else "smooth"
-    objects = []
-    for one in top.tables("object"):
-        shapes = one.text("shapes")
-        objects.append(Moving(shapes, read_path(one, frames, motion)))
-        one.refuse_leftovers()
-    world_table = top.optional_table("world")
-    world = None
-    if world_table is not None:
-        world = read_path(world_table, frames, motion)
-        world_table.refuse_leftovers()
-    near, far = top.optional_number("near_mm"), top.optional_number("far_mm")
-    top.refuse_leftovers()
+    film = Film(**values(toml.read(FilmFile, toml.load(path, "film"), str(path))), name=path.stem)
+    near, far = film.near_mm, film.far_mm
     if near is not None and far is not None and near <= far:
         raise InputError(f"{path}: near_mm {near:g} is not in front of far_mm {far:g}; +z is towards the eye")
-    return Film(path.stem, scene, frames, speed, tuple(objects), world, near, far)
+    world = film.world and _moving(film.world, film, f"{path}: world")
+    moving = tuple(_moving(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
+    return replace(film, scene=(path.parent / film.scene).resolve(), object=moving, world=world)
+
+
+def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:
+    """Return a path with the film's motion where it has none; refuse frames beyond the film's end."""
+    check_frames(path, film.frames, where)
+    return replace(path, motion=path.motion or film.motion)

@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError, input_error
+from lippmann import toml
+from lippmann.errors import InputError
 from lippmann.optics.panel import exact_rotation
-from lippmann.toml import Table
+from lippmann.toml import key
 
 Matrix = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]
+ORIGIN = (0.0, 0.0, 0.0)
 #: Scales that float32 scenes survive.
 SCALE_RANGE = (1e-9, 1e9)
+Scale = Annotated[float, key("", low=SCALE_RANGE[0], high=SCALE_RANGE[1])]
+Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 
 
 @dataclass(frozen=True)
 class Placement:
     """A similarity from scene units to the display's frame (mm), and a depth range.
 
-    Attributes
-    ----------
-    scale
-        Millimetres for each scene unit.
-    rotation_deg
-        Turns about x, then y, then z.
-    offset_mm
-        Where the scene's origin comes to stand.
-    near_mm, far_mm
-        Depths z between which the scene matters; primary rays start at `near_mm`. None: the scene's bounding box.
+    Primary rays start at `near_mm`. A depth of None is that of the scene's bounding box.
     """
 
-    scale: float = 1.0
-    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    near_mm: float | None = None
-    far_mm: float | None = None
+    scale: Annotated[Scale, key("mm for each scene unit")] = 1.0
+    rotation_deg: Annotated[Triple, key("turns about x, then y, then z, after the scaling")] = ORIGIN
+    offset_mm: Annotated[Triple, key("position of the scene's origin: x right, y up, z towards the viewer")] = ORIGIN
+    near_mm: Annotated[Depth, key("depth z in front of every object of interest")] = None
+    far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None
 
     def __post_init__(self) -> None:
         """Refuse what is not a similarity."""
@@ -115,6 +111,13 @@ class Placement:
         )
 
 
+@dataclass(frozen=True)
+class PlacementFile:
+    """The file beside a scene."""
+
+    placement: Placement
+
+
 def load_placement(path: Path) -> Placement:
     """Read the table `[placement]` of a TOML file; other tables are not looked at.
 
@@ -123,17 +126,5 @@ def load_placement(path: Path) -> Placement:
     InputError
         Naming file, key and remedy.
     """
-    try:
-        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:  # unreadable, no text, broken TOML, endless nests
-        raise input_error(str(path), f"cannot be read ({error})", "give a placement file (.toml)") from None
-    table = Table(raw, str(path), "").table("placement")
-    scale = table.number("scale", default=1.0, at_least=SCALE_RANGE[0], at_most=SCALE_RANGE[1])
-    rotation_deg = table.triple("rotation_deg", (0.0, 0.0, 0.0))
-    offset_mm = table.triple("offset_mm", (0.0, 0.0, 0.0))
-    near_mm, far_mm = table.optional_number("near_mm"), table.optional_number("far_mm")
-    table.refuse_leftovers()
-    try:
-        return Placement(scale, rotation_deg, offset_mm, near_mm, far_mm)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    raw = toml.load(path, "placement")
+    return toml.read(PlacementFile, {name: raw[name] for name in raw if name == "placement"}, str(path)).placement
