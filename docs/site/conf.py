@@ -40,7 +40,7 @@ PARTS = {
     "How to": "docs/how-to/",
     "Reference": "docs/reference/",
     "Python API": "docs/site/api",
-    "Background": "docs/models",
+    "Background": ("docs/models", "docs/measured"),
     "Reports": "docs/reports/",
     "The project": ("scenes/README", "CONTRIBUTING", "CHANGELOG"),
 }

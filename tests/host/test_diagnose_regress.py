@@ -451,8 +451,8 @@ def test_a_word_far_off_is_not_called_wrapped():
         assert (said == "a word wrapped where it should saturate: dx") == wraps, (added, said)
 
 
-def test_the_how_to_lists_the_faults():
-    page = (repository() / "docs/how-to/regress.md").read_text()
+def test_the_reference_lists_the_faults():
+    page = (repository() / "docs/reference/diagnoses.md").read_text()
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][1:]
     assert len(rows) >= 20
     for stage, says in FAULTS.values():

@@ -43,7 +43,7 @@ NOT_RUN = {
     r"git clone |cd lippmann$|source \.venv/": "lead to the checkout and its environment, in which the tests run",
     r"make setup|make test|make$": "are what runs the tests; their targets are looked up",
     r"python scenes/": "make the shipped files again, over those that other tests read; the scripts are looked up",
-    r"python -m lippmann\.sim\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
+    r"python -m lippmann\.dev\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
     r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),
