@@ -2,9 +2,9 @@
 
 **The rule.** The pixels of a cell are those whose centres the lattice assigns to one lenslet. A rotation about a point
 of the half-pixel lattice takes pixel (c, r) to pixel (m - c, n - r), with integers m and n: nothing is resampled. A
-lenslet centred at pixel coordinates (u, v) asks for m = 2u - 1 and n = 2v - 1, which are rarely integers. Of the integer
-pairs within 1 of them, each cell takes the pair that brings most of its pixels onto its own pixels; of equally good
-pairs, the nearest. Pixels at the rim that would leave the cell stay where they are.
+lenslet centred at pixel coordinates (u, v) asks for m = 2u - 1 and n = 2v - 1, which are rarely integers. Of the
+integer pairs within 1 of them, each cell takes the pair that brings most of its pixels onto its own pixels; of equally
+good pairs, the nearest. Pixels at the rim that would leave the cell stay where they are.
 
 So the map is an involution and a permutation of each cell's pixels, on every lattice, also a rotated or shifted one.
 The centre of rotation is at most half a pixel off the lenslet's centre in x and in y. On a square lattice that is not
@@ -34,19 +34,19 @@ Indices = npt.NDArray[np.int64]
 
 
 class Cells(NamedTuple):
-    """The lenslets' cells on a panel.
+    """The lenslets' cells on a panel; pixels are numbered row by row.
 
     cell
-        (height, width) cell of each pixel, counted from 0.
+        (height * width,) cell of each pixel, counted from 0.
     centre
         (cells, 2) pixel coordinates of the lenslets' centres.
-    margin
-        (height, width) distance of each pixel's centre from the boundary of its cell, pixels.
+    rim
+        (height * width,) whether a step of one pixel in x and one in y may leave the cell.
     """
 
     cell: Indices
     centre: npt.NDArray[np.float64]
-    margin: npt.NDArray[np.float64]
+    rim: npt.NDArray[np.bool_]
 
 
 def cells_of(display: Display) -> Cells:
@@ -54,9 +54,8 @@ def cells_of(display: Display) -> Cells:
     panel, frame = display.panel, PanelFrame.of(display)
     lattice = Lattice(display.array.grid, display.array.pitch_mm)
     row, column = np.ogrid[0 : panel.height_px, 0 : panel.width_px]
-    i, j, x, y = lattice.locate(
-        NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    )
+    point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
+    i, j, x, y = lattice.locate(NumpyBackend(), *point)
     # Numbers the cells that occur, in the order of (i, j).
     first_i, first_j = int(i.min()), int(j.min())
     span = int(np.ptp(j)) + 1
@@ -65,26 +64,28 @@ def cells_of(display: Display) -> Cells:
     occurs[key] = True
     i, j = np.divmod(np.flatnonzero(occurs), span)
     centre = frame.panel_from_array(*lattice.centre(i + float(first_i), j + float(first_j)))
-    across = [np.abs(y if ax == 0.0 else x if ay == 0.0 else ax * x + ay * y) for ax, ay in lattice.axes]
-    margin = (0.5 * lattice.pitch_mm - np.maximum.reduce(np.broadcast_arrays(*across))) / panel.pixel_pitch_mm
-    return Cells((np.cumsum(occurs) - 1)[key], np.stack(frame.pixel_from_panel(*centre), axis=1), margin)
+    rim = np.zeros(key.shape, bool)
+    for ax, ay in lattice.axes:
+        step = sum(map(abs, frame.turn(ax, ay))) * panel.pixel_pitch_mm * (1.0 + ROUNDING)
+        rim |= np.abs(ax * x + ay * y if ax and ay else x if ax else y) > 0.5 * lattice.pitch_mm - step
+    return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
-    cell, centre, margin = cells_of(display)
+    cell, centre, rim = cells_of(display)
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
     reach = display.array.half_diagonal_mm / display.panel.pixel_pitch_mm + 2.0
-    cut = ((centre < reach) | (centre > np.array([width, height]) - reach)).any(axis=1)
-    row, column = np.nonzero((margin < np.sqrt(2.0) + ROUNDING) | cut[cell])
-    rim = row * width + column
-    of_rim = cell.ravel()[rim]
+    cut = np.logical_or(centre < reach, centre > np.array([width, height]) - reach).any(axis=1)
+    pixel = np.flatnonzero(rim | cut[cell])
+    row, column = np.divmod(pixel, width)
+    of_rim = cell[pixel]
     best = nearest.astype(np.int64)
     count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
-    stays = np.zeros(len(rim), bool)
+    stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - asked)
         beside = far.max(axis=1) <= 1.0 + ROUNDING
@@ -94,7 +95,7 @@ def rotation_map(display: Display) -> Indices:
         m, n = (nearest + step).astype(np.int64)[its_cell].T
         to_column, to_row = m - column[tried], n - row[tried]
         inside = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
-        own = inside & (cell.ravel()[np.where(inside, to_row * width + to_column, 0)] == its_cell)
+        own = inside & (cell[np.where(inside, to_row * width + to_column, 0)] == its_cell)
         kept = np.bincount(its_cell, own, len(centre)).astype(np.int64)
         off = np.hypot(*far.T)
         better = beside & ((kept > count) | ((kept == count) & (off < miss)))
@@ -103,11 +104,16 @@ def rotation_map(display: Display) -> Indices:
         taken = better[its_cell]
         stays[tried[taken]] = ~own[taken]
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
-    partner = (best @ [1, width])[cell].ravel() - np.arange(width * height)
-    partner[rim[stays]] = rim[stays]
+    partner: Indices = (best[:, 0] + best[:, 1] * width)[cell] - np.arange(width * height)
+    partner[pixel[stays]] = pixel[stays]
     return partner
+
+
+def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
+    """Return a picture (height, width, channels) with its pixels exchanged as `rotation_map` says."""
+    return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)
 
 
 def rotate_elemental_images(picture: npt.NDArray[Any], display: Display) -> npt.NDArray[Any]:
     """Rotate the elemental images of a picture (height, width, channels) that fits a display's panel."""
-    return np.take(picture.reshape(-1, picture.shape[-1]), rotation_map(display), axis=0).reshape(picture.shape)
+    return rotated(picture, rotation_map(display))
