@@ -99,7 +99,7 @@ def test_each_cell_takes_the_best_centre(grid, rotation):
     """By the rule, cell by cell: no integer pair within 1 of the one asked for keeps more pixels in the cell."""
     display = display_for(grid, rotation, (0.31, -0.12), 6.3, width_px=61, height_px=47)
     partner, (cell, centre, _) = rotation_map(display), cells_of(display)
-    height, width = display.panel.height_px, display.panel.width_px
+    width = display.panel.width_px
     for k, asked in enumerate(2.0 * centre - 1.0):
         own = {(int(p % width), int(p // width)) for p in np.flatnonzero(cell == k)}
         kept = {

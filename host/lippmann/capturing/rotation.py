@@ -74,12 +74,13 @@ def cells_of(display: Display) -> Cells:
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
+    size = np.array([width, height])
     cell, centre, rim = cells_of(display)
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
     reach = display.array.half_diagonal_mm / display.panel.pixel_pitch_mm + 2.0
-    cut = np.logical_or(centre < reach, centre > np.array([width, height]) - reach).any(axis=1)
+    cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
     row, column = np.divmod(pixel, width)
     of_rim = cell[pixel]
