@@ -27,7 +27,7 @@ def display_for(grid, rotation=0.0, offset=(0.0, 0.0), ratio=10.0, width_px=211,
 def test_involution_within_each_cell(grid, rotation, offset, ratio):
     display = display_for(grid, rotation, offset, ratio)
     partner = rotation_map(display)
-    cell, centre = cells_of(display)
+    cell, centre, _ = cells_of(display)
     assert np.array_equal(partner[partner], np.arange(len(partner)))
     assert np.array_equal(cell[partner], cell)
     # Those that change places land at most a pixel from the mirror image of their place in the lenslet's centre.
@@ -56,7 +56,7 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio):
 def test_square_cells_are_turned_whole(offset, ratio):
     """By hand: each cell's block of pixels, reversed along both axes."""
     display = display_for("square", 0.0, offset, ratio)
-    cell, centre = cells_of(display)
+    cell, centre, _ = cells_of(display)
     height, width = display.panel.height_px, display.panel.width_px
     picture = generator(1).random((height, width, 3))
     turned = rotate_elemental_images(picture, display)
@@ -94,6 +94,28 @@ def test_twice_is_nothing(grid):
     assert np.array_equal(np.sort(once.ravel()), np.sort(picture.ravel()))
 
 
+@pytest.mark.parametrize(("grid", "rotation"), [("square", 0.0), ("square", 7.0), ("hex", 0.0), ("hex", -20.0)])
+def test_each_cell_takes_the_best_centre(grid, rotation):
+    """By the rule, cell by cell: no integer pair within 1 of the one asked for keeps more pixels in the cell."""
+    display = display_for(grid, rotation, (0.31, -0.12), 6.3, width_px=61, height_px=47)
+    partner, (cell, centre, _) = rotation_map(display), cells_of(display)
+    width = display.panel.width_px
+    for k, asked in enumerate(2.0 * centre - 1.0):
+        own = {(int(p % width), int(p // width)) for p in np.flatnonzero(cell == k)}
+        kept = {
+            (m, n): sum((m - c, n - r) in own for c, r in own)
+            for m in range(int(np.floor(asked[0])) - 1, int(np.ceil(asked[0])) + 2)
+            for n in range(int(np.floor(asked[1])) - 1, int(np.ceil(asked[1])) + 2)
+            if max(abs(m - asked[0]), abs(n - asked[1])) <= 1.0 + 1e-9
+        }
+        most = max(kept.values())
+        best = [pair for pair, count in kept.items() if count == most]
+        m, n = min(best, key=lambda pair: np.hypot(*(pair - asked)))
+        for c, r in own:
+            to = (m - c, n - r) if (m - c, n - r) in own else (c, r)
+            assert partner[r * width + c] == to[1] * width + to[0]
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["paper-square", "paper-hex"])
 def test_the_paper_s_displays(name):
@@ -103,6 +125,6 @@ def test_the_paper_s_displays(name):
 
     display = load_display(Path(__file__).parents[2] / f"scenes/displays/{name}.toml")
     partner = rotation_map(display)
-    cell, _ = cells_of(display)
+    cell = cells_of(display).cell
     assert np.array_equal(partner[partner], np.arange(len(partner)))
     assert np.array_equal(cell[partner], cell)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from lippmann.capturing.depths import image_distance, shown
 from lippmann.capturing.rays import CaptureSource
-from lippmann.capturing.rotation import rotate_elemental_images
+from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
 from lippmann.rendering.placement import Placement
@@ -140,7 +141,10 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
             f"set-up '{setup.name}': lens.aperture_mm: no ray of the picture gets through the lens (vignetting "
             f"{lost.lens_percent:.4g} %, lost in the array {lost.array_percent:.4g} %); make the aperture larger"
         )
-    rendered = render(scene, source, settings, progress)
-    if rotate:
-        rendered = replace(rendered, radiance=rotate_elemental_images(rendered.radiance, setup.display))
+    with ThreadPoolExecutor(1) as other:
+        # Needs one core while Dr.Jit compiles, which takes one too.
+        partner = other.submit(rotation_map, setup.display) if rotate else None
+        rendered = render(scene, source, settings, progress)
+        if partner is not None:
+            rendered = replace(rendered, radiance=rotated(rendered.radiance, partner.result()))
     return Captured(rendered, lost)

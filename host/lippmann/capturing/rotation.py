@@ -1,20 +1,23 @@
-"""Turns each elemental image by 180 degrees, in whole pixels: what shows a captured scene in its right depth.
+"""Rotates elemental images by 180 degrees in whole pixels, so that a captured scene is shown at its right depth.
 
-**The rule.** A cell's pixels are those whose centres the lattice gives to one lenslet. Turned about a point of the
-half-pixel lattice, pixel (c, r) goes to pixel (m - c, n - r), with m and n whole: no pixel falls between two others.
-The true centre (u, v) of a lenslet asks for m = 2u - 1 and n = 2v - 1, which are seldom whole. Of the pairs of whole
-numbers within 1 of them a cell takes the pair that brings most of its pixels onto pixels of its own; among equals the
-nearest one. Pixels of its rim that would leave the cell stay where they are.
+**The rule.** The pixels of a cell are those whose centres the lattice assigns to one lenslet. A rotation about a point
+of the half-pixel lattice takes pixel (c, r) to pixel (m - c, n - r), with integers m and n: nothing is resampled. A
+lenslet centred at pixel coordinates (u, v) asks for m = 2u - 1 and n = 2v - 1, which are rarely integers. Of the
+integer pairs within 1 of them, each cell takes the pair that brings most of its pixels onto its own pixels; of equally
+good pairs, the nearest. Pixels at the rim that would leave the cell stay where they are.
 
-So the map is an involution and a permutation of each cell's pixels, for every lattice, turned and moved ones too; the
-turn's centre is at most half a pixel off the lenslet's in x and in y. On an unturned square lattice every cell
-inside the picture is a rectangle of pixels, and all of it is turned.
+So the map is an involution and a permutation of each cell's pixels, on every lattice, also a rotated or shifted one.
+The centre of rotation is at most half a pixel off the lenslet's centre in x and in y. On a square lattice that is not
+rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
+
+**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
+tried with every pair. Rows and columns are kept apart (broadcast) as long as the lattice allows.
 """
 
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,61 +33,88 @@ ROUNDING = 1e-9
 Indices = npt.NDArray[np.int64]
 
 
-def cells_of(display: Display) -> tuple[Indices, npt.NDArray[np.float64]]:
-    """Tell which cell each pixel of a panel is in.
+class Cells(NamedTuple):
+    """The lenslets' cells on a panel; pixels are numbered row by row.
 
-    Returns
-    -------
     cell
-        (height * width,) numbers from 0, pixels row by row.
+        (height * width,) cell of each pixel, counted from 0.
     centre
         (cells, 2) pixel coordinates of the lenslets' centres.
+    rim
+        (height * width,) whether a step of one pixel in x and one in y may leave the cell.
     """
+
+    cell: Indices
+    centre: npt.NDArray[np.float64]
+    rim: npt.NDArray[np.bool_]
+
+
+def cells_of(display: Display) -> Cells:
+    """Return the cells of a display's lenslets."""
     panel, frame = display.panel, PanelFrame.of(display)
     lattice = Lattice(display.array.grid, display.array.pitch_mm)
-    row, column = np.divmod(np.arange(panel.width_px * panel.height_px), panel.width_px)
-    x, y = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    i, j, _, _ = lattice.locate(NumpyBackend(), x, y)
-    i, j = i.astype(np.int64), j.astype(np.int64)
+    row, column = np.ogrid[0 : panel.height_px, 0 : panel.width_px]
+    point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
+    i, j, x, y = lattice.locate(NumpyBackend(), *point)
+    # Numbers the cells that occur, in the order of (i, j).
+    first_i, first_j = int(i.min()), int(j.min())
     span = int(np.ptp(j)) + 1
-    key, cell = np.unique((i - i.min()) * span + (j - j.min()), return_inverse=True)
-    i, j = np.divmod(key, span) + np.array([[i.min()], [j.min()]])
-    x, y = frame.panel_from_array(*lattice.centre(i.astype(np.float64), j.astype(np.float64)))
-    return cell, np.stack(frame.pixel_from_panel(x, y), axis=1)
+    key = (i.astype(np.int64) - first_i) * span + (j.astype(np.int64) - first_j)
+    occurs = np.zeros(int(key.max()) + 1, bool)
+    occurs[key] = True
+    i, j = np.divmod(np.flatnonzero(occurs), span)
+    centre = frame.panel_from_array(*lattice.centre(i + float(first_i), j + float(first_j)))
+    rim = np.zeros(key.shape, bool)
+    for ax, ay in lattice.axes:
+        step = sum(map(abs, frame.turn(ax, ay))) * panel.pixel_pitch_mm * (1.0 + ROUNDING)
+        rim |= np.abs(ax * x + ay * y if ax and ay else x if ax else y) > 0.5 * lattice.pitch_mm - step
+    return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 
 def rotation_map(display: Display) -> Indices:
-    """Return the pixel that each pixel changes places with, (height * width,) pixel numbers row by row."""
+    """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
-    cell, centre = cells_of(display)
-    pixel = np.arange(width * height)
-    row, column = np.divmod(pixel, width)
+    size = np.array([width, height])
+    cell, centre, rim = cells_of(display)
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
-    count = np.full(len(centre), -1)
-    miss = np.full(len(centre), np.inf)
-    partner = pixel.copy()
+    # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
+    reach = display.array.half_diagonal_mm / display.panel.pixel_pitch_mm + 2.0
+    cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
+    pixel = np.flatnonzero(rim | cut[cell])
+    row, column = np.divmod(pixel, width)
+    of_rim = cell[pixel]
+    best = nearest.astype(np.int64)
+    count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
+    stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - asked)
         beside = far.max(axis=1) <= 1.0 + ROUNDING
-        # Pixels of the cells for which this pair of whole numbers is beside the one that is asked for.
-        some = np.flatnonzero(beside[cell])
-        its_cell = cell[some]
-        turn = (nearest + step).astype(np.int64)[its_cell]
-        to_column, to_row = turn[:, 0] - column[some], turn[:, 1] - row[some]
-        lands = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
-        target = np.where(lands, to_row * width + to_column, some)
-        own = lands & (cell[target] == its_cell)
-        here = np.bincount(its_cell, own, len(centre)).astype(np.int64)
+        # Rim pixels of the cells for which this pair is within 1 of the pair asked for.
+        tried = np.flatnonzero(beside[of_rim])
+        its_cell = of_rim[tried]
+        m, n = (nearest + step).astype(np.int64)[its_cell].T
+        to_column, to_row = m - column[tried], n - row[tried]
+        inside = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
+        own = inside & (cell[np.where(inside, to_row * width + to_column, 0)] == its_cell)
+        kept = np.bincount(its_cell, own, len(centre)).astype(np.int64)
         off = np.hypot(*far.T)
-        better = beside & ((here > count) | ((here == count) & (off < miss)))
-        count, miss = np.where(better, here, count), np.where(better, off, miss)
+        better = beside & ((kept > count) | ((kept == count) & (off < miss)))
+        count, miss = np.where(better, kept, count), np.where(better, off, miss)
+        best[better] = (nearest + step).astype(np.int64)[better]
         taken = better[its_cell]
-        partner[some[taken]] = np.where(own, target, some)[taken]
+        stays[tried[taken]] = ~own[taken]
+    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
+    partner: Indices = (best[:, 0] + best[:, 1] * width)[cell] - np.arange(width * height)
+    partner[pixel[stays]] = pixel[stays]
     return partner
 
 
+def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
+    """Return a picture (height, width, channels) with its pixels exchanged as `rotation_map` says."""
+    return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)
+
+
 def rotate_elemental_images(picture: npt.NDArray[Any], display: Display) -> npt.NDArray[Any]:
-    """Turn the elemental images of a picture (height, width, channels) that fits a display's panel."""
-    flat = picture.reshape(-1, picture.shape[-1])
-    return flat[rotation_map(display)].reshape(picture.shape)
+    """Rotate the elemental images of a picture (height, width, channels) that fits a display's panel."""
+    return rotated(picture, rotation_map(display))
