@@ -1,1 +1,1 @@
-"""Chooses the cheapest lens model, and the cheapest fixed-point build, that stay within a tolerance."""
+"""Chooses the cheapest lens model, and the cheapest fixed-point build, within a tolerance."""

@@ -1,13 +1,13 @@
-"""`fit`: the cheapest model, number of samples and build of the RTL that meet a tolerance.
+"""`fit`: the cheapest model, number of samples and build of the RTL within a tolerance.
 
-For the chief rays of a display and a range of depths. All errors are in pixels of the reconstructed view (see
+It serves the chief rays of a display over a range of depths. All errors are in pixels of the reconstructed view (see
 `lippmann.select.model`):
 
-* **model**: how far its rays lie from the exact ones;
-* **samples**: how far any light of a panel's pixel can pass from the nearest ray that samples it. The pixel's light
-  spreads to w = |z| q / D at depth z; n samples of the unit square leave no place farther than `gap(n)` from them, so
-  the error is gap(n) w / max(p, w), largest at the farthest depth;
-* **build**: how far its rays, words of F fraction bits, lie from the exact ones.
+* **model**: the largest distance between its rays and the exact ones;
+* **samples**: the largest distance between the light of a panel pixel and the nearest ray that samples it. The light
+  spreads to w = |z| q / D at depth z; no place of the unit square is farther than `gap(n)` from n samples, so the error
+  is gap(n) w / max(p, w), largest at the farthest depth;
+* **build**: the largest distance between its rays, in words of F fraction bits, and the exact ones.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
-from lippmann.optics.rays import Rays
+from lippmann.optics.rays import Floats, Rays
 from lippmann.optics.sampling import R2_STEPS
+from lippmann.optics.system import System
 from lippmann.select.model import (
     TOLERANCE,
     Choice,
     cell_corners,
     choose_model,
+    located,
     model_error_px,
+    panel_size,
+    pixels_in_cells,
     probe,
     reconstructed_pixel_mm,
+    spread_mm,
 )
 
-Floats = npt.NDArray[np.float64]
-
-#: Samples that a fit goes up to.
+#: Largest number of samples that a fit tries.
 MOST_SAMPLES = 1024
-#: How far the probe of a build goes towards a cell's border: beyond, rounding may choose the neighbour.
+#: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: Rays all over the panel, and as many in the corners of cells, that a build which passes the probe is tried on too:
-#: roundings differ from ray to ray; those of rays that were not tried may be larger by such a share.
+#: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells:
+#: roundings differ from ray to ray. Those of untested rays may be larger by the margin, as a part of the rounding.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
-#: Which part of the way to a corner, of INSIDE, these rays take at least.
+#: Least distance of those rays in corners from the cell's centre, as a part of INSIDE.
 CORNERS = 0.9
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What was chosen, and its errors in pixels of the reconstructed view.
+    """The choice and its errors, in pixels of the reconstructed view.
 
     Attributes
     ----------
@@ -68,9 +68,9 @@ class Fit:
     sample_error_px
         Their error, or that of MOST_SAMPLES.
     build
-        Of the RTL; None when none that can be built meets the tolerance.
+        The build of the RTL; None when every build exceeds the tolerance.
     build_error_px
-        Its error, or that of the best build; infinite when no build holds this display or gives its rays.
+        Its error, or that of the best build; infinite when no build can hold this display or gives its rays.
     """
 
     choice: Choice
@@ -81,34 +81,20 @@ class Fit:
 
 
 def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build for a display's chief rays.
+    """Choose model, samples and build for a display's chief rays (parameters and errors as `choose_model`).
 
-    Parameters
-    ----------
-    display
-        The display.
-    depth_range_mm
-        (far, near) z of the scene, mm.
-    tolerance
-        Largest error allowed of each of the three, in pixels of the reconstructed view.
-
-    Raises
-    ------
-    InputError
-        For a tolerance that is not positive and finite.
+    The tolerance holds for each of the three.
     """
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
-    spread = max(_spread_px(display, z) for z in depth_range_mm)
+    # The spread of a panel pixel, in reconstructed pixels: at most 1.
+    spread = max(spread_mm(display, z) / reconstructed_pixel_mm(display, z) for z in depth_range_mm)
     samples = choose_samples(spread, tolerance)
     build, error = choose_build(display, depth_range_mm, tolerance)
     return Fit(choice, samples, gap(samples or MOST_SAMPLES) * spread, build, error)
 
 
 def choose_samples(spread_px: float, tolerance: float) -> int | None:
-    """Return the fewest samples whose gap, times what a pixel spreads to, is within a tolerance.
-
-    None when more than MOST_SAMPLES would be needed.
-    """
+    """Return the least number of samples whose gap times the spread is within a tolerance; None above MOST_SAMPLES."""
 
     def enough(samples: int) -> bool:
         return gap(samples) * spread_px <= tolerance
@@ -117,25 +103,19 @@ def choose_samples(spread_px: float, tolerance: float) -> int | None:
         return 1
     if not enough(MOST_SAMPLES):
         return None
-    # From two on each sample more can but shrink the gap: those before it stay where they are.
+    # From two on each further sample can only shrink the gap, because the others keep their places.
     return 2 + bisect.bisect_left(range(2, MOST_SAMPLES + 1), True, key=enough)
-
-
-def _spread_px(display: Display, z_mm: float) -> float:
-    """Return what a panel's pixel spreads to at a depth, in reconstructed pixels: at most 1."""
-    spread = abs(z_mm) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
-    return spread / reconstructed_pixel_mm(display, z_mm)
 
 
 @cache
 def gap(samples: int) -> float:
     """Return the largest distance from a place in the unit square to the nearest of the renderer's samples.
 
-    One sample stands in the centre. More are the first points of the R2 sequence, shifted at random and modulo 1: the
-    worst shift leaves a corner of the square as far from them as the radius of the largest empty quarter of a disk.
-    That quarter's two straight sides have just passed a point each, i and j. The way from there to point k depends on
-    k - i and k - j alone, and point k is there for i - k steps back or k - i steps on: running minima either way.
-    Quarters that open to the left are those to the right, turned by 180 degrees with the points.
+    One sample is in the centre. Several are the first points of the R2 sequence, shifted at random and modulo 1. The
+    worst shift leaves a corner of the square at a distance of the radius of the largest empty quarter of a disk. Each
+    of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k depends
+    on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters that open
+    to the left equal those to the right, turned by 180 degrees with the points.
     """
     if samples == 1:
         return math.sqrt(0.5)
@@ -155,7 +135,7 @@ def gap(samples: int) -> float:
 
 
 def _squares(samples: int, step: float) -> Floats:
-    """Return squared ways, modulo 1, to the points 2 `samples` steps back to 2 `samples` on; 1 to the point itself."""
+    """Return squared distances, modulo 1, to the points from 2 `samples` back to 2 `samples` ahead; 1 to itself."""
     ahead = np.arange(-2 * samples, 2 * samples + 1)
     squares: Floats = np.where(ahead == 0, 1.0, ahead * step % 1.0) ** 2
     return squares
@@ -164,16 +144,16 @@ def _squares(samples: int, step: float) -> Floats:
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
     """Return the cheapest build of the RTL within a tolerance, and its error.
 
-    Cheaper hardware first (pinhole, paraxial, exact), and of each the shortest words. None, with the least error, when
-    there is none.
+    Cheaper hardware comes first (pinhole, paraxial, exact), and shorter words within each. When there is none, None and
+    the least error.
     """
     try:
-        # As the words hold them, so that rounding moves none over a border.
+        # Pixels as the words hold them, so that rounding moves none over a border.
         few, many = (
             away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
             for pixels in (probe(display, "chief", INSIDE)[0], _spread(display))
         )
-    except InputError:  # a panel larger than the words hold
+    except InputError:  # the panel is larger than the words can hold
         return None, float("inf")
 
     def error_px(pixels: Floats, model: HardwareModel, bits: int) -> float:
@@ -196,34 +176,24 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
 
 
 def _spread(display: Display) -> Floats:
-    """Return pixel coordinates (N, 2) all over the panel, and of the corners of the cells there."""
-    panel, array = display.panel, display.array
-    size = np.array([panel.width_px, panel.height_px])
-    lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
+    """Return pixel coordinates (N, 2) all over the panel, and in the corners of the cells there."""
     numbers = np.arange(SPREAD_RAYS)
-    everywhere = np.outer(numbers, R2_STEPS) % 1.0 * size
-    i, j, _, _ = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*everywhere.T)))
-    corners = cell_corners(array.grid, array.pitch_mm)
-    x, y = (corners[numbers % len(corners)] * INSIDE * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]).T
-    cx, cy = lattice.centre(i, j)
-    there = np.stack(frame.pixel_from_panel(*frame.panel_from_array(cx + x, cy + y)), axis=1)
-    return np.concatenate([everywhere, there[((there >= 0.0) & (there < size)).all(axis=1)]])
+    everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
+    corners = INSIDE * cell_corners(display.array.grid, display.array.pitch_mm)
+    local = corners[numbers % len(corners)] * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]
+    return np.concatenate([everywhere, pixels_in_cells(display, located(display, everywhere)[0], local)])
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) that lie within INSIDE of the way from their cell's centre to its border."""
-    array = display.array
-    lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
-    _, _, x, y = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*pixels.T)))
-    corners = cell_corners(array.grid, array.pitch_mm)
-    middles = 0.5 * (corners + np.roll(corners, 1, axis=0))  # of the border's sides
-    way = np.stack([x, y], axis=1) @ middles.T / (0.5 * array.pitch_mm) ** 2
-    inside: Floats = pixels[way.max(axis=1) <= INSIDE * (1.0 + 1e-9)]
+    """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
+    axes = np.array(System.of(display).lattice.axes)
+    across = np.abs(located(display, pixels)[1] @ axes.T).max(axis=1)
+    inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
     return inside
 
 
 def build_error_px(display: Display, rays: Rays, model: HardwareModel, depth_range_mm: tuple[float, float]) -> float:
-    """Return how far a build's rays lie from the exact ones of the same pixels, with the margin for their rounding."""
+    """Return the largest distance of a build's rays from the exact ones, with the margin for untested roundings."""
     exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
     rounding = model_error_px(display, unrounded, rays, depth_range_mm)
     return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding

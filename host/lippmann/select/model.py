@@ -1,9 +1,8 @@
-"""`auto`: the cheapest model that is good enough for this display and this scene's depths.
+"""`auto`: the cheapest lens model within a tolerance, for this display and this scene's depths.
 
-A probe of pixels over the panel, corners and edges of cells included, is traced by every model and by `exact`. At the
-scene's nearest and farthest depth the rays of model and `exact` lie some distance apart; the model is good enough
-when that distance, for all of the probe, stays below a tolerance times the pixel of the reconstructed view at that
-depth. That pixel is the lenslet pitch, or what a panel pixel spreads to at that depth where this is more.
+A probe of pixels over the panel, corners and edges of cells included, is traced by each model and by `exact`. The error
+of a model is the largest distance between its rays and the exact ones over the scene's depths, in pixels of the
+reconstructed view. Such a pixel is the lenslet pitch, or the spread of a panel pixel at that depth where this is more.
 """
 
 from __future__ import annotations
@@ -13,38 +12,36 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display import Display, Grid
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
-from lippmann.optics.rays import MODELS, Model, Rays, gets_through
+from lippmann.optics.rays import MODELS, Floats, Model, Rays, gets_through
+from lippmann.optics.system import System
 
 #: Default tolerance, pixels of the reconstructed view.
 TOLERANCE = 0.25
 #: Probed cells along each side of the panel, and points along each side of a cell.
 PROBE_CELLS = 5
 PROBE_POINTS = 9
-#: How far the probe goes towards a cell's corners, where the models err most; on them the cell would be a neighbour's.
+#: The probe's points in a cell's corners, where the models err most: on the corner itself a neighbour may own them.
 INSIDE = 1.0 - 1e-6
-#: How far towards a cell's rim the probe aims, and at how many places along each side. Beyond, where the domes look at
-#: the panel, some rays leave through the neighbour's dome however weak the lens: about 1 - RIM of all at most.
+#: The probe's aims on a cell's rim, and their number along each side. Beyond RIM, where the domes face the panel, some
+#: rays leave through the neighbour's dome however weak the lens is: at most about 1 - RIM of all.
 RIM, RIM_POINTS = 0.995, 4
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The model taken and each model's largest error over the probe, in pixels of the reconstructed view."""
+    """The chosen model, and the largest error of each model tried, in pixels of the reconstructed view."""
 
     model: Model
     tolerance: float
     error_px: dict[Model, float]
 
     def __str__(self) -> str:
-        """Say what was chosen and why, in one line."""
+        """Return the choice and its reason in one line."""
         errors = ", ".join(f"{model} {error:.2g}" for model, error in self.error_px.items())
         return (
             f"model {self.model}: the cheapest within {self.tolerance:g} pixel of the reconstructed view "
@@ -52,17 +49,18 @@ class Choice:
         )
 
 
+def spread_mm(display: Display, z_mm: float) -> float:
+    """Return the width to which the light of a panel pixel spreads at a depth, mm."""
+    return abs(z_mm) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
+
+
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
     """Return the pixel of the reconstructed view at a depth, mm."""
-    spread = abs(z_mm) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
-    return max(display.array.pitch_mm, spread)
+    return max(display.array.pitch_mm, spread_mm(display, z_mm))
 
 
 def choose_model(
-    display: Display,
-    depth_range_mm: tuple[float, float],
-    aperture: str = "chief",
-    tolerance: float = TOLERANCE,
+    display: Display, depth_range_mm: tuple[float, float], aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
     """Choose the cheapest model within a tolerance.
 
@@ -73,7 +71,7 @@ def choose_model(
     depth_range_mm
         (far, near) z of the scene, mm.
     aperture
-        "chief" or "full": which rays the renderer will send.
+        "chief" or "full": the rays that the renderer sends.
     tolerance
         Largest error allowed, in pixels of the reconstructed view.
 
@@ -96,74 +94,80 @@ def choose_model(
     return Choice("exact", tolerance, errors)
 
 
-def probe(
-    display: Display, aperture: str, inside: float = INSIDE
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
+def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floats, Floats | None]:
     """Return pixel coordinates (N, 2) and aperture points (N, 2) in mm, or None for chief rays.
 
-    Cells are spread over the panel; in each stand points, those in its corners drawn in by the factor `inside`. All
-    models see a cell alike wherever it stands, so a few cells do; several guard against a panel smaller than a cell at
-    its border.
+    Cells are spread over the panel, and points over each cell; those in its corners are drawn in by the factor
+    `inside`. All models see each cell alike, so a few cells are enough; several serve where a panel's border cuts one.
     """
-    b = NumpyBackend()
-    panel, array = display.panel, display.array
-    lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
+    array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
-    u, v = (g.ravel() for g in np.meshgrid(steps * panel.width_px, steps * panel.height_px))
-    i, j, _, _ = lattice.locate(b, *frame.array_from_panel(*frame.panel_from_pixel(u, v)))
-    cx, cy = lattice.centre(i, j)
-    corners = inside * cell_corners(array.grid, array.pitch_mm)
-    # Points over the cell's bounding square; those outside a hexagon belong to neighbours, which is as good.
+    cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
+    corners = cell_corners(array.grid, array.pitch_mm)
+    # Points over the cell's bounding square; those outside a hexagon belong to neighbours, which does no harm.
     side = np.linspace(-0.49, 0.49, PROBE_POINTS) * array.pitch_mm
-    local = np.concatenate([np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), corners])
-    x, y = (cx[:, None] + local[:, 0]).ravel(), (cy[:, None] + local[:, 1]).ravel()
-    u, v = frame.pixel_from_panel(*frame.panel_from_array(x, y))
-    on_panel = (u >= 0.0) & (u < panel.width_px) & (v >= 0.0) & (v < panel.height_px)
-    pixels = np.stack([u, v], axis=1)[on_panel]
+    local = np.concatenate([np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), inside * corners])
+    pixels = pixels_in_cells(display, np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1)))
     if len(pixels) == 0:
-        pixels = np.array([[0.5 * panel.width_px, 0.5 * panel.height_px]])
+        pixels = 0.5 * size[None]
     if aperture == "chief":
         return pixels, None
-    ends = RIM * cell_corners(array.grid, array.pitch_mm)
+    ends = RIM * corners
     along = np.linspace(0.0, 1.0, RIM_POINTS, endpoint=False)[:, None, None]
     rim = ends + along * (np.roll(ends, 1, axis=0) - ends)  # (places, sides, 2)
     aims = np.concatenate([[[0.0, 0.0]], rim.reshape(-1, 2)])
     return np.repeat(pixels, len(aims), axis=0), np.tile(aims, (len(pixels), 1))
 
 
-def cell_corners(grid: Grid, pitch_mm: float) -> npt.NDArray[np.float64]:
+def panel_size(display: Display) -> Floats:
+    """Return the panel's width and height, (2,) pixels."""
+    return np.array([display.panel.width_px, display.panel.height_px], np.float64)
+
+
+def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
+    """Return the lenslets (N, 2) of pixel coordinates (N, 2), and the points measured from their centres, (N, 2) mm."""
+    system = System.of(display)
+    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixels.T))
+    i, j, x, y = system.lattice.locate(NumpyBackend(), *at)
+    return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
+
+
+def pixels_in_cells(display: Display, lenslets: Floats, local_mm: Floats) -> Floats:
+    """Return the pixel coordinates (N, 2) of points measured from lenslets' centres; those on the panel only."""
+    system = System.of(display)
+    cx, cy = system.lattice.centre(*lenslets.T)
+    at = system.frame.panel_from_array(cx + local_mm[:, 0], cy + local_mm[:, 1])
+    pixels = np.stack(system.frame.pixel_from_panel(*at), axis=1)
+    return pixels[((pixels >= 0.0) & (pixels < panel_size(display))).all(axis=1)]
+
+
+def cell_corners(grid: Grid, pitch_mm: float) -> Floats:
     """Return the corners of a lenslet's cell in turn, (4, 2) or (6, 2) mm, from its centre."""
-    if grid == "square":
-        angles, radius = np.pi / 4 + np.pi / 2 * np.arange(4), pitch_mm / np.sqrt(2.0)
-    else:
-        angles, radius = np.pi / 6 + np.pi / 3 * np.arange(6), pitch_mm / np.sqrt(3.0)
+    sides = 4 if grid == "square" else 6
+    angles = (2.0 * np.arange(sides) + 1.0) * np.pi / sides
+    radius = 0.5 * pitch_mm / np.cos(np.pi / sides)
     return np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
     """Return the largest distance between two sets of rays over a depth range, in reconstructed pixels.
 
-    Infinite when the models disagree on which rays there are.
+    Infinite when they disagree on the rays that leave, or on a ray's lenslet.
     """
     there = gets_through(truth.status)
     if (there != gets_through(rays.status)).any() or (truth.lenslet != rays.lenslet)[there].any():
         return float("inf")
     if not there.any():
         return 0.0
+    lines = [(each.local_mm[there], each.direction[there]) for each in (truth, rays)]
     worst = 0.0
     far, near = depth_range_mm
-    # Where a pixel begins to spread beyond the lenslet; between these depths the error has no other peak.
+    # From this depth on a pixel spreads beyond the lenslet; between these depths the error has no other peak.
     kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
-        apart = np.linalg.norm(_at_depth(truth, z, there) - _at_depth(rays, z, there), axis=1)
+        apart = np.linalg.norm(crossing(*lines[0], z) - crossing(*lines[1], z), axis=1)
         worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))
     return worst
-
-
-def _at_depth(rays: Rays, z_mm: float, there: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """Return where those rays that are there cross a plane, from their lenslet's centre, (N, 2) mm."""
-    crossings: npt.NDArray[np.float64] = crossing(rays.local_mm[there], rays.direction[there], z_mm)
-    return crossings
 
 
 def crossing(local_mm: Any, direction: Any, z_mm: float) -> Any:
