@@ -205,7 +205,7 @@ def test_a_block_tells_its_build():
     for major in (0, 2):
         with pytest.raises(InputError, match=f"version {major}, this host knows 1"):
             build_of({**words, "version": major << 16 | 7})
-    with pytest.raises(InputError, match="field model: 3 is no model that this host knows, 0 to 2"):
+    with pytest.raises(InputError, match="field model: 3 is unknown to this host, which knows 0 to 2"):
         build_of({**words, "build": words["build"] | 3 << 6})
     with pytest.raises(InputError, match="register version, build was not read"):
         build_of({"identity": words["identity"]})

@@ -1,4 +1,4 @@
-"""The raster: which ray comes when (rtl/optics/raster.sv)."""
+"""The raster: the order of a frame's rays, and their jitter (rtl/optics/raster.sv)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from lippmann.errors import InputError
 from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, wrapped
+from lippmann.optics.rays import Floats
 
-Floats = npt.NDArray[np.float64]
-
-#: Where jitter comes from, in the order of their codes.
+#: Sources of jitter, in the order of their codes in the register.
 Jitter = Literal["off", "table", "lfsr"]
 
 #: Entries of the jitter table.
@@ -42,7 +41,7 @@ class Raster:
     samples
         Rays for each pixel, 1 to 65536.
     jitter
-        What moves a ray from the centres of its pixel and of its lenslet.
+        Source of the offsets from the centres of pixel and lenslet.
     table_first
         Table entry of sample 0.
     seed
@@ -51,7 +50,7 @@ class Raster:
     Raises
     ------
     InputError
-        For what the RTL would refuse or its registers cannot hold.
+        For values that the RTL refuses or its registers cannot hold.
     """
 
     width: int
@@ -64,36 +63,34 @@ class Raster:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse an illegal window."""
-        for name, size, (first, last) in (
-            ("columns", self.width, self.columns),
-            ("rows", self.height, self.rows),
-        ):
-            if not 1 <= size <= MAX_PANEL:
-                raise InputError(f"raster: a panel of {size} {name} is outside the registers' range, 1 to {MAX_PANEL}")
+        """Refuse values out of range."""
+        for name, size, (first, last) in (("columns", self.width, self.columns), ("rows", self.height, self.rows)):
+            _check_range(f"a panel of {size} {name}", size, 1, MAX_PANEL)
             if not 0 <= first <= last < size:
                 raise InputError(
-                    f"raster: {name} {first} to {last} are no window of a panel of {size}; "
+                    f"raster: {name} {first} to {last} are not a window of a panel of {size}; "
                     f"choose 0 <= first <= last <= {size - 1}"
                 )
-        if not 1 <= self.samples <= MAX_SAMPLES:
-            raise InputError(f"raster: {self.samples} samples are outside the register's range, 1 to {MAX_SAMPLES}")
+        _check_range(f"{self.samples} samples", self.samples, 1, MAX_SAMPLES)
         if self.jitter not in get_args(Jitter):
-            raise InputError(f"raster: there is no jitter '{self.jitter}'; choose {', '.join(get_args(Jitter))}")
-        if not 0 <= self.table_first < TABLE_ENTRIES:
-            raise InputError(f"raster: table_first = {self.table_first} is no entry, 0 to {TABLE_ENTRIES - 1}")
-        if not 0 <= self.seed < 1 << 32:
-            raise InputError(f"raster: seed {self.seed} is outside its range, 0 to {(1 << 32) - 1}")
+            raise InputError(f"raster: unknown jitter '{self.jitter}'; choose from {', '.join(get_args(Jitter))}")
+        _check_range(f"table_first = {self.table_first}", self.table_first, 0, TABLE_ENTRIES - 1)
+        _check_range(f"seed {self.seed}", self.seed, 0, (1 << 32) - 1)
 
     @property
     def rays(self) -> int:
-        """Rays of the frame."""
+        """Number of rays of the frame."""
         pixels = (self.columns[1] - self.columns[0] + 1) * (self.rows[1] - self.rows[0] + 1)
         return pixels * self.samples
 
 
+def _check_range(what: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise InputError(f"raster: {what} is outside the range of its register, {low} to {high}")
+
+
 class RasterRays(NamedTuple):
-    """Rays (N,) in their order: pixel words, aperture words, and whether each is its frame's first or last."""
+    """Rays (N,) in their order: pixel words, aperture words, and flags for the first and the last of the frame."""
 
     u: Ints
     v: Ints
@@ -104,19 +101,16 @@ class RasterRays(NamedTuple):
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
-    """Return a frame's rays; `table` (64,) holds the jitter entries, used where `frame` asks for them.
+    """Return a frame's rays; `table` (64,) holds the jitter entries, which a frame with jitter "table" uses.
 
     u = 8 (2 c + 1 - width) + du, v = 8 (height - 2 r - 1) + dv, a = 2^(F-10) ja, b = 2^(F-10) jb.
     """
-    columns = np.arange(frame.columns[0], frame.columns[1] + 1, dtype=np.int64)
-    rows = np.arange(frame.rows[0], frame.rows[1] + 1, dtype=np.int64)
-    shape = (len(rows), len(columns), frame.samples)
-    half_u = np.broadcast_to((2 * columns + 1 - frame.width)[None, :, None], shape).reshape(-1)
-    half_v = np.broadcast_to((frame.height - 2 * rows - 1)[:, None, None], shape).reshape(-1)
+    (first_column, last_column), (first_row, last_row) = frame.columns, frame.rows
+    window = np.mgrid[first_row : last_row + 1, first_column : last_column + 1, : frame.samples]
+    rows, columns, sample = window.reshape(3, -1)
     if frame.jitter == "off":
         entry = np.zeros(frame.rays, np.int64)
     elif frame.jitter == "table":
-        sample = np.arange(frame.rays, dtype=np.int64) % frame.samples
         entry = table[(frame.table_first + sample) % TABLE_ENTRIES]
     else:
         entry = lfsr(frame.seed, frame.rays)
@@ -125,7 +119,8 @@ def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
         ja, jb = wrapped(ja, AIM_FRACTION), wrapped(jb, AIM_FRACTION)
     at = np.arange(frame.rays)
     scale = f - AIM_FRACTION
-    return RasterRays(8 * half_u + du, 8 * half_v + dv, ja << scale, jb << scale, at == 0, at == frame.rays - 1)
+    u, v = 8 * (2 * columns + 1 - frame.width) + du, 8 * (frame.height - 2 * rows - 1) + dv
+    return RasterRays(u, v, ja << scale, jb << scale, at == 0, at == frame.rays - 1)
 
 
 def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
@@ -134,7 +129,7 @@ def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
-    """Return the table entries (N,) nearest to places on the pixel and aperture points.
+    """Return the table entries (N,) nearest to points on the pixel and aperture points.
 
     Parameters
     ----------
@@ -150,12 +145,12 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     """
     if offset_px.ndim != 2 or offset_px.shape[1] != 2 or offset_px.shape != aim.shape:
         raise InputError(
-            f"jitter table: offsets of shape {offset_px.shape} and aims of shape {aim.shape} do not go together; give "
-            "(N, 2) each"
+            f"jitter table: offsets of shape {offset_px.shape} and aims of shape {aim.shape} do not go together; "
+            "give (N, 2) each"
         )
     if len(offset_px) > TABLE_ENTRIES:
         raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
-    words = []
+    entries, low_bit = np.zeros(len(offset_px), np.int64), 0
     for name, values, bits, fraction in (
         ("offset", offset_px, 4, PIXEL_FRACTION),
         ("aim", aim, AIM_BITS, AIM_FRACTION),
@@ -165,15 +160,16 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
         if not ((word >= -limit) & (word < limit)).all():
             low, high = (np.ldexp(word, -fraction) for word in (-limit, limit - 1))
             raise InputError(f"jitter table: an {name}, rounded, is outside its range [{low:.10g}, {high:.10g}]")
-        words += [(word[:, k].astype(np.int64) & ((1 << bits) - 1)) for k in (0, 1)]
-    du, dv, ja, jb = words
-    return du | dv << 4 | ja << 8 | jb << 20
+        for column in word.astype(np.int64).T:
+            entries |= (column & ((1 << bits) - 1)) << low_bit
+            low_bit += bits
+    return entries
 
 
 def lfsr(seed: int, count: int) -> Ints:
     """Return the first `count` random words (count,) of a seed: s_k = seed x^(32 k) modulo the polynomial.
 
-    Twice as many are known after each round, for s_(k + n) = s_k x^(32 n).
+    Each round doubles the number of known words: s_(k + n) = s_k x^(32 n).
     """
     states = np.empty(max(count, 1), np.int64)
     leap = POLYNOMIAL  # x^32

@@ -1,4 +1,4 @@
-"""What software writes into the optics block's registers, and reads from them."""
+"""The words that software writes to the optics block's registers and reads from them."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Write(NamedTuple):
 
 
 def write(name: str, **values: int) -> Write:
-    """Return the write that gives a register's fields their values, and the others their reset values.
+    """Return the write of values to a register's fields; the other fields get their reset values.
 
     Raises
     ------
     InputError
-        For a register or field that there is not, and for a value that its field cannot hold.
+        For an unknown register or field, and for a value that its field cannot hold.
     """
     register = _register(name)
     unknown = values.keys() - register.fields.keys()
@@ -54,35 +54,25 @@ def _register(name: str) -> Register:
 
 
 def read(name: str, word: int) -> dict[str, int]:
-    """Return a register's fields of the word that was read.
-
-    Raises
-    ------
-    InputError
-        For a register that there is not.
-    """
+    """Return the values of a register's fields from its word; raise InputError for an unknown register."""
     return {key: field.value(word) for key, field in _register(name).fields.items()}
 
 
 def optics_writes(config: Configuration) -> list[Write]:
-    """Return the writes of a display's optics; `apply` takes them over."""
-    return [
-        part
-        for field in dataclasses.fields(config)
-        for part in _parts(f"optics_{field.name}", getattr(config, field.name))
-    ]
-
-
-def _parts(name: str, value: int) -> list[Write]:
-    """Return the writes of a word, in two registers where it is too wide for one."""
-    if name in OPTICS_REGISTERS:
-        return [write(name, value=value)]
-    low = value & ((1 << WORD_BITS) - 1)
-    return [write(f"{name}_low", value=low), write(f"{name}_high", value=value >> WORD_BITS)]
+    """Return the writes of a display's configuration; the command `apply` puts it to use."""
+    writes = []
+    for field, value in dataclasses.asdict(config).items():
+        name = f"optics_{field}"
+        if name in OPTICS_REGISTERS:
+            writes.append(write(name, value=value))
+        else:  # a word that is too wide for one register
+            low = value & ((1 << WORD_BITS) - 1)
+            writes += [write(f"{name}_low", value=low), write(f"{name}_high", value=value >> WORD_BITS)]
+    return writes
 
 
 def raster_writes(frame: Raster) -> list[Write]:
-    """Return the writes of a frame's window and jitter; `start` begins it."""
+    """Return the writes of a frame's window and jitter; the command `start` begins the frame."""
     return [
         write("raster_columns", first=frame.columns[0], last=frame.columns[1]),
         write("raster_rows", first=frame.rows[0], last=frame.rows[1]),
@@ -98,13 +88,7 @@ def raster_writes(frame: Raster) -> list[Write]:
 
 
 def table_writes(table: Ints, first: int = 0) -> list[Write]:
-    """Return the writes of jitter entries (N,), from table entry `first` on.
-
-    Raises
-    ------
-    InputError
-        For entries beyond the table's end.
-    """
+    """Return the writes of jitter entries (N,) from table entry `first` on; raise InputError beyond the table's end."""
     if not 0 <= first <= TABLE_ENTRIES - len(table):
         raise InputError(f"jitter table: {len(table)} entries from {first} on do not fit into its {TABLE_ENTRIES}")
     start = OPTICS_REGISTERS["jitter_table"].address + 4 * first
@@ -112,12 +96,12 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 
 
 def build_of(words: Mapping[str, int]) -> Build:
-    """Return what a block was built with, of its registers `identity`, `version` and `build`.
+    """Return the build of an optics block from the words of its registers `identity`, `version` and `build`.
 
     Raises
     ------
     InputError
-        When they are not those of an optics block that this host knows.
+        When a word is missing, or not that of an optics block that this host supports.
     """
     missing = [name for name in ("identity", "version", "build") if name not in words]
     if missing:
@@ -133,15 +117,9 @@ def build_of(words: Mapping[str, int]) -> Build:
     models = get_args(HardwareModel)
     if fields["model"] >= len(models):
         raise InputError(
-            f"register build, field model: {fields['model']} is no model that this host knows, 0 to {len(models) - 1}; "
-            "update the host"
+            f"register build, field model: {fields['model']} is unknown to this host, which knows 0 to "
+            f"{len(models) - 1}; update the host"
         )
-    return Build(
-        fields["fraction_bits"],
-        get_args(Grid)[fields["grid"]],
-        models[fields["model"]],
-        bool(fields["viewer"]),
-        bool(fields["aims"]),
-        fields["walk"],
-        bool(fields["cross_cells"]),
-    )
+    flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells")}
+    grid = get_args(Grid)[fields["grid"]]
+    return Build(fields["fraction_bits"], grid, models[fields["model"]], max_cell_steps=fields["walk"], **flags)
