@@ -219,7 +219,7 @@ def test_each_of_the_three_is_said_by_itself_and_what_is_advised_suffices(tolera
     assert "model pinhole: the cheapest" in out
     assert "RTL " in out
     assert "samples: 1024 a pixel, the most, are not enough" in out
-    advised = out.split("they are for --tolerance ")[1].split()[0]
+    advised = out.split("they are enough for --tolerance ")[1].split()[0]
     assert run([*arguments, "--tolerance", advised, "--json"]) == 0
     assert 1 <= json.loads(capfd.readouterr().out)["samples"] <= 1024
     assert run([*arguments, "--tolerance", tolerance, "--json"]) == 0
@@ -253,6 +253,8 @@ def test_the_command_says_what_and_why(capfd):
     assert told["model"] == chosen.choice.model
     assert told["samples"] == chosen.samples
     assert told["build"]["fraction_bits"] == chosen.build.fraction_bits
+    # Version 0.1 named it so.
+    assert told["build"]["walk"] == told["build"]["max_cell_steps"] == chosen.build.max_cell_steps
     assert run(["fit", path, "--depths", "-40,30"]) == 0
     out = capfd.readouterr().out
     assert f"samples {chosen.samples}:" in out

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from decimal import ROUND_CEILING, Context
 
@@ -24,20 +23,19 @@ from lippmann.select.model import TOLERANCE
     type=Finite(),
     default=TOLERANCE,
     show_default=True,
-    help="Error allowed, pixels of the reconstructed view; above 0.",
+    help="Largest error allowed, pixels of the reconstructed view; above 0.",
 )
 @click.option(
     "--depths", type=Vector(2, "FAR,NEAR"), help="The scene's range of z, mm.  [default: the display's own depth range]"
 )
 @json_option
 def command(display_path: str, tolerance: float, depths: tuple[float, float] | None, as_json: bool) -> None:
-    """Choose the cheapest lens model, samples a pixel and RTL build for a display's chief rays, and say why.
+    """Choose the cheapest lens model, number of samples and RTL build for a display's chief rays, with reasons.
 
     Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
     """
     display = load_display(display_path)
-    own = display_properties(display).depth_range_mm
-    far, near = depths or own
+    far, near = depths or display_properties(display).depth_range_mm
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
     chosen = fit(display, (far, near), tolerance)
@@ -50,7 +48,7 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
         "model_errors": chosen.choice.error_px,
         "samples": chosen.samples,
         "sample_error": chosen.sample_error_px,
-        "build": None if build is None else dataclasses.asdict(build),
+        "build": None if build is None else build.as_dict(),
         "build_error": chosen.build_error_px,
     }
 
@@ -61,17 +59,17 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
             enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
             click.echo(
                 f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
-                f"they are for --tolerance {enough:g}"
+                f"they are enough for --tolerance {enough:g}"
             )
         else:
             click.echo(
-                f"samples {chosen.samples}: the fewest a pixel that leave no light farther than {tolerance:g} from a "
-                f"ray (error {chosen.sample_error_px:.2g})"
+                f"samples {chosen.samples}: the fewest for each pixel whose rays pass within {tolerance:g} of all its "
+                f"light (error {chosen.sample_error_px:.2g})"
             )
         if build is None and math.isinf(chosen.build_error_px):
-            click.echo("RTL: no build holds this display, or none has its rays")
+            click.echo("RTL: no build can hold this display or give its rays")
         elif build is None:
-            click.echo(f"RTL: no build is within {tolerance:g} (the best has {chosen.build_error_px:.2g})")
+            click.echo(f"RTL: no build is within {tolerance:g} (smallest error {chosen.build_error_px:.2g})")
         else:
             click.echo(
                 f"RTL {build.model}, {build.grid}, F {build.fraction_bits}: the cheapest hardware and the shortest "

@@ -1,23 +1,24 @@
-"""`lippmann inspect`: what follows from a display file."""
+"""`lippmann inspect`: the numbers that follow from a display file."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 
 import click
 
 from lippmann.cli.options.common import json_option
 from lippmann.cli.output import emit
-from lippmann.display import load_display
-from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
+from lippmann.display import Display, load_display
+from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
 
 
 @click.command("inspect")
 @click.argument("display_path", metavar="DISPLAY.toml")
 @json_option
 def command(display_path: str, as_json: bool) -> None:
-    """Print the numbers that follow from a display file, with units and warnings.
+    """Print the numbers that follow from a display file, with units, and warnings.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
@@ -27,71 +28,52 @@ def command(display_path: str, as_json: bool) -> None:
     result = {
         "name": display.name,
         "identity": display.identity,
-        "panel": {
-            **dataclasses.asdict(panel),
-            "width_mm": panel.width_mm,
-            "height_mm": panel.height_mm,
-        },
+        "panel": {**dataclasses.asdict(panel), "width_mm": panel.width_mm, "height_mm": panel.height_mm},
         "array": dataclasses.asdict(array),
         "gap_mm": display.gap_mm,
         **dataclasses.asdict(derived),
     }
 
     def text() -> None:
-        across, down, total = derived.lenslets
-        plane = derived.central_depth_plane_mm
-        rows = [
-            ("display", f"{display.name}, identity {display.identity}"),
-            (
-                "panel",
-                f"{panel.width_px} x {panel.height_px} px, {panel.width_mm:.5g} x {panel.height_mm:.5g} mm",
-            ),
-            (
-                "pixel pitch",
-                f"{panel.pixel_pitch_mm:.6g} mm, sub-pixels {panel.subpixels}, {panel.bits} bits, {panel.transfer}",
-            ),
-            (
-                "array",
-                f"{array.grid}, pitch {array.pitch_mm:g} mm, plano side to the {array.plano_side}, "
-                f"rotation {array.rotation_deg:g} deg",
-            ),
-            ("gap", f"{display.gap_mm:.6g} mm"),
-            ("index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")),
-            ("radius R", f"{derived.radius_mm:.6g} mm"),
-            ("sag", f"{derived.sag_mm:.6g} mm"),
-            ("flat-face distance d", f"{derived.flat_distance_mm:.6g} mm"),
-            ("thickness", f"{derived.thickness_mm:.6g} mm"),
-            ("focal length", f"{derived.focal_length_mm:.6g} mm (f/{derived.f_number:.3g})"),
-            ("back focal length", f"{derived.back_focal_length_mm:.6g} mm from the near face"),
-            ("aperture distance D", f"{derived.aperture_distance_mm:.6g} mm"),
-            ("lenslets", f"{across} x {down} = {total}"),
-            ("elemental image", f"{derived.elemental_image_px:.6g} px across"),
-            ("viewing angle", f"{derived.viewing_angle_deg:.5g} deg"),
-            ("crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"),
-            (
-                "viewing zone",
-                f"eyes at {VIEWING_DISTANCE_MM:g} mm see the whole panel without crosstalk within "
-                f"{derived.viewing_zone_mm:.3g} mm of the axis",
-            ),
-            (
-                "central depth plane",
-                "at infinity"
-                if math.isinf(plane)
-                else f"z = {plane:+.5g} mm ({'in front' if plane > 0 else 'behind'})",
-            ),
-            (
-                "depth range",
-                f"z = {derived.depth_range_mm[0]:+.4g} to {derived.depth_range_mm[1]:+.4g} mm",
-            ),
-            (
-                "angular resolution",
-                f"{derived.angular_resolution_deg:.4g} deg ({derived.views} views across)",
-            ),
-            ("spatial resolution", f"{derived.spatial_resolution_mm:g} mm"),
-        ]
-        for name, value in rows:
+        for name, value in _rows(display, derived):
             click.echo(f"{name:<22}{value}")
         for warning in derived.warnings:
             click.echo(f"warning: {warning}")
 
     emit(result, as_json, text)
+
+
+def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:
+    """Yield the names and values that the command prints."""
+    panel, array = display.panel, display.array
+    across, down, total = derived.lenslets
+    plane, (far, near) = derived.central_depth_plane_mm, derived.depth_range_mm
+    side = f"plano side to the {array.plano_side}"
+    place = "at infinity" if math.isinf(plane) else f"z = {plane:+.5g} mm ({'in front' if plane > 0 else 'behind'})"
+    yield "display", f"{display.name}, identity {display.identity}"
+    yield "panel", f"{panel.width_px} x {panel.height_px} px, {panel.width_mm:.5g} x {panel.height_mm:.5g} mm"
+    details = f"sub-pixels {panel.subpixels}, {panel.bits} bits, {panel.transfer}"
+    yield "pixel pitch", f"{panel.pixel_pitch_mm:.6g} mm, {details}"
+    yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
+    yield "gap", f"{display.gap_mm:.6g} mm"
+    yield "index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")
+    yield "radius R", f"{derived.radius_mm:.6g} mm"
+    yield "sag", f"{derived.sag_mm:.6g} mm"
+    yield "flat-face distance d", f"{derived.flat_distance_mm:.6g} mm"
+    yield "thickness", f"{derived.thickness_mm:.6g} mm"
+    yield "focal length", f"{derived.focal_length_mm:.6g} mm (f/{derived.f_number:.3g})"
+    yield "back focal length", f"{derived.back_focal_length_mm:.6g} mm from the near face"
+    yield "aperture distance D", f"{derived.aperture_distance_mm:.6g} mm"
+    yield "lenslets", f"{across} x {down} = {total}"
+    yield "elemental image", f"{derived.elemental_image_px:.6g} px across"
+    yield "viewing angle", f"{derived.viewing_angle_deg:.5g} deg"
+    yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"
+    yield (
+        "viewing zone",
+        f"eyes at {VIEWING_DISTANCE_MM:g} mm see the whole panel without crosstalk within "
+        f"{derived.viewing_zone_mm:.3g} mm of the axis",
+    )
+    yield "central depth plane", place
+    yield "depth range", f"z = {far:+.4g} to {near:+.4g} mm"
+    yield "angular resolution", f"{derived.angular_resolution_deg:.4g} deg ({derived.views} views across)"
+    yield "spatial resolution", f"{derived.spatial_resolution_mm:g} mm"

@@ -14,7 +14,7 @@ from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
 
 
 class Aimed(NamedTuple):
-    """Lenslet (i, j), the pixel's point and the aperture point from its centre, and two flags."""
+    """Lenslet (i, j); the pixel's point and the aperture point from its centre; flags for another cell and overflow."""
 
     i: Ints
     j: Ints

@@ -1,4 +1,4 @@
-"""Step 5: whether the point on the dome is in its own cell, and else which is next (rtl/optics/cell_step.sv)."""
+"""Step 5: the step from a point on the dome to the cell that it lies towards (rtl/optics/cell_step.sv)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ import numpy.typing as npt
 from lippmann.display import Grid
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
-
-HALF_SQRT3 = 0.8660254037844386468
+from lippmann.optics.lattice import HALF_SQRT3
 
 
 def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, Ints, npt.NDArray[np.bool_]]:
-    """Return the step (di, dj) and whether the point is inside; near words, `half` is p / (2 R).
+    """Return the step (di, dj), and a mask of the points inside their own cell; near words, `half` is p / (2 R).
 
     Square: the sign of each coordinate that is outside [-half, half). Hexagonal: across the flat with the largest of
     |q0|, |q1|, |q2|, where q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx, and |q| is ~q below 0. As integers,
@@ -22,7 +21,7 @@ def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, 
         q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
     """
     word = f + 2
-    # The square's words have no bit to spare for the negative of the most negative half, which no display has.
+    # On the square grid -half is cut to the word, as in the RTL; this differs only for a half that no display has.
     low = int(wrapped(np.array(-half), word)) if grid == "square" else -half
 
     def side(q: Ints) -> Ints:

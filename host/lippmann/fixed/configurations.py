@@ -1,4 +1,8 @@
-"""The named configurations: builds of the RTL that are placed and routed, and whose error is published."""
+"""The named configurations: builds of the RTL that are placed and routed, and whose error is published.
+
+Not to be confused with a display's register values, `lippmann.fixed.configuration`: the build decides the hardware, the
+registers the display that it traces.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +21,10 @@ DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "
 
 @dataclass(frozen=True)
 class Named:
-    """A build with a name.
+    """A named configuration: a build with a name.
 
-    Attributes
-    ----------
-    name
-        Its name.
-    build
-        Its parameters.
-    promise_urad, promise_nm
-        Bounds on its error against golden, direction (times min(1, 2 cos theta_t)) and exit point; None: no promise.
+    `promise_urad` and `promise_nm` bound its error against golden, in direction (times min(1, 2 cos theta_t)) and in
+    exit point; None makes no promise.
     """
 
     name: str
@@ -40,12 +38,9 @@ class Named:
         return self.build.model
 
     def displays(self, scenes: Path) -> list[Display]:
-        """Return the shipped displays that it can trace; for a build with the plano side to the viewer, turned over.
+        """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
 
-        Parameters
-        ----------
-        scenes
-            The project's folder of scenes.
+        `scenes` is the project's folder of scenes.
         """
         shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
         return [turned_over(display) for display in shipped] if self.build.viewer else shipped
@@ -73,18 +68,12 @@ def _named() -> dict[str, Named]:
     return {row.name: row for row in rows}
 
 
-#: All of them, under their names.
+#: The named configurations, by name.
 CONFIGURATIONS = _named()
 
 
 def chosen(names: tuple[str, ...]) -> list[Named]:
-    """Return configurations by name, all of them when none is given.
-
-    Raises
-    ------
-    InputError
-        For a name that there is not.
-    """
+    """Return configurations by name, all when no name is given; raise InputError for an unknown name."""
     for name in names:
         if name not in CONFIGURATIONS:
             raise InputError(f"unknown configuration '{name}'; choose from {', '.join(CONFIGURATIONS)}")

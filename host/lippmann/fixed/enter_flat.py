@@ -10,7 +10,7 @@ from lippmann.fixed.words import GUARD, Ints, guarded
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints]:
-    """Return the direction in the glass of one in the air, near words.
+    """Return the direction in the glass from the direction (e_x, e_y) in the air, near words.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 

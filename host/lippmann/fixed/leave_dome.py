@@ -15,7 +15,7 @@ from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
 def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
 ) -> tuple[Ints, Ints, Ints, npt.NDArray[np.bool_]]:
-    """Return the direction in the air (near words) and where there is none, total internal reflection.
+    """Return the direction in the air (near words), and a mask of the rays that are totally reflected.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 
@@ -25,7 +25,7 @@ def leave_dome(
         d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
 
-    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. There is none where C' <= 0.
+    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)

@@ -42,13 +42,13 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
 
-    g, y and C' have F + 3 fraction bits, and rsqrt takes y for 4 y: r = 1 / (2 dz). u is the depth to go, zc = 1 - T/R
-    (`depth`), l the length, both far words; n2 is n^2 (`index_square`). Reflected where C' <= 0; such a ray keeps the
-    direction in the glass.
+    g, y and C' have F + 3 fraction bits, and rsqrt reads y as 4 y: r = 1 / (2 dz). u is the remaining depth and l the
+    length, both far words; zc = 1 - T/R (`depth`), n2 is n^2 (`index_square`). Reflected where C' <= 0; such a ray
+    keeps its direction in the glass.
     """
     near, far = f + 2, f + 4
     rest = left_of_unit(dx, dy, f)
-    half_inverse = np.minimum(rsqrt(rest, f), (1 << (f + 1)) - 1)  # 1 is no near word
+    half_inverse = np.minimum(rsqrt(rest, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
     to_go = wrapped((met.nz + (1 - 2 * depth)) >> 1, far)
     path = wrapped(halved(multiplier(to_go, half_inverse, far, near, f - 1)), far)
     drop = f - GUARD

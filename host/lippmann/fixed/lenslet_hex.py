@@ -10,8 +10,8 @@ from lippmann.fixed.words import INDEX_BITS, Ints, wrapped
 def lenslet_hex(x: Ints, y: Ints, f: int) -> tuple[Ints, Ints, Ints, Ints]:
     """Return indices i, j, and the point from that centre; x in pitches, y in rows, F fraction bits.
 
-    With s = x - y/2 and t = y, fs and ft their fractions: (i, j) is the corner of the lattice's parallelogram that is
-    nearest by q0 = fs + ft/2 and q1 = fs/2 + ft, as the RTL module's table says.
+    With s = x - y/2 and t = y, fs and ft their fractions, (i, j) is the nearest corner of the lattice's parallelogram.
+    q0 = fs + ft/2 and q1 = fs/2 + ft select it, as in the table of the RTL module.
     """
     s = 2 * x - y  # F + 1 fraction bits
     i, j = s >> (f + 1), y >> f

@@ -1,4 +1,4 @@
-"""Step 5: the ray meets the dome (rtl/optics/meet_dome.sv)."""
+"""Step 5: the point where the ray meets the dome (rtl/optics/meet_dome.sv)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def meet_dome(
         N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 
     b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Upward zc is `depth` and `depth_rest`
-    1 - zc^2; downward zc = 1, and `dz` is the size of dz, below 0: its products are cut, then taken off.
+    is 1 - zc^2. Downward zc = 1, and `dz` is |dz|: its products are cut, then subtracted.
     """
     near, point, far, foot = f + 2, f + 3, f + 4, f + 6
     drop = f + 1 - GUARD

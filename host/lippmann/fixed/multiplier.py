@@ -11,7 +11,7 @@ from lippmann.fixed.words import MUL_BITS, Ints
 
 
 def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
-    """Return the product of two words, `drop` places cut off, without the product of their lower parts.
+    """Return the product of two words less its last `drop` places, without the product of their lower parts.
 
     With a = ah 2^la + al, la the bits beyond 18: floor(ah bh 2^(la + lb) / 2^drop) plus
     floor((ah bl 2^la + al bh 2^lb) / 2^drop).

@@ -1,4 +1,4 @@
-"""The way of a ray from pixel to exit ray, in integers (rtl/optics/ray_pipeline.sv)."""
+"""The path of a ray from pixel to exit ray, in integers (rtl/optics/ray_pipeline.sv)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lippmann.fixed.leave_dome import leave_dome
 from lippmann.fixed.leave_flat import leave_flat
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.meet_dome import meet_dome
+from lippmann.fixed.meet_dome import Meeting, meet_dome
 from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.unit_slope import unit_slope
@@ -27,7 +27,7 @@ from lippmann.optics.rays import Status
 
 
 class FixedRays(NamedTuple):
-    """Exit rays as the RTL gives them: lenslet, origin in radii (F + 1 fraction bits), direction (near), status."""
+    """Exit rays in the RTL's words: lenslet, origin in radii (F + 1 fraction bits), direction (near words), status."""
 
     i: Ints
     j: Ints
@@ -74,7 +74,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
             status = np.where(beyond, int(Status.MISSED), status)
         return FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, status)
 
-    out = _through_lenslet(_Met(i, j, hx, hy, ex, ey, ez), config, build)
+    out = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
     crosstalk = (out.i != own_i) | (out.j != own_j) if build.max_cell_steps else stray
     missed = out.status == int(Status.MISSED)
     if build.aims:
@@ -83,29 +83,26 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     return out._replace(status=_status(missed, reflected, out.dz <= 0, crosstalk))
 
 
-class _Met(NamedTuple):
-    """A ray in the air before the first face: its lenslet, point (radii) and unit direction."""
+def _through_lenslet(
+    i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
+) -> FixedRays:
+    """Trace rays of the exact model through both faces: from their lenslet, point (radii) and direction in the air.
 
-    i: Ints
-    j: Ints
-    hx: Ints
-    hy: Ints
-    ex: Ints
-    ey: Ints
-    ez: Ints
-
-
-def _through_lenslet(ray: _Met, config: Configuration, build: Build) -> FixedRays:
-    """Trace rays through both faces, exact model; their status is missed, reflected or ok."""
+    Their status is missed, reflected or ok.
+    """
     f, grid = build.fraction_bits, build.grid
-    i, j, hx, hy, ex, ey, ez = ray
+    ex, ey, ez = air
     dx, dy, dz = (ex, ey, ez) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
-    met = meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
+
+    def meet(hx: Ints, hy: Ints) -> Meeting:
+        return meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
+
+    met = meet(hx, hy)
     for _ in range(build.max_cell_steps):
         di, dj, _ = cell_step(met.nx, met.ny, config.cell_half, grid, f)
         hx, hy = move_lenslet(hx, hy, di, dj, config.cell_pitch_x, config.cell_pitch_y, grid, f)
         i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)
-        met = meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
+        met = meet(hx, hy)
     missed = met.missed
     if build.aims or build.viewer:
         missed = missed | ~cell_step(met.nx, met.ny, config.cell_half, grid, f)[2]

@@ -1,4 +1,4 @@
-"""Narrows a signed word (rtl/optics/saturate.sv)."""
+"""Saturation of a signed word (rtl/optics/saturate.sv)."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from lippmann.fixed.words import Ints
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the nearest number that a signed word of some bits holds."""
+    """Return the nearest number that a signed word of so many bits can hold."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)

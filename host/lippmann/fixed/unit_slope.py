@@ -18,12 +18,12 @@ def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints]:
         e_z  = min(rsqrt(x), 2^(F+1) - 1)
         e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
 
-    Steeper slopes, which the host refuses, leave the words: x and e_x keep their lowest bits, as the registers do.
+    Steeper slopes, which the host refuses, overflow: x and e_x keep their lowest bits, as the registers do.
     """
     word = f + 2
     square = multiplier(mx, mx, word, word, f - 4) + multiplier(my, my, word, word, f - 4)
     x = (guarded(square) + (1 << (f + 1))) & ((1 << (f + 3)) - 1)
-    ez = np.minimum(rsqrt(x, f), (1 << (f + 1)) - 1)  # 1 is no near word
+    ez = np.minimum(rsqrt(x, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
     ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD)), word)
     ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD)), word)
     return ex, ey, ez

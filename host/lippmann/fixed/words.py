@@ -1,6 +1,6 @@
 """Formats of the fixed-point words, and the few integer operations that all steps share.
 
-F is the number of fraction bits of a configuration, W = F + 2 its word: `near` words have F + 1 fraction bits and span
+F is the number of fraction bits of a build, W = F + 2 its word: `near` words have F + 1 fraction bits and span
 [-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8).
 """
 
@@ -27,7 +27,7 @@ MUL_BITS = 18
 GUARD = 3
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
-#: Fraction bits of the widest and of the compact shipped configuration.
+#: Fraction bits of the configurations named widest and compact.
 WIDEST, COMPACT = 23, 16
 
 
@@ -48,5 +48,5 @@ def wrapped(x: Ints, bits: int) -> Ints:
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> npt.NDArray[np.bool_]:
-    """Tell which numbers a signed word of some bits holds."""
+    """Tell which numbers a signed word of so many bits can hold."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
