@@ -50,8 +50,6 @@ class Crossing(NamedTuple):
         Lens-local to the lenslet met, its point on the dome.
     di, dj
         Lenslet met, counted from the one that the incoming ray was local to; whole numbers in the real format.
-    cx, cy
-        Centre of the lenslet met, measured from that same lenslet, mm.
     cosine
         |d . N| at the dome.
     missed
@@ -61,8 +59,6 @@ class Crossing(NamedTuple):
     ray: Ray
     di: Arr
     dj: Arr
-    cx: Arr
-    cy: Arr
     cosine: Arr
     missed: Arr
 
@@ -112,7 +108,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def unsettled(*state: Arr) -> Arr:
         return ~state[0] & (state[1] < MAX_CELLS)
 
-    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, cx: Arr, cy: Arr, *rest: Arr) -> tuple[Arr, ...]:
+    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *rest: Arr) -> tuple[Arr, ...]:
         # `rest`: the ray (x, y, z, dx, dy, dz) in its present cell, then the point on the dome and the cosine there.
         here = Ray(*rest[:6])
         hit, t, at, cosine = _cap(b, dome, here, upward)
@@ -123,8 +119,6 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
             steps + 1,
             b.where(settled, di, di + step_i),
             b.where(settled, dj, dj + step_j),
-            b.where(settled, cx, cx + to_x),
-            b.where(settled, cy, cy + to_y),
             b.where(settled, here.x, here.x - to_x),
             b.where(settled, here.y, here.y - to_y),
             *here[2:],
@@ -134,13 +128,13 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
             b.where(settled, cosine, rest[9]),
         )
 
-    state = (settled, b.integer(zero), zero, zero, zero, zero, *ray, at.x, at.y, at.z, cosine)
+    state = (settled, b.integer(zero), zero, zero, *ray, at.x, at.y, at.z, cosine)
     state = b.loop(unsettled, step, state)
-    found, _, di, dj, cx, cy, *rest = state
+    found, _, di, dj, *rest = state
     # A ray that met nothing keeps its last point.
     point = [b.where(found, rest[6 + k], rest[k]) for k in range(3)]
     at = Ray(point[0], point[1], point[2], ray.dx, ray.dy, ray.dz)
-    return Crossing(at, di, dj, cx, cy, rest[9], ~found)
+    return Crossing(at, di, dj, rest[9], ~found)
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:

@@ -51,7 +51,7 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
     x, y = last.x + t * last.dx, last.y + t * last.dy
     own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
     status = b.where(active, own, exit_.status)
-    return Landing(x, y, exit_.di, exit_.dj, exit_.cx, exit_.cy, status)
+    return Landing(x, y, exit_.di, exit_.dj, status)
 
 
 def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
@@ -59,8 +59,7 @@ def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
 
     `strays`: the ray may have left the cell that it is local to before it comes to the rims' plane.
     """
-    zero = 0.0 * ray.x
-    start = (zero, zero, zero, zero)
+    start = (0.0, 0.0)
     if strays:
         ray = transported(ray, -system.dome.sag_mm)
         ray, start = _relocated(b, system, ray)
@@ -73,8 +72,7 @@ def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
 
 def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     """From the vertices' plane (ray in the air) through a dome and the flat face into the air below."""
-    zero = 0.0 * ray.x
-    start = (zero, zero, zero, zero)
+    start = (0.0, 0.0)
     if strays:
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=False)
@@ -101,25 +99,20 @@ def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
     return _exit(b, mirrored(out), start, crossing, reflected, blocked, square)
 
 
-def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr, Arr, Arr]]:
+def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr]]:
     """Make rays local to the lenslet whose cell their points lie in; return the step to that lenslet too."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
-    return ray._replace(x=x, y=y), (i, j, ray.x - x, ray.y - y)
+    return ray._replace(x=x, y=y), (i, j)
 
 
 def _exit(
-    b: Backend,
-    ray: Ray,
-    start: tuple[Arr, ...],
-    crossing: Crossing,
-    reflected: Arr,
-    blocked: Arr,
-    grazing: Arr,
+    b: Backend, ray: Ray, start: tuple[Arr, Arr], crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr
 ) -> Exit:
+    """Gather the result of a passage; `start` is the step of the relocation before it."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
     status = b.where(other, int(Status.CROSSTALK), int(Status.OK))
     status = b.where(blocked, int(Status.BLOCKED), status)
     status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
     status = b.where(crossing.missed, int(Status.MISSED), status)
-    return Exit(ray, di, dj, start[2] + crossing.cx, start[3] + crossing.cy, b.integer(status), grazing)
+    return Exit(ray, di, dj, b.integer(status), grazing)

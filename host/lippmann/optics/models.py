@@ -99,7 +99,7 @@ def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
     grazing = b.minimum(launch, dz * dz)
     other = (di != 0.0) | (dj != 0.0)
     status = b.integer(b.where(other, int(Status.CROSSTALK), int(Status.OK)))
-    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, cx, cy, status, grazing)
+    return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, status, grazing)
 
 
 def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
@@ -114,4 +114,4 @@ def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
         x = hx - system.aperture_distance_mm * (sx + hx * power)
         y = hy - system.aperture_distance_mm * (sy + hy * power)
     own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
-    return Landing(x, y, zero, zero, zero, zero, b.integer(own))
+    return Landing(x, y, zero, zero, b.integer(own))

@@ -62,16 +62,13 @@ class System:
 class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
-    `cx`, `cy` is the centre of that lenslet, measured from the centre of the pixel's own, mm. `grazing` is the least
-    squared cosine to a face's normal, on the air's side, launch and exit included: rounding turns the ray by about
-    epsilon over its root.
+    `grazing` is the least squared cosine to a face's normal, on the air's side, launch and exit included: rounding
+    turns the ray by about epsilon over its root.
     """
 
     ray: Ray
     di: Arr
     dj: Arr
-    cx: Arr
-    cy: Arr
     status: Arr
     grazing: Arr
 
@@ -83,6 +80,4 @@ class Landing(NamedTuple):
     y: Arr
     di: Arr
     dj: Arr
-    cx: Arr
-    cy: Arr
     status: Arr
