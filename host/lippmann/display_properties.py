@@ -38,8 +38,8 @@ class DisplayProperties:
     crosstalk_angle_deg
         Half the viewing angle: farther off its axis, a lenslet shows the elemental image of its neighbour.
     viewing_zone_mm
-        Largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees no crosstalk on the whole panel; 0
-        where there is none.
+        Largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees the whole panel without crosstalk; 0
+        when no eye there does.
     central_depth_plane_mm
         z of the panel's image: 1/l = 1/f - 1/D; infinite when the panel is in focus.
     depth_range_mm

@@ -1,4 +1,4 @@
-"""The way of a captured ray: through the camera's pinhole, by exact lenslets, hollow ones too."""
+"""The path of a captured ray: through the camera's pinhole, by exact lenslets, concave ones too."""
 
 import math
 from dataclasses import replace
@@ -101,7 +101,7 @@ def test_near_its_centre_a_lenslet_obeys_the_lens_equation(concave):
         assert origin[:, 0] - origin[:, 2] * slope == pytest.approx(centre + u, abs=2e-5)
 
 
-def test_hollow_lenslets_against_rayoptics():
+def test_concave_lenslets_against_rayoptics():
     """One plano-concave lens, flat side first: centre of curvature on the object's side."""
     from rayoptics.elem.profiles import Spherical
     from rayoptics.elem.surface import Surface
@@ -125,9 +125,9 @@ def test_hollow_lenslets_against_rayoptics():
         step(Surface(profile=Spherical(c=1.0 / 1.65)), 0.0, 1.0),
     )
     for k in np.flatnonzero(own):
-        way = np.append(aim[k] - start[k], system.aperture_distance_mm)
+        direction = np.append(aim[k] - start[k], system.aperture_distance_mm)
         segments, _, _ = trace_raw(
-            iter(path), np.append(start[k], 0.0), way / np.linalg.norm(way), 550.0, intersect_obj=False
+            iter(path), np.append(start[k], 0.0), direction / np.linalg.norm(direction), 550.0, intersect_obj=False
         )
         point, direction = segments[-1][:2]
         ours = np.array([np.asarray(c)[k] for c in out.ray])
@@ -135,7 +135,7 @@ def test_hollow_lenslets_against_rayoptics():
         assert ours[3:] == pytest.approx(direction, abs=1e-12)
 
 
-def test_hollow_seams_keep_every_ray_accounted_for():
+def test_concave_seams_keep_every_ray_accounted_for():
     """Rays to the rims: each gets through or is told why not; crosstalk is told too."""
     setup = setup_of("hex", concave=True)
     rng = generator(15)

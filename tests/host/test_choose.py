@@ -127,8 +127,8 @@ def disagreeing(display, model, rng, count=20_000):
     truth, rays = lippmann.trace(display, pixels, aims), lippmann.trace(display, pixels, aims, model)
     there, same = np.isin(truth.status, COUNTED), (truth.lenslet == rays.lenslet).all(axis=1)
     turns = 2 * np.pi * np.arange(6 if display.array.grid == "hex" else 4) / (6 if display.array.grid == "hex" else 4)
-    way = (aims @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=1) / (0.5 * display.array.pitch_mm)
-    return (there != np.isin(rays.status, COUNTED)) | (there & ~same), way
+    reach = (aims @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=1) / (0.5 * display.array.pitch_mm)
+    return (there != np.isin(rays.status, COUNTED)) | (there & ~same), reach
 
 
 @pytest.mark.parametrize("side", ["panel", "viewer"])
@@ -145,8 +145,8 @@ def test_over_the_full_aperture_only_the_very_rim_may_leave_elsewhere(grid, side
         if model == "exact":
             continue
         taken += 1
-        bad, way = disagreeing(display, model, rng)
-        assert (way[bad] > 0.995).all(), (number, model, way[bad].min())
+        bad, reach = disagreeing(display, model, rng)
+        assert (reach[bad] > 0.995).all(), (number, model, reach[bad].min())
         worst = max(worst, bad.mean())
     print(f"{taken} of 60 take a simpler model; worst {100 * worst:.2f} %")
     assert taken > 4

@@ -53,9 +53,9 @@ def test_the_flattest_dome_leaves_a_thousandth_of_the_pitch(f, grid, side, thick
     golden = trace(display, twin.pixel, aims, "exact")
     differs = (twin.status != golden.status) | (twin.lenslet != golden.lenslet).any(axis=1)
     assert differs.mean() < 0.01
-    alive = ~differs & gets_through(golden.status)
-    assert alive.sum() > 1000
-    away = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[alive].max()
+    active = ~differs & gets_through(golden.status)
+    assert active.sum() > 1000
+    away = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[active].max()
     assert away < (5.0 + 1.2 * (display.array.thickness_mm / radius) ** 2) * radius * 2.0 ** -(f + 1)
     assert away < 1e-3
     # A dome half as curved is refused.
@@ -116,8 +116,8 @@ def test_only_what_passes_the_sphere_by_is_missed_in_its_own_cell(grid):
     home = trace(display, twin.pixel, None, "pinhole").centre_mm
     x = (twin.pixel - np.array([100.0, 80.0])) * np.array([0.0625, -0.0625]) - home
     start = np.column_stack([x, np.full(len(x), -gap)])
-    way = np.column_stack([aims, np.zeros(len(x))]) - start
-    away = np.linalg.norm(np.cross(way, start - (0.0, 0.0, radius)), axis=1) / np.linalg.norm(way, axis=1)
+    direction = np.column_stack([aims, np.zeros(len(x))]) - start
+    away = np.linalg.norm(np.cross(direction, start - (0.0, 0.0, radius)), axis=1) / np.linalg.norm(direction, axis=1)
     assert (away[lost] > radius - 1e-6).all()
     assert (away[twin.status == Status.OK] < radius + 1e-6).all()
 

@@ -74,7 +74,7 @@ def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
 def test_two_microradians_and_fifty_nanometres(grid, side, model):
     """Chief rays and aperture points in the cell; a phone's panel and one 700 mm wide; turned too.
 
-    The panel stands anywhere from contact to beyond the focus.
+    The panel is anywhere from contact to beyond the focus.
     """
     rng = generator(grid, side, model)
     n = 2000
@@ -233,7 +233,7 @@ def test_statuses_right_at_the_edges(grid, side):
     fast = lippmann.trace(display, low, aperture, engine="fast").status
     assert len(low) > 500
     assert {(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)} >= {(0, 2), (2, 0)}
-    # There it is left to rounding; but rays that graze a face are traced in double, and those go golden's way.
+    # There it is left to rounding; but rays that graze a face are traced in double, as golden traces them.
     assert np.mean(fast == first) > 0.4
     odd = (fast != first) & (fast != last)
     # Corners where three fates meet are rare, and then golden finds the third within rounding.
@@ -315,9 +315,9 @@ def test_world_to_panel(grid, side, model):
         blur = np.zeros(n)
         shifts = 1000 * ROUNDING * np.eye(3)[:2]
         sure = np.ones(n, bool)
-        for place, way in [*((pitch * s, 0) for s in shifts), *((0, s) for s in shifts)]:
+        for place, turn in [*((pitch * s, 0) for s in shifts), *((0, s) for s in shifts)]:
             start = target + place  # turned about the array, not about the eye
-            other = lippmann.trace_to_panel(display, start, direction + way, model)
+            other = lippmann.trace_to_panel(display, start, direction + turn, model)
             blur += np.linalg.norm(other.pixel - golden.pixel, axis=1) / 1000
             sure &= other.status == golden.status
             sure &= (other.lenslet == golden.lenslet).all(axis=1)
@@ -339,7 +339,7 @@ def test_world_to_panel(grid, side, model):
 @pytest.mark.parametrize("engine", ["golden", "fast"])
 @pytest.mark.parametrize("side", SIDES)
 def test_the_same_ray_comes_out_the_same(engine, side):
-    """Run after run, whatever stands beside it: order and number of the rays do not matter."""
+    """Run after run, in any company: order and number of the rays do not matter."""
     rng = generator(6, side)
     display = display_of("hex", side, radius=0.7, gap=0.1, rotation=5.0)
     pixels, n = random_pixels(rng, display, 3000), 3000

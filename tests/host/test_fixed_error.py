@@ -83,13 +83,13 @@ def test_against_golden(model, aperture, name, side, f):
     assert (twin.pixel == pixel).all()
 
     same = (twin.status == golden.status) & (twin.lenslet == golden.lenslet).all(axis=1)
-    alive = same & gets_through(golden.status)
-    assert alive.sum() > 0.95 * RAYS
-    turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[alive]
-    shift = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[alive] * 1e6
+    active = same & gets_through(golden.status)
+    assert active.sum() > 0.95 * RAYS
+    turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[active]
+    shift = np.linalg.norm(twin.local_mm - golden.local_mm, axis=1)[active] * 1e6
     stated_nm = 2.0 * 2 ** (23 - f)
     if model == "exact":
-        cosine = exit_cosine(display, golden.local_mm, golden.direction)[alive]
+        cosine = exit_cosine(display, golden.local_mm, golden.direction)[active]
         bound = np.maximum(1.0, 0.5 / cosine) * 1e-6 * 2 ** (23 - f)
         assert (turn <= bound).all()
         assert shift.max() <= stated_nm
@@ -185,12 +185,12 @@ def test_steps_in_integers_are_the_twin(name):
         start = {"u": words.u, "v": words.v, **({"a": words.a, "b": words.b} if build.aims else {})}
         steps = stages.stages_of(build, config)
         out = stages.hybrid(steps, len(steps), start, build.fraction_bits)
-        alive = gets_through(twin.status)
-        assert alive.mean() > 0.95
+        active = gets_through(twin.status)
+        assert active.mean() > 0.95
         for axis in ("x", "y", "z", "dx", "dy", "dz"):
             words_out = np.ldexp(out[f"out_{axis}"], build.fraction_bits + 1)
-            assert (words_out == getattr(twin, axis))[alive].all()
-        assert (out["i"] == twin.i)[alive].all()
+            assert (words_out == getattr(twin, axis))[active].all()
+        assert (out["i"] == twin.i)[active].all()
 
 
 @pytest.mark.parametrize("name", BUDGETED)

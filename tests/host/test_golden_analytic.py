@@ -125,7 +125,7 @@ def test_the_flat_face_to_the_beam_is_the_worse_way_round():
         lsa = crossings(display, [h])[0] - focus
         thick = factor
         if side == "viewer":
-            # T shortens the way after the dome: (n f - T) for n f in the second term.
+            # T shortens the path after the dome: (n f - T) for n f in the second term.
             n = 1.5
             thick = f / (2 * n**2) * (f + (n * f - 0.5) * (n**2 - 1) * (n - 1) ** 2 / n) / 2.25
         assert abs(lsa / (-thick * h**2 / f) - 1) < 1e-3
@@ -251,7 +251,7 @@ def test_ideal_models_there_and_back(grid, side, model):
         out = lippmann.trace(display, pixels, aperture, model)
         cell = np.ones(100, bool)
         if model == "paraxial":
-            # The way back takes the cell of the point on the last face.
+            # The reverse trace takes the cell of the point on the last face.
             back_there = lippmann.trace_to_panel(display, out.origin_mm, -out.direction, model)
             cell = (back_there.lenslet == out.lenslet).all(axis=1)
         start = out.origin_mm + out.direction * 3.0
@@ -354,7 +354,7 @@ def test_nearly_flat_lens_of_a_kilometre(grid, side):
 
 @everywhere
 def test_rays_from_a_metre_away(grid, side):
-    """An ordinary lens, 1 m from its panel: no digit is lost on the way."""
+    """An ordinary lens, 1 m from its panel: no digit is lost."""
     rng = generator(6, grid, side)
     display = display_of(grid, side, radius=1.5, thickness=1.0, gap=1000.0)
     pixels = pixels_above(display, random_in_cell(rng, display, 80))
@@ -406,15 +406,15 @@ def test_total_reflection_sets_in_where_snell_says(side):
     radius, index = 0.72, 1.9
     display = display_of("square", side, radius=radius, index=index, thickness=2.0, gap=0.5)
     if side == "panel":
-        onset, way = radius / index, np.array([1.0, 0.0])
+        onset, direction = radius / index, np.array([1.0, 0.0])
     else:
         turn = mp.findroot(
             lambda h: mp.asin(h / radius) - mp.asin(h / (index * radius)) - mp.asin(1 / mp.mpf(index)),
             (0.6, 0.7),
             solver="anderson",
         )
-        onset, way = float(turn), np.array([1.0, 1.0]) / math.sqrt(2)
-    points = np.array([(onset * (1 + e)) * way for e in (-1e-9, 1e-9)])
+        onset, direction = float(turn), np.array([1.0, 1.0]) / math.sqrt(2)
+    points = np.array([(onset * (1 + e)) * direction for e in (-1e-9, 1e-9)])
     out = lippmann.trace(display, pixels_above(display, points), points)
     assert out.status.tolist() == [OK, REFLECTED]
     # A lost ray keeps the direction that it had in the glass.

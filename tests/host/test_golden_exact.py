@@ -1,6 +1,6 @@
 """The golden engine's model `exact` against physics: carried back, and in 50 digits.
 
-The way back is truth.py's, which shares no code with the engine. Seeds are fixed and shown when a
+The reverse trace is truth.py's, which shares no code with the engine. Seeds are fixed and shown when a
 test fails.
 """
 
@@ -102,7 +102,7 @@ def test_every_ray_leads_back_to_its_pixel(grid, side):
         good = np.isin(out.status, (OK, CROSSTALK))
         good &= exit_cosine(display, out.local_mm, out.direction) >= 0.05
         flat = launch_cosine(display, wanted, aperture) < 0.05
-        # NaN, where no way back exists, must not pass.
+        # NaN, where no reverse ray exists, must not pass.
         assert (error[good & ~flat] <= 1e-11).all(), display
         assert (error[good & flat] <= 1e-10).all(), display
         # The origins lie on the last face, but for the rounding of panel coordinates.
@@ -188,7 +188,7 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side):
                 continue
             assert far(out.origin_mm[k], true.origin) < 4e-13 * blur, where
     # Enough of each fate. Light that goes into a dome can be blocked by its valleys only, where
-    # truth has no margin; light in the glass is too steep to pass 16 cells on its way up.
+    # truth has no margin; light in the glass is too steep to pass 16 cells while it rises.
     print(seen, skipped)
     assert compared > 600
     assert seen[OK] > 60

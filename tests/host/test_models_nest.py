@@ -14,7 +14,7 @@ from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
 SEED = 2005
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
-#: The way in (i, j) and in mm to a neighbour, pitch 1 mm.
+#: The step in (i, j) and in mm to a neighbour, pitch 1 mm.
 STEPS = {
     "square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)],
     "hex": [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1)],
@@ -188,7 +188,7 @@ def test_crosstalk_begins_at_the_cells_edge(grid, side, model):
     out = lippmann.trace(display, pixels, aims, model)
     assert out.status.tolist() == [4, 0, 0, 4]
     assert out.lenslet.tolist() == [[1, 0], [0, 0], [0, 0], [-1, 0]]
-    # Turned by 90 degrees, lenslet (1, 0) stands above (0, 0).
+    # Turned by 90 degrees, lenslet (1, 0) lies above (0, 0).
     np.testing.assert_allclose(out.centre_mm[0], (0, 1), 0, 1e-15)
 
 

@@ -45,7 +45,7 @@ LEAST_HALF = 1 << 12
 #: Lenslets between the one that a ray starts in and the one that it leaves: aims of 1.5 pitches, and four cell steps.
 MAX_ASTRAY = 8
 
-_FEW_PIXELS = "more than 4 pixels{} (array.pitch_mm, panel.pixel_pitch_mm)"
+_PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
 _TOO_NEAR = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
@@ -82,7 +82,7 @@ class Configuration:
 
 
 class _Format(NamedTuple):
-    """A register's bits and fraction bits, and what to change in a display whose value does not fit."""
+    """A register's bits and fraction bits, and the remedy for a display whose value does not fit."""
 
     bits: int
     fraction: int
@@ -93,8 +93,8 @@ def _formats(f: int) -> dict[str, _Format]:
     """Return the format of each register in a build with F fraction bits."""
     near = f + 2
     far = near + 2
-    x = _Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of {_FEW_PIXELS.format('')}")
-    y = x._replace(remedy=f"give rows of lenslets {_FEW_PIXELS.format(' apart')}")
+    x = _Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}")
+    y = x._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
     offset = _Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
     slope = _Format(near, f, f"the panel stands too near for the pitch: {_TOO_NEAR}")
     steep = _Format(near, f, "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm")

@@ -51,7 +51,7 @@ class Backend(Protocol):
         """Choose element by element."""
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
-        """Repeat `state = body(*state)` for the elements where `active(*state)`, until there are none."""
+        """Repeat `state = body(*state)` for the elements where `active(*state)` holds, until it holds nowhere."""
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
         """Return `coarse` with the elements under `mask` replaced by `trace(backend, *inputs)` in double precision.

@@ -5,8 +5,8 @@ curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 
 **Perpendicular-foot form.** The ray's point is first moved to the foot of the perpendicular from the vertex, Q with
 Q . d = 0. Then with F = c |Q|^2 + 2 Q_z the sphere is met where c t^2 + 2 d_z t + F = 0, and the cosine between ray
-and normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the distance that the
-ray came from, and none with R: a flat face is c = 0.
+and normal is the root of that equation's discriminant, sqrt(d_z^2 - c F). No term grows with the ray's
+distance or with R: a flat face is c = 0.
 
 **The height field.** The array's face is one surface made of caps, one for each cell. A ray meets the cap of its cell
 or steps to the next cell. Neighbouring caps have equal heights on the flat between them, so the first cap met before

@@ -144,11 +144,11 @@ def _squares(samples: int, step: float) -> Floats:
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
     """Return the cheapest build of the RTL within a tolerance, and its error.
 
-    Cheaper hardware comes first (pinhole, paraxial, exact), and shorter words within each. When there is none, None and
-    the least error.
+    Cheaper hardware comes first (pinhole, paraxial, exact), and shorter words within each. When all builds exceed the
+    tolerance: None and the least error.
     """
     try:
-        # Pixels as the words hold them, so that rounding moves none over a border.
+        # Pixels rounded to words first, so that rounding moves no pixel over a border.
         few, many = (
             away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
             for pixels in (probe(display, "chief", INSIDE)[0], _spread(display))
