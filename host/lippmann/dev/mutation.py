@@ -17,22 +17,18 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
 
 from lippmann.cli import run
-from lippmann.cli.output import log
+from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
 from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.images import check_output
-from lippmann.provenance import provenance
-from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import Harness, RtlError, compile_library
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
@@ -92,16 +88,6 @@ NO_HARDWARE = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class Fault:
-    """A change of one line of a file (1-based): the text as it was and as it is."""
-
-    file: str
-    line: int
-    was: str
-    now: str
-
-
 def faults_of(path: Path) -> list[Fault]:
     """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
     found: list[Fault] = []
@@ -149,9 +135,7 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
     for path in optics_sources(repository()):
         text = path.read_text()
         if path.name == fault.file:
-            lines = text.splitlines()
-            lines[fault.line - 1] = fault.now
-            text = "\n".join(lines) + "\n"
+            text = fault.changed(text)
         copy = work / path.name
         copy.write_text(text)
         sources.append(copy)
@@ -177,15 +161,6 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
     return "caught" if refused else _caught(fault, work)
 
 
-def _counted(fault: Fault, end: str) -> str:
-    """Return how a fault ends, or why it is none."""
-    if end == "survived":
-        for (file, text), reason in SAME.items():
-            if fault.file == file and text in fault.now:
-                return f"no fault: {reason}"
-    return end
-
-
 def _caught(fault: Fault, work: Path) -> str:
     """Return what the tests of the fault's module make of it."""
     return "caught" if _unit_tests_fail(fault, work) else "survived"
@@ -203,12 +178,7 @@ def _unit_tests_fail(fault: Fault, work: Path) -> bool:
     module = fault.file.removesuffix(".sv")
     folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
     with tempfile.TemporaryDirectory(dir=work) as copy:
-        for name in ("host", "rtl", "sim", "tests", "scenes", "pyproject.toml"):
-            source = top / name
-            if source.is_dir():
-                shutil.copytree(source, Path(copy) / name, ignore=shutil.ignore_patterns("__pycache__"))
-            else:
-                shutil.copy(source, copy)
+        copy_checkout(Path(copy))
         shutil.copy(work / fault.file, Path(copy) / "rtl" / "optics" / fault.file)
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", f"tests/rtl/{folder}"]
         environment = {**os.environ, "PYTHONPATH": str(Path(copy) / "host")}
@@ -277,44 +247,15 @@ def main(count: int, seed: int, report: str) -> None:
     verilator_environment()  # a missing tool is no fault caught
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
     per_file = [faults_of(path) for path in files]
-    rows: list[tuple[Fault, str]] = []
-    # Every file in turn, so that small modules are tried as often as large ones.
-    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
     with tempfile.TemporaryDirectory() as folder:
-        while len(rows) < count and any(queues):
-            for queue in queues:
-                if not queue or len(rows) == count:
-                    continue
-                fault = queue.pop()
-                end = _counted(fault, fate(fault, seed, Path(folder)))
-                log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {fault.now.strip()}")
-                if end != "refused":
-                    rows.append((fault, end))
-    caught, survived = (sum(end == what for _, end in rows) for what in ("caught", "survived"))
-    same = len(rows) - caught - survived
-    share = 100.0 * caught / max(caught + survived, 1)
-    columns: dict[str, list[Any]] = {
-        "file": [fault.file for fault, _ in rows],
-        "line": [fault.line for fault, _ in rows],
-        "was": [fault.was.strip() for fault, _ in rows],
-        "faulty": [fault.now.strip() for fault, _ in rows],
-        "fate": [end for _, end in rows],
-    }
-    shown = {key: [f"`{v}`" if key in ("was", "faulty") else v for v in values] for key, values in columns.items()}
-    shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
+        rows = try_faults(in_turn(per_file, random), count, lambda fault: fate(fault, seed, Path(folder)), SAME)
     text = (
-        "# Faults in the RTL\n\n"
-        f"{caught} of {caught + survived} faults caught ({share:.1f} %); {same} more changes are no faults: "
-        "the words that come out are the same, and the table says why. Each is one changed operator, one "
-        "negated condition, one choice with its branches swapped, or one flipped bit; those that do not elaborate "
-        "are not counted. A fault is caught when a word differs from the twin's, rays stop coming, one build "
-        "elaborates no more where others do, or a test of its module fails.\n\n"
-        f"{table(shown)}"
+        "Each is one changed operator, one negated condition, one choice with its branches swapped, or one flipped bit;"
+        " those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays "
+        "stop coming, one build does not elaborate where others do, or a test of its module fails."
     )
-    origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
-    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    write_report(Path(report), "mutation", origin, text, {"mutation": records})
-    click.echo(f"{caught} of {caught + survived} faults caught ({share:.1f} %): {report}/mutation.md")
+    command = f"make mutation (--count {count} --seed {seed})"
+    click.echo(write_faults(Path(report), "mutation", "Faults in the RTL", text, rows, command))
 
 
 if __name__ == "__main__":
