@@ -1,4 +1,4 @@
-"""What `make mutation` and `make mutation-host` share: faults in source files, copies of the checkout, the report."""
+"""Shared by `make mutation` and `make mutation-host`: faults in source files, copies of the checkout, the report."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TESTED = (
     "host", "rtl", "sim", "tests", "scenes", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE",
     "Makefile", "constraints.txt", "pyproject.toml",
 )  # fmt: skip
-#: A changed line that is no fault: its file and a part of its text, and the reason.
+#: Changed lines that are no faults: file and a part of the text, and the reason.
 Same = Mapping[tuple[str, str], str]
 
 
@@ -133,9 +133,9 @@ def write_faults(
 
 
 def copy_checkout(into: Path) -> None:
-    """Copy what tests read of the checkout into a folder; compiled simulations are linked, which is quick.
+    """Copy the files of the checkout that tests read into a folder, with links to the compiled simulations.
 
-    What a faulty program compiles lands in the copy alone, under its own names.
+    New compiled files go into the copy alone.
     """
     top = repository()
     for name in TESTED:

@@ -1,11 +1,11 @@
-"""`make mutation-host`: faults put into the host's Python one at a time, and how many of them the quick tests catch.
+"""`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
 
 A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops
 a statement. It is made in a copy of the checkout. The tests nearest to the faulty file, by name and by imports, run
 first and stop at the first failure; then the other tests of tests/host run, and last the tests of `LAST`, which
 simulate the RTL. A fault is caught when a test fails that passes without the fault.
 
-Left alone are docstrings, annotations, decorators, and the texts of errors.
+Docstrings, annotations, decorators and the texts of errors stay as they are.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ LAST = {
     "link": ("tests/system",),
     "board": ("tests/system",),
 }
-#: Test files of a fault's first stage.
-FIRST = 8
+#: Test files of a fault's first stage, and those that never run: this program's own.
+FIRST, OWN = 8, ("test_host_mutation",)
 #: Seconds that a test may take, and the whole of a stage.
 TEST_S, STAGE_S = 300, 3600
 
-#: Changes that no test can tell, because the program does the same: file, part of the changed line, and why.
+#: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
 SAME: dict[tuple[str, str], str] = {}
 
-#: Operators as they are written, and what each is mistaken for.
+#: Operators, and the wrong one in place of each.
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"),
     ast.Mod: ("%", "*"), ast.Pow: ("**", "*"), ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
@@ -245,7 +245,7 @@ def order_tests(top: Path, file: str) -> tuple[list[str], list[str]]:
     target = next(name for name, path in modules.items() if path == top / file)
     words = {word[:6] for word in target.split(".")[-1].split("_") if len(word) > 3}
     ranked = []
-    for test in (name for name in modules if name.startswith("test_")):
+    for test in (name for name in modules if name.startswith("test_") and name not in OWN):
         distance, seen, edge = {test: 0}, {test}, {test}
         while edge:
             edge = set().union(*(imports[name] for name in edge)) - seen
@@ -346,8 +346,8 @@ def _files(path: Path) -> list[Path]:
 
 
 @click.command()
-@click.option("--count", default=60, show_default=True, type=click.IntRange(1), help="Faults.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the choice of faults.")
+@click.option("--count", default=60, show_default=True, type=click.IntRange(1), help="Number of faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the choice of faults.")
 @click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(count: int, seed: int, jobs: int, report: str) -> None:

