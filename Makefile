@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation scenes pictures site clean
+.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -43,10 +43,11 @@ test-full: lint ## lint, then every test
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
-lint: $(READY) ## style, format and types; every RTL module alone
+lint: $(READY) ## style, format, types and import layers; every RTL module alone
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
 	$(BIN)/python -m lippmann.dev.lint
 
 bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
@@ -82,6 +83,9 @@ report-hard: $(READY) ## every engine on the hard cases, and what the formulas g
 
 mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)
 	$(BIN)/python -m lippmann.dev.mutation
+
+mutation-host: $(READY) ## put faults into the host's Python and report how many the quick tests catch (an hour)
+	$(BIN)/python -m lippmann.dev.host_mutation --jobs $(JOBS)
 
 scenes: $(READY) ## make the shipped scenes' assets again
 	@for script in scenes/*/make_*.py; do echo $$script; $(BIN)/python $$script || exit; done

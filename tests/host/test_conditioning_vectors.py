@@ -121,7 +121,7 @@ def test_traced_rays_pass_and_others_do_not(tmp_path, capsys):
     [
         ("rays.npz", "no zip", "cannot be read"),
         ("rays.csv", "u,v\n1,2\n", "no columns"),
-        ("rays.csv", "u,v,i,j,x,y,z,dx,dy,dz,status\n1,2,3\n", "no whole number"),
+        ("rays.csv", "u,v,i,j,x,y,z,dx,dy,dz,status\n1,2,3\n", "contains a non-integer"),
         ("rays.mem", "xyz\n", "no such file"),
         ("rays.txt", "", "unknown extension"),
     ],

@@ -1,4 +1,4 @@
-"""`lippmann regress`: judges the rays of somebody else's tracer."""
+"""`lippmann regress`: judges the rays of another tracer."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from lippmann.errors import input_error
 from lippmann.fixed.words import FRACTIONS, WIDEST
 from lippmann.optics.rays import MODELS, Model
 
-#: Exit code when rays were judged and found wrong: nothing failed, so it is none of the failures' codes.
+#: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
 FOUND_WRONG = 4
 
 
 @click.command("regress")
 @display_option
 @click.option("--rays", "rays_path", required=True, metavar="FILE", help="Rays to judge: .npz, .csv or .mem.")
-@click.option("--inputs", "inputs_path", metavar="FILE", help="Of a .mem: its inputs; else inputs.mem beside it.")
+@click.option("--inputs", "inputs_path", metavar="FILE", help="Inputs of a .mem; by default inputs.mem beside it.")
 @click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
 @click.option(
     "--fraction-bits",
@@ -36,14 +36,14 @@ FOUND_WRONG = 4
     type=Finite(),
     default=2.0,
     show_default=True,
-    help="Of directions in an .npz; what a rounding of the inputs to float32 turns a ray by is added.",
+    help="Tolerance of directions in an .npz, beside the effect of rounding the inputs to float32.",
 )
 @click.option(
     "--tolerance-nm",
     type=Finite(),
     default=50.0,
     show_default=True,
-    help="Of points in an .npz; what that rounding moves them by is added.",
+    help="Tolerance of points in an .npz, beside the effect of that rounding.",
 )
 @json_option
 def command(

@@ -1,4 +1,4 @@
-"""`lippmann vectors`: hard rays with the truth, for whoever regresses his own design."""
+"""`lippmann vectors`: hard rays with the truth, to test another design."""
 
 from __future__ import annotations
 
@@ -27,9 +27,15 @@ from lippmann.provenance import provenance
     show_default=True,
     help="Word length of the fixed-point files.",
 )
-@click.option("--count", type=click.IntRange(1, 10_000), default=24, show_default=True, help="Rays of each set, about.")
+@click.option(
+    "--count",
+    type=click.IntRange(1, 10_000),
+    default=24,
+    show_default=True,
+    help="Approximate number of rays in each set.",
+)
 @seed_option
-@click.option("-o", "output", required=True, metavar="FOLDER", help="A new folder.")
+@click.option("-o", "output", required=True, metavar="FOLDER", help="New output folder.")
 @json_option
 def command(
     display_path: str,

@@ -1,15 +1,14 @@
-"""Hard cases: named sets of rays where numbers go bad, made for any display from a seed.
+"""Hard cases: named sets of rays that are numerically difficult, generated for any display from a seed.
 
-A case takes a display and gives sets of rays, each with the display that it is for: the given one, or one like it with
-a single property driven to an extreme. All engines are judged on the same sets, and `lippmann vectors` writes them for
-designs of others. What each case is for is its function's docstring.
+A case takes a display and gives sets of rays, each with its display: the given one, or one with a single property at an
+extreme. All engines are measured on the same sets, and `lippmann vectors` writes them to test other designs. The
+docstring of each function says what its case tests.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -71,7 +70,7 @@ class Case:
 
     @property
     def why(self) -> str:
-        """What the case is for, in one paragraph."""
+        """What the case tests, in one paragraph."""
         return " ".join((self.make.__doc__ or "").split())
 
 
@@ -93,11 +92,11 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
     display
         The display to start from.
     name
-        Of a case, or "all".
+        The case's name, or "all".
     seed
-        Of the random places.
+        The seed of the random numbers.
     count
-        Rays of a set, about.
+        The approximate number of rays in a set.
 
     Raises
     ------
@@ -112,13 +111,13 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with other numbers of its array; its glass, if named, becomes a plain index.
+    """Return a display with other numbers of its array; a named glass becomes a plain index.
 
-    The substrate grows where it would be thinner than the dome is deep.
+    The substrate becomes at least as thick as the dome's sag.
     """
     made = replace(display.array, **{"glass": None, **array})
     made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
-    return dataclasses.replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+    return replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
 
 
 def steep(display: Display, share: float = 1.02) -> Display:
@@ -128,21 +127,33 @@ def steep(display: Display, share: float = 1.02) -> Display:
     return changed(thin, gap_mm=array.pitch_mm)
 
 
-def _spread(name: str, display: Display, random: np.random.Generator, count: int) -> Out:
-    """Return rays from anywhere on the panel to anywhere in their cells."""
-    return Out(name, display, random_pixels(display, random, count), random_aims(display, random, count))
+def _spread(case: str, displays: Mapping[str, Display], random: np.random.Generator, count: int) -> Iterator[Out]:
+    """Yield a set for each display: rays from anywhere on the panel to anywhere in their cells."""
+    for name, display in displays.items():
+        pixels = random_pixels(display, random, count)
+        yield Out(f"{case}/{name}", display, pixels, random_aims(display, random, count))
 
 
-# --- places on one display --------------------------------------------------------------------------------------
+def _nudged(points: Floats, random: np.random.Generator) -> Floats:
+    """Return points (N, 2) with each coordinate moved by up to 2 units of its last place."""
+    return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
+
+
+def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Out:
+    """Return rays up to 64 units of the last place before and behind aims (N, 2)."""
+    near = around(aims)
+    return Out(name, display, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+
+
+# --- special points on one display ------------------------------------------------------------------------------
 
 
 @_case
 def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays from right behind a lenslet's vertex through it, and a few roundings beside: they leave unbent."""
+    """Rays from behind a lenslet's vertex through it, and from a few roundings beside: no refraction."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = np.concatenate([pixels_at(display, np.zeros((1, 2)), (int(i), int(j)))[0] for i, j in lenslets])
-    near = at + random.integers(-2, 3, at.shape) * np.spacing(np.abs(at))
-    yield Out("chief-ray", display, np.concatenate([at, near]), None)
+    yield Out("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 
 def _corners(display: Display) -> Floats:
@@ -157,33 +168,35 @@ def cell_edges(display: Display, random: np.random.Generator, count: int) -> Set
     corners = _corners(display)
     side, along = random.integers(0, len(corners), 2 * count), random.random((2 * count, 1))
     points = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
-    pixels, _ = pixels_at(display, points[:count], (1, -2))
-    pixels += random.integers(-2, 3, pixels.shape) * np.spacing(np.abs(pixels))
-    yield Out("cell-edges/pixels", display, pixels, None)
-    aims = points[count:] + random.integers(-2, 3, (count, 2)) * np.spacing(points[count:])
-    yield Out("cell-edges/aims", display, random_pixels(display, random, count), aims)
+    yield from _on_border("cell-edges", display, random, points, (1, -2))
 
 
 @_case
 def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
     corners = _corners(display)
-    which = random.integers(0, len(corners), 2 * count)
-    points = corners[which]
-    pixels, _ = pixels_at(display, points[:count], (-1, 3))
-    pixels += random.integers(-2, 3, pixels.shape) * np.spacing(np.abs(pixels))
-    yield Out("cell-corners/pixels", display, pixels, None)
-    aims = points[count:] + random.integers(-2, 3, (count, 2)) * np.spacing(points[count:])
-    yield Out("cell-corners/aims", display, random_pixels(display, random, count), aims)
+    points = corners[random.integers(0, len(corners), 2 * count)]
+    yield from _on_border("cell-corners", display, random, points, (-1, 3))
+
+
+def _on_border(
+    case: str, display: Display, random: np.random.Generator, points: Floats, lenslet: tuple[int, int]
+) -> Sets:
+    """Yield pixels at the first half of points of a cell, and aims at the second half."""
+    count = len(points) // 2
+    pixels, _ = pixels_at(display, points[:count], lenslet)
+    yield Out(f"{case}/pixels", display, _nudged(pixels, random), None)
+    aims = _nudged(points[count:], random)
+    yield Out(f"{case}/aims", display, random_pixels(display, random, count), aims)
 
 
 @_case
 def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Pixels exactly on edges and corners, in numbers that float64 holds exactly: the half-open rule decides."""
+    """Pixels exactly on edges and corners, at coordinates that float64 holds exactly: the tie rule decides."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     tied = changed(display, pitch_mm=1.0, radius_mm=1.5, rotation_deg=0.0, offset_mm=(0.0, 0.0), gap_mm=0.5)
-    tied = dataclasses.replace(tied, panel=square)
+    tied = replace(tied, panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
     yield Out("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
@@ -191,10 +204,10 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
 
 @_case
 def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays that leave the panel ever flatter, until they are parallel to it within rounding, or no lenslet is there."""
+    """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
     pixels = random_pixels(display, random, count)
     angle = random.uniform(0.0, 2.0 * math.pi, count)
-    # Half of what the engines take: inputs that are moved by a rounding, or by a tolerance, stay within it.
+    # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.pitch_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, min(8.0, math.log10(farthest)), count)
     yield Out("grazing-launch", display, pixels, np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
@@ -203,7 +216,7 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 def _flips(
     display: Display, random: np.random.Generator, count: int, has: Callable[[Any], Any], reach: float = 1.5
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims without something, and aims well inside of those; (M, 2) each, M <= count."""
+    """Return pixels, the last aims before `has` becomes true, and aims well before; (M, 2) each, M <= count."""
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
@@ -214,7 +227,7 @@ def _flips(
 
 
 def _having(status: Status) -> Callable[[Any], Any]:
-    """Return what tells which rays have a status."""
+    """Return the function that tells which rays have a status."""
     return lambda rays: rays.status == int(status)
 
 
@@ -223,16 +236,15 @@ _reflected = _having(Status.INTERNAL_REFLECTION)
 
 @_case
 def total_reflection(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Steep, dense lenslets at the onset of total internal reflection: within 64 roundings of it on both sides."""
+    """Steep lenslets of high index: rays within 64 roundings of total internal reflection, on both sides."""
     dense = changed(steep(display), index=1.9)
     pixels, aims, _ = _flips(dense, random, max(2, count // 4), _reflected)
-    near = around(aims)
-    yield Out("total-reflection", dense, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+    yield _near_onset("total-reflection", dense, pixels, aims)
 
 
 @_case
 def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays that leave the last face ever flatter: down to 10^-15 of the way from the onset of total reflection."""
+    """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection."""
     dense = changed(steep(display), index=1.9)
     pixels, last, inner = _flips(dense, random, count, _reflected)
     back = 10.0 ** random.uniform(-15.0, -1.0, (len(pixels), 1))
@@ -241,7 +253,7 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
 
 @_case
 def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Where a ray begins to be blocked, to miss, or to leave through a neighbour: both sides."""
+    """Rays on both sides of the onset of crosstalk, of blocking by a dome, and of a missed array."""
     array = display.array
     rho = array.half_diagonal_mm
     thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
@@ -252,10 +264,8 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
         (Status.MISSED, canyon, 200.0),
     ):
         pixels, aims, _ = _flips(made, random, max(2, count // 8), _having(status), reach)
-        near = around(aims)
         if len(aims):
-            name = f"fates/{status.name.lower()}"
-            yield Out(name, made, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+            yield _near_onset(f"fates/{status.name.lower()}", made, pixels, aims)
 
 
 def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
@@ -283,63 +293,62 @@ def _tangents(display: Display, random: np.random.Generator, count: int) -> tupl
 
 @_case
 def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays in the air that touch a dome: the discriminant within a few roundings of zero, on both sides, and beyond."""
+    """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
     hilly = steep(display, 1.001)
     point, direction = _tangents(hilly, random, count)
     if display.array.plano_side == "panel":
-        # From the world; the dome bulges to the viewer.
+        # From the world: the domes face the viewer.
         shift = np.append(hilly.array.offset_mm, 0.0)
         cos, sin = math.cos(math.radians(hilly.array.rotation_deg)), math.sin(math.radians(hilly.array.rotation_deg))
         to_panel = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         away = 10.0 ** random.uniform(0.0, 2.0, (len(point), 1))
         yield Back("tangent", hilly, (point - away * direction) @ to_panel.T + shift, direction @ to_panel.T)
         return
-    # From the panel, which stands above the dome seen in the mirror.
+    # From the panel, which is above the mirrored dome.
     start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
     aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
     pixels, own = pixels_at(hilly, start[:, :2])
     yield Out("tangent", hilly, pixels, aim[:, :2] - own)
 
 
-# --- displays driven to an extreme ------------------------------------------------------------------------------
+# --- displays with a property at an extreme ---------------------------------------------------------------------
 
 
 @_case
 def flat_domes(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Nearly flat lenslets, R from 10 mm to 10^6 mm: nothing may grow with R."""
-    for exponent in range(1, 7):
-        made = changed(display, radius_mm=max(10.0**exponent, 1.1 * display.array.half_diagonal_mm))
-        yield _spread(f"flat-domes/1e{exponent}-mm", made, random, count)
+    """Nearly flat lenslets, R from 10 mm to 10^6 mm: no error may grow with R."""
+    least = 1.1 * display.array.half_diagonal_mm
+    made = {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
+    yield from _spread("flat-domes", made, random, count)
 
 
 @_case
 def full_spheres(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Nearly full hemispheres: R above half the cell's diagonal by a tenth down to one rounding; rims stand upright."""
+    """Nearly full hemispheres with upright rims: R exceeds half the cell's diagonal by a tenth down to one rounding."""
     rho = display.array.half_diagonal_mm
-    for name, radius in (
-        *((f"1e-{k}", rho * (1.0 + 10.0**-k)) for k in (1, 3, 6, 12)),
-        ("1-ulp", math.nextafter(rho, math.inf)),
-    ):
-        yield _spread(f"full-spheres/{name}", changed(display, radius_mm=radius), random, count)
+    radii = {f"1e-{k}": rho * (1.0 + 10.0**-k) for k in (1, 3, 6, 12)} | {"1-ulp": math.nextafter(rho, math.inf)}
+    made = {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
+    yield from _spread("full-spheres", made, random, count)
 
 
 @_case
 def indices(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Indices from 1 + 10^-9, glass that is hardly there, to 2.4, diamond, where most steep rays are reflected."""
-    for index in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4):
-        yield _spread(f"indices/{index:.10g}", changed(display, index=index), random, count)
+    """Refractive indices from 1 + 10^-9, almost air, to 2.4, diamond, which reflects most steep rays."""
+    made = {f"{n:.10g}": changed(display, index=n) for n in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4)}
+    yield from _spread("indices", made, random, count)
 
 
 @_case
 def f_numbers(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
-    array = display.array
+    array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.pitch_mm
         index = max(array.index, 1.0 + 1.01 * array.half_diagonal_mm / focal)
         made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
         to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
-        yield _spread(f"f-numbers/{number:g}", changed(made, gap_mm=max(0.0, to_panel)), random, count)
+        displays[f"{number:g}"] = changed(made, gap_mm=max(0.0, to_panel))
+    yield from _spread("f-numbers", displays, random, count)
 
 
 @_case
@@ -348,54 +357,51 @@ def gaps(display: Display, random: np.random.Generator, count: int) -> Sets:
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm
-    for name, gap in (
-        ("0", 0.0),
-        ("smallest", 5e-324),
-        ("1e-12-mm", 1e-12),
-        ("f-less-1e-6", focus * (1.0 - 1e-6)),
-        ("f-less-1-ulp", math.nextafter(focus, 0.0)),
-        ("f", focus),
-    ):
-        yield _spread(f"gaps/{name}", changed(display, gap_mm=gap), random, count)
+    made = {
+        "0": 0.0,
+        "smallest": 5e-324,
+        "1e-12-mm": 1e-12,
+        "f-less-1e-6": focus * (1.0 - 1e-6),
+        "f-less-1-ulp": math.nextafter(focus, 0.0),
+        "f": focus,
+    }
+    yield from _spread("gaps", {name: changed(display, gap_mm=gap) for name, gap in made.items()}, random, count)
 
 
 @_case
 def rotations(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Arrays turned by 30, 45 and 90 degrees, and by a rounding or 10^-9 more or less."""
+    """Arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
+    turns = {}
     for angle in (30.0, 45.0, 90.0):
-        for name, turn in (
-            ("", angle),
-            ("+1ulp", math.nextafter(angle, 360.0)),
-            ("-1ulp", math.nextafter(angle, 0.0)),
-            ("+1e-9", angle + 1e-9),
-            ("-1e-4", angle - 1e-4),
-        ):
-            made = changed(display, rotation_deg=turn)
-            yield _spread(f"rotations/{angle:g}{name}", made, random, max(4, count // 3))
+        turns[f"{angle:g}"] = angle
+        turns[f"{angle:g}+1ulp"] = math.nextafter(angle, 360.0)
+        turns[f"{angle:g}-1ulp"] = math.nextafter(angle, 0.0)
+        turns[f"{angle:g}+1e-9"] = angle + 1e-9
+        turns[f"{angle:g}-1e-4"] = angle - 1e-4
+    made = {name: changed(display, rotation_deg=turn) for name, turn in turns.items()}
+    yield from _spread("rotations", made, random, max(4, count // 3))
 
 
 @_case
 def offsets(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Arrays off the panel's centre: by half a lenslet, by thirds, by a metre, by next to nothing."""
+    """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
     p, row = display.array.pitch_mm, display.array.row_pitch_mm
-    for name, offset in (
-        ("half", (0.5 * p, 0.5 * row)),
-        ("third", (p / 3.0, -row / 3.0)),
-        ("metre", (1000.0, -1000.0)),
-        ("1e-300", (1e-300, -1e-300)),
-    ):
-        yield _spread(f"offsets/{name}", changed(display, offset_mm=offset), random, count)
+    moves = {
+        "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
+    }  # fmt: skip
+    made = {name: changed(display, offset_mm=offset) for name, offset in moves.items()}
+    yield from _spread("offsets", made, random, count)
 
 
 @_case
 def huge_panels(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """The largest panels that a file may describe, 65,535 pixels either way: rays from the corners.
+    """Rays from the corners of the largest panels that a file may describe, 65,535 x 65,535 pixels.
 
-    Float32 holds their coordinates to some micrometres only.
+    Float32 resolves their coordinates to a few micrometres only.
     """
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     pitch = min(panel.pixel_pitch_mm, 0.4)
-    made = dataclasses.replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
+    made = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
     corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
     pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
     yield Out("huge-panels", made, pixels, random_aims(made, random, count))
@@ -403,7 +409,7 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
 
 @_case
 def tiny_values(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Coordinates that are zero, minus zero, subnormal, or whose squares vanish."""
+    """Coordinates that are zero, minus zero or subnormal, or whose squares underflow."""
     tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
     aims = random.choice(tiny, (count, 2))
     yield Out("tiny-values/aims", display, random_pixels(display, random, count), aims)
@@ -415,7 +421,7 @@ def tiny_values(display: Display, random: np.random.Generator, count: int) -> Se
 
 @_case
 def far_origins(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays from the world that start 1 m and 1 km away: the way back from an eye or a distant source."""
+    """Rays from the world that start 1 m and 1 km away, as from an eye or a distant source."""
     panel = display.panel
     for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
         half = 0.45 * np.array([panel.width_mm, panel.height_mm])
@@ -428,9 +434,9 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
 
 @_case
 def register_limits(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Displays that bring each register of the fixed-point pipeline to its largest or smallest value.
+    """Displays that need the largest or smallest value of each register of the fixed-point pipeline.
 
-    Those just outside are refused (tests/host/test_conditioning_fixed.py).
+    Displays just beyond are refused (tests/host/test_conditioning_fixed.py).
     """
     array, p, rho = display.array, display.array.pitch_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999
@@ -442,14 +448,12 @@ def register_limits(display: Display, random: np.random.Generator, count: int) -
         "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
         "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
     }
-    for name, made in limits.items():
-        yield _spread(f"register-limits/{name}", made, random, count)
-    # Little more than 4 pixels a lenslet, and as many lenslets as an index of 12 bits holds.
+    # Little more than 4 pixels a lenslet, and as many lenslets as an index of 12 bits can count.
     widest = 4.001 if array.grid == "square" else 6.0
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
-    yield _spread("register-limits/x-from-u-high", dataclasses.replace(display, panel=panel), random, count)
-    turned = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
-    yield _spread("register-limits/x-from-u-low", turned, random, count)
+    limits["x-from-u-high"] = replace(display, panel=panel)
+    limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
+    yield from _spread("register-limits", limits, random, count)
 
 
 def refused_rays(display: Display) -> Iterator[tuple[str, Floats, Floats | None]]:

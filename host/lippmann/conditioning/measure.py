@@ -1,4 +1,4 @@
-"""What each engine makes of hard rays, against the truth in 50 digits."""
+"""The error of each engine on hard rays, against rays in 50 digits."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ from lippmann.optics.rays import Engine, Hits, Model, Rays, gets_through
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-#: Golden's bound in units of a ray's condition, and the band beside an edge where a ray may have either fate: so many
-#: units of the last place of one input, which are a float32's for the fast engine.
+#: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
+#: fate: units of the last place of one input (of a float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
 #: A float32's last place in a float64's.
 FLOAT32_ULP = 1 << 29
-#: The fast engine's bound on rays that are conditioned: those that one rounding of a float32 at the start, half a pitch
-#: from the lenslet's centre, turns by less than a quarter of the bound.
+#: The fast engine's bound, for well-conditioned rays: one rounding of a float32 at the start, half a pitch from the
+#: lenslet's centre, turns them by less than a quarter of the bound.
 FAST_URAD, CONDITIONED_URAD = 2.0, 0.5
-#: The same for rays from the world: micrometres on the panel for microradian.
+#: The same for rays from the world, in micrometres on the panel.
 FAST_UM = 2.0
-#: Fraction of a radian and of the radius beyond which a word is not inexact but has overflowed.
+#: Error that shows an overflow: this share of a radian or of the radius.
 OVERFLOW = 0.01
 
 
@@ -58,10 +58,11 @@ OVERFLOW = 0.01
 class Row:
     """One set of rays through one engine.
 
-    `rays` traced; `through` leave (or arrive) in engine and truth alike. `worst` is the largest error in `unit`, of
-    `bound`; `conditioned` the rays that it holds for. `status_differs` counts other fates than the truth's,
-    `outside_band` those that no input within four units of its last place explains; `condition` is the largest turn for
-    one unit in the last place of every input, over that of a number near 1. `kept` tells whether the bound holds.
+    `rays` were traced; `through` of them leave (or arrive) in the engine and in the truth. `worst` is the largest error
+    in `unit`, which must stay within `bound`, over the `conditioned` rays. `status_differs` counts rays with another
+    fate than the truth's, `outside_band` those of them that no input within four units of its last place explains.
+    `condition` is the largest turn for one unit in the last place of every input, divided by that unit near 1. `kept`
+    tells whether the bound holds.
     """
 
     set: str
@@ -157,7 +158,7 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
 
 @dataclass(frozen=True)
 class FixedCase:
-    """A set in the words of a build: inputs (u, v, a, b) and registers; `kept` tells which of its rays they are."""
+    """A set in the words of a build: inputs (u, v, a, b) and registers; `kept` tells which rays of the set they are."""
 
     build: Build
     words: tuple[Ints, Ints, Ints, Ints]
@@ -168,9 +169,9 @@ class FixedCase:
 def fixed_words(
     rays: Out, fraction_bits: int, max_cell_steps: int | None = None, model: Model = "exact"
 ) -> tuple[FixedCase | None, str]:
-    """Return a set in words, None when it is refused whole, and the reason of the last refusal.
+    """Return a set in words, None when no ray fits, and the reason of the last refusal.
 
-    Aims that the words do not hold are left out; then those outside their own cell, when the registers refuse the rest.
+    Aims beyond the word length are left out; if the registers refuse the rest, aims outside their own cell as well.
     """
     display, array = rays.display, rays.display.array
     aims = rays.aims
@@ -197,10 +198,11 @@ def fixed_words(
 class FixedRow:
     """One set of rays in fixed point.
 
-    `refused` rays are not traced: formats or registers do not hold them, and the host says so (`why`). `flagged` have a
-    status that says they failed; `through` leave in the same way as golden's, at most `worst_urad` and `worst_nm` away.
-    `overflowed` leave with status ok or crosstalk, but more than a hundredth of a radian or radius away, a word that
-    wrapped unseen. `words_differ` counts words of the RTL that are not the twin's (None: not simulated).
+    `refused` rays are not traced: they exceed the formats or the registers, and the host reports it (`why`). `flagged`
+    rays have a status of failure; `through` rays leave through golden's lenslet, at most `worst_urad` and `worst_nm`
+    from golden's. `overflowed` rays leave with status ok or crosstalk, but more than a hundredth of a radian or radius
+    away: a word wrapped without a flag. `words_differ` counts words of the RTL that differ from the twin's (None: not
+    simulated).
     """
 
     set: str
@@ -235,11 +237,11 @@ def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) ->
     pixels, aims = pixels_of_words(rays.display, u, v), aims_of_words(rays.display, a, b, fraction_bits)
     got = rays_of_words(rays.display, pixels, out, fraction_bits)
     golden = trace(rays.display, pixels, aims)
-    alive = gets_through(got.status) & gets_through(golden.status)
-    same = alive & (got.lenslet == golden.lenslet).all(axis=1)
+    active = gets_through(got.status) & gets_through(golden.status)
+    same = active & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
-    # A rounding may turn a ray far that just escapes total reflection; its length stays 1, its point where it was.
+    # A rounding may turn a ray near total reflection far; its length stays 1, and its point stays where it was.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
     overflowed = gets_through(got.status) & (escaped | (same & (shift > OVERFLOW * array.radius_mm)))
     return FixedRow(

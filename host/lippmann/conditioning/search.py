@@ -1,4 +1,4 @@
-"""Rays on the onset of something: found by bisection between a ray of one fate and a ray of another."""
+"""Random rays, and rays at the onset of a property, found by bisection between rays without and with it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from lippmann.optics.system import System
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-#: Halvings that bring two floats next to each other, wherever they began.
+#: Bisections that bring any two floats next to each other.
 HALVINGS = 64
-#: Where rays are taken around an onset: units of the last place of the aim.
+#: Distances of rays around an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
 
 
@@ -30,7 +30,7 @@ def random_pixels(display: Display, random: np.random.Generator, count: int) -> 
 
 
 def random_aims(display: Display, random: np.random.Generator, count: int, reach: float = 1.0) -> Floats:
-    """Return points anywhere in a lenslet's cell, (count, 2), mm; `reach` times as far."""
+    """Return points anywhere in a lenslet's cell, (count, 2), mm, times `reach`."""
     array = display.array
     lattice = Lattice(array.grid, array.pitch_mm)
     points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitch_mm
@@ -41,8 +41,8 @@ def random_aims(display: Display, random: np.random.Generator, count: int, reach
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
     """Return the pixel coordinates (N, 2) of points measured from a lenslet's centre along the array's axes.
 
-    The second array (N, 2) is the centre of the cell that each point lies in, from that lenslet's, mm: what aims of
-    these pixels are measured from.
+    The second array (N, 2) is the centre of each point's own cell, from that lenslet's centre, mm: the origin of the
+    aims of these pixels.
     """
     system = System.of(display)
     i, j, _, _ = system.lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -53,7 +53,7 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: Callable[[Rays], Bools]) -> Floats:
-    """Find where, from aims `inner` to `outer` of the same pixels, golden rays begin to have something.
+    """Find where golden rays gain a property, on the way from aims `inner` to `outer` of the same pixels.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: C
     pixels, inner, outer
         (N, 2) each; `has` is false of the rays to `inner` and true of those to `outer`.
     has
-        What is looked for, of rays.
+        Tells which rays have the property.
 
     Returns
     -------
     aims
-        (N, 2), the last ones without it, to a rounding.
+        (N, 2), the last ones without the property, to a rounding.
     """
     low, high = np.zeros(len(pixels)), np.ones(len(pixels))
     for _ in range(HALVINGS):
@@ -78,7 +78,7 @@ def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: C
 
 
 def around(aims: Floats) -> Floats:
-    """Return (N, len(ULPS), 2) aims some units of the last place from given ones (N, 2), in both coordinates."""
+    """Return (N, len(ULPS), 2) aims that differ from aims (N, 2) by `ULPS` in both coordinates."""
     return np.asarray(
         aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :], np.float64
     )

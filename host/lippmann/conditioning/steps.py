@@ -1,4 +1,4 @@
-"""What golden has at each step of the way out, for whoever compares his design step by step."""
+"""Golden's intermediate values on the way out, to compare a design step by step."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from lippmann.optics.system import System
 
 
 class Steps(NamedTuple):
-    """A ray's way before the lenslet, N rays.
+    """N rays before the lenslet.
 
     panel_mm
         (N, 2) the pixel's point, panel frame.
     home
-        (N, 2) the lenslet whose cell it is in, whole numbers.
+        (N, 2) the lenslet of the cell that contains it, integers.
     start_mm
         (N, 2) the same point from that lenslet's centre, array's axes.
     near_mm
-        (N, 2) where the ray in the air crosses the array's near plane (flat face or domes' vertices), likewise.
+        (N, 2) the point where the ray in air crosses the array's near plane (flat face or domes' vertices), likewise.
     """
 
     panel_mm: Floats

@@ -1,8 +1,8 @@
-"""Test vectors for designs of others: hard rays with the truth, in millimetres and in the RTL's words.
+"""Test vectors for other designs: hard rays with the truth, in millimetres and in the RTL's words.
 
-A folder for each set of rays: `display.toml`, `rays.npz`, and where the registers hold the display `words.csv` and the
-memory files `registers.mem`, `inputs.mem`, `expected.mem` for `$readmemh`. `vectors.json` lists them and says what the
-columns and bits are.
+A folder for each set of rays: `display.toml`, `rays.npz`, and if the display fits the registers `words.csv` and the
+memory files `registers.mem`, `inputs.mem`, `expected.mem` for `$readmemh`. `vectors.json` lists them and describes
+their columns and bits.
 """
 
 from __future__ import annotations
@@ -58,36 +58,36 @@ def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
 
 
 ARRAYS = {
-    "pixel": "(N, 2) pixel coordinates that rays start from",
+    "pixel": "(N, 2) pixel coordinates of the rays' starts",
     "aperture_mm": "(N, 2) aperture points, mm from the centre of the pixel's lenslet, array's axes",
     "direction": "(N, 3) truth, rounded once: unit vectors, panel frame",
-    "local_mm": "(N, 3) truth: where they leave, mm from the lenslet's centre, panel's axes",
+    "local_mm": "(N, 3) truth: exit points, mm from the lenslet's centre, panel's axes",
     "centre_mm": "(N, 2) truth: the lenslet's centre, panel frame",
     "origin_mm": "(N, 3) truth: their sum",
-    "lenslet": "(N, 2) truth: (i, j) of the lenslet that they leave through",
+    "lenslet": "(N, 2) truth: (i, j) of the exit's lenslet",
     "status": "(N,) truth: 0 ok, 1 missed, 2 total internal reflection, 3 blocked, 4 crosstalk",
-    "turn_unit": "(N,) radians that a unit in the last place of every float64 input turns the ray by",
+    "turn_unit": "(N,) turn of the ray for a unit in the last place of every float64 input, radians",
     "shift_unit_mm": "(N,) the same for the exit point, mm",
     "panel_mm": "(N, 2) step: the pixel's point, panel frame",
-    "home": "(N, 2) step: the lenslet whose cell it is in",
+    "home": "(N, 2) step: (i, j) of the lenslet of the point's cell",
     "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
-    "near_mm": "(N, 2) step: where the ray crosses the array's near plane, likewise",
+    "near_mm": "(N, 2) step: the ray's point in the array's near plane, likewise",
 }
 #: Marks rays from the world, which `lippmann regress` does not judge.
 FROM_WORLD = "from_world"
 BACK_ARRAYS = {
-    FROM_WORLD: "() 1: rays from the world; `lippmann regress` judges the way out only and refuses them",
+    FROM_WORLD: "() 1: rays from the world, which `lippmann regress` refuses: it judges rays from the panel",
     "origin_mm": "(N, 3) a point of each ray from the world, panel frame",
     "direction": "(N, 3) its unit direction",
-    "pixel": "(N, 2) truth: pixel coordinates where it meets the panel",
-    "lenslet": "(N, 2) truth: (i, j) of the lenslet passed",
+    "pixel": "(N, 2) truth: pixel coordinates of its point on the panel",
+    "lenslet": "(N, 2) truth: (i, j) of its lenslet",
     "status": "(N,) truth: as above",
-    "shift_unit_mm": "(N,) mm on the panel that a unit in the last place of every float64 input moves it by",
+    "shift_unit_mm": "(N,) shift on the panel for a unit in the last place of every float64 input, mm",
 }
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line for each ray: its words behind each other, the first in the most significant bits."""
+    """Return a hexadecimal line for each ray: its words in turn, the first in the most significant bits."""
     digits = (sum(widths) + 3) // 4
     lines = []
     for ray in zip(*(column.tolist() for column in words), strict=True):
@@ -104,7 +104,7 @@ def text_of(path: Path) -> str:
     Raises
     ------
     InputError
-        For what is no text.
+        When it is not text.
     """
     try:
         text = path.read_text()
@@ -122,7 +122,7 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
     Raises
     ------
     InputError
-        For what is no such file.
+        When a line is not hexadecimal or too long.
     """
     columns: list[list[int]] = [[] for _ in widths]
     total = sum(widths)
@@ -135,7 +135,7 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
         except ValueError:
             raise input_error(f"{path}:{number}", f"'{text[:20]}' is not hexadecimal", "give a line a ray") from None
         if bits >> total:
-            raise input_error(f"{path}:{number}", f"a ray has {total} bits, these are more", "see vectors.json")
+            raise input_error(f"{path}:{number}", f"more than the {total} bits of a ray", "see vectors.json")
         for k in reversed(range(len(widths))):
             word = bits & ((1 << widths[k]) - 1)
             bits >>= widths[k]
@@ -160,7 +160,7 @@ def write_vectors(
     Parameters
     ----------
     folder
-        Where to; must not exist, or be empty. It appears whole or not at all.
+        The output: a new or an empty folder. It appears whole or not at all.
     display, case, seed, count
         As `hard_sets` takes them.
     model
@@ -168,17 +168,17 @@ def write_vectors(
     fraction_bits
         F of the words.
     origin
-        What is said of the making.
+        Provenance, written into `vectors.json`.
     progress
         Called with the name of each set.
 
     Raises
     ------
     InputError
-        For an unknown case, or a folder that holds something.
+        For an unknown case, and for a folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise input_error(str(folder), "is there already", "give a new folder")
+        raise input_error(str(folder), "exists already", "give a new folder")
     if not folder.parent.is_dir():
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
     partial = folder.with_name(f".{folder.name}.partial")
@@ -292,14 +292,14 @@ def _readme(fraction_bits: int) -> str:
     rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
     return (
         "# Test vectors for a ray-lenslet design\n\n"
-        "A folder for each set of rays; `vectors.json` lists them, with what each case is for.\n\n"
-        "| file | holds |\n| --- | --- |\n"
-        "| `display.toml` | the display that the rays are for |\n"
+        "A folder for each set of rays; `vectors.json` lists them and says what each case tests.\n\n"
+        "| file | contents |\n| --- | --- |\n"
+        "| `display.toml` | the display of the rays |\n"
         "| `rays.npz` | rays in millimetres, with the truth from 50 digits |\n"
-        "| `words.csv` | the same rays in fixed point: words in, words out; missing where the registers hold no such "
-        "display (`refused` in `vectors.json` says why) |\n"
+        "| `words.csv` | the same rays in fixed point: words in, words out; missing if the display does not fit the "
+        "registers (`refused` in `vectors.json` says why) |\n"
         "| `registers.mem` | for `$readmemh`: a register a line, 64 bits |\n"
-        "| `inputs.mem` | a ray a line: u, v, a, b behind each other, u in the most significant bits |\n"
+        "| `inputs.mem` | a ray a line: u, v, a, b, with u in the most significant bits |\n"
         f"| `expected.mem` | likewise {', '.join(OUTPUTS)}: {sum(widths(OUTPUTS, fraction_bits))} bits in all |\n\n"
         f"Words are signed two's complement. u, v: {PIXEL_BITS} bits, 4 of them fraction, pixels from the panel's "
         f"centre, v upward. a, b: F + 2 bits, F = {fraction_bits} of them fraction, pitches and rows. i, j: lenslet. "

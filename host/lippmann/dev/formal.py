@@ -1,4 +1,4 @@
-"""One formal proof of the RTL, whose work folder is under build/: `python -m lippmann.dev.formal fifo prove_4`.
+"""Runs one formal proof of the RTL, with its work folder under build/: `python -m lippmann.dev.formal fifo prove_4`.
 
 `make formal` runs all of them (tests/rtl/test_formal.py).
 """
@@ -21,22 +21,22 @@ from lippmann.sim.tools import PROOF_TOOLS, repository
 
 
 def tasks(folder: Path) -> dict[str, list[str]]:
-    """Return the tasks of each .sby file in a folder, under its name."""
+    """Return the tasks of each .sby file in a folder, by the file's name."""
     sections = {path.stem: path.read_text().split("[tasks]")[1].split("[")[0] for path in sorted(folder.glob("*.sby"))}
     return {name: [line.split()[0] for line in text.splitlines() if line.strip()] for name, text in sections.items()}
 
 
 def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
-    """Run a task of folder/`name`.sby in a work folder, which is made anew.
+    """Run a task of folder/`name`.sby in a new work folder.
 
     Returns
     -------
-    The verdict (PASS, FAIL, ...; ERROR when there was none), and what sby wrote.
+    The verdict (PASS, FAIL, ...; ERROR when there was none), and the output of sby.
 
     Raises
     ------
     MissingLibraryError
-        When a tool is missing: what installs it.
+        When a tool is missing; the message says what installs it.
     """
     for tool in PROOF_TOOLS:
         if tool.find() is None:

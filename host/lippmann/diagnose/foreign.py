@@ -1,4 +1,4 @@
-"""Rays of somebody else's tracer, read from the files that he has."""
+"""Rays of another tracer, read from its files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Words:
-    """Rays in the RTL's words, the build and the registers that are to give them."""
+    """Rays in the RTL's words, with the build and the registers that should give them."""
 
     build: Build
     registers: Configuration
@@ -48,7 +48,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Foreign:
-    """N rays to be judged: what they start from, and the arrays of `FIELDS` that the file has."""
+    """N rays to be judged: pixels and aperture points, and those arrays of `FIELDS` that the file has."""
 
     pixels: Floats
     aperture: Floats | None
@@ -59,12 +59,12 @@ class Foreign:
 def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None) -> Foreign:
     """Read `.npz` (arrays as `lippmann trace` writes them), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs; left out, `inputs.mem` beside the file.
+    `inputs` is the `.mem` of the inputs; by default `inputs.mem` beside the file.
 
     Raises
     ------
     InputError
-        For what cannot be read, or is not complete.
+        For files that cannot be read or are not complete.
     """
     if not path.is_file():
         raise input_error(str(path), "no such file", "give a .npz, .csv or .mem file of rays")
@@ -88,7 +88,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
         raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
-        raise input_error(str(path), "inputs and outputs are not as many, or none", "give a line a ray in both")
+        raise input_error(str(path), "inputs and outputs differ in number, or are empty", "give a line for each ray")
     return _of_words(columns, display, model, build)
 
 
@@ -102,14 +102,14 @@ def _csv_columns(path: Path) -> dict[str, Ints]:
     try:
         table = np.array([[int(word) for word in row] for row in rows[1:]], np.int64).reshape(-1, len(heading))
     except (ValueError, OverflowError):
-        raise input_error(str(path), "holds what is no whole number, or rows of other lengths", "give words") from None
+        raise input_error(str(path), "contains a non-integer, or rows of different lengths", "give integers") from None
     columns = {name: table[:, heading.index(name)] for name in wanted if name in heading}
     zero = np.zeros(len(table), np.int64)
     return {name: columns.get(name, zero) for name in wanted}
 
 
 def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> None:
-    """Refuse words that their bits do not hold."""
+    """Refuse words that exceed their bits."""
     for (name, column), bits in zip(columns.items(), widths(tuple(columns), fraction_bits), strict=True):
         unsigned = bits == STATUS_BITS
         low, high = (0, (1 << bits) - 1) if unsigned else (-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
@@ -144,7 +144,9 @@ def _of_arrays(path: Path) -> Foreign:
         with np.load(path) as file:
             if FROM_WORLD in file.files:
                 raise input_error(
-                    str(path), "holds rays from the world", "give rays from the panel: regress judges the way out only"
+                    str(path),
+                    "holds rays from the world",
+                    "give rays from the panel; regress judges only those",
                 )
             raw = {name: file[name] for name in ("pixel", "aperture_mm", *FIELDS) if name in file.files}
     except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
@@ -152,7 +154,7 @@ def _of_arrays(path: Path) -> Foreign:
     arrays = {}
     for name, array in raw.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
-            kind = array.dtype if isinstance(array, np.ndarray) else "no array"
+            kind = array.dtype if isinstance(array, np.ndarray) else "not an array"
             raise input_error(str(path), f"{name} is {kind}", "give real numbers")
         arrays[name] = np.atleast_1d(array).astype(np.float64)
     for name in ("pixel", "direction"):

@@ -1,0 +1,375 @@
+"""`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
+
+A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops
+a statement. It is made in a copy of the checkout. The tests nearest to the faulty file, by name and by imports, run
+first and stop at the first failure; then the other tests of tests/host run, and last the tests of `LAST`, which
+simulate the RTL. A fault is caught when a test fails that passes without the fault.
+
+Docstrings, annotations, decorators and the texts of errors stay as they are.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import click
+import numpy as np
+
+from lippmann.cli import run
+from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
+from lippmann.errors import LippmannError
+from lippmann.images import check_output
+from lippmann.sim.tools import repository
+
+PACKAGE = Path("host/lippmann")
+#: Parts of the package that get as many faults as each other.
+AREAS = (("display.py",), ("optics",), ("fixed",), ("link", "board"), ("rendering",))
+#: Tests that run last, by the part of the package: they simulate the RTL.
+LAST = {
+    "fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"),
+    "link": ("tests/system",),
+    "board": ("tests/system",),
+}
+#: Test files of a fault's first stage, and those that never run: this program's own.
+FIRST, OWN = 8, ("test_host_mutation",)
+#: Seconds that a test may take, and the whole of a stage.
+TEST_S, STAGE_S = 300, 3600
+
+#: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
+SAME: dict[tuple[str, str], str] = {}
+
+#: Operators, and the wrong one in place of each.
+SWAPS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"),
+    ast.Mod: ("%", "*"), ast.Pow: ("**", "*"), ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
+    ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"), ast.BitXor: ("^", "|"), ast.And: ("and", "or"),
+    ast.Or: ("or", "and"), ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"),
+    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"),
+    ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
+}  # fmt: skip
+
+#: Begin and end in a file, bytes, and the text that comes there.
+Edit = tuple[int, int, str]
+
+
+def faults_of(path: Path, file: str) -> list[Fault]:
+    """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
+    text = path.read_text()
+    source = text.encode()
+    finder = _Finder(source)
+    finder.visit(ast.parse(text))
+    lines, found = text.split("\n"), []
+    for begin, end, new in sorted(set(finder.edits)):
+        first, last = source.count(b"\n", 0, begin), source.count(b"\n", 0, end)
+        was = "\n".join(lines[first : last + 1])
+        start = len("\n".join(lines[:first]).encode()) + (first > 0)
+        code = was.encode()
+        now = (code[: begin - start] + new.encode() + code[end - start :]).decode()
+        found.append(Fault(file, first + 1, was, now))
+    return found
+
+
+def differs(fault: Fault, text: str) -> bool:
+    """Tell whether a fault makes another program of a file's text, and one that is Python."""
+    try:
+        return ast.dump(ast.parse(fault.changed(text))) != ast.dump(ast.parse(text))
+    except SyntaxError:
+        return False
+
+
+class _Finder(ast.NodeVisitor):
+    """Collects the edits of a file."""
+
+    def __init__(self, source: bytes) -> None:
+        self.source = source
+        self.starts = [0, *(match.end() for match in re.finditer(b"\n", source))]
+        self.edits: list[Edit] = []
+
+    def span(self, node: ast.AST) -> tuple[int, int]:
+        """Return where a node begins and ends, bytes."""
+        begin = self.starts[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
+        return begin, self.starts[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
+
+    def text(self, node: ast.AST) -> str:
+        """Return a node's source."""
+        begin, end = self.span(node)
+        return self.source[begin:end].decode()
+
+    def operator(self, left: ast.AST, op: ast.AST, right: ast.AST) -> None:
+        """Swap the operator between two nodes."""
+        was, now = SWAPS[type(op)]
+        begin, end = self.span(left)[1], self.span(right)[0]
+        place = re.search(re.escape(was).replace(r"\ ", r"\s+").encode(), self.source[begin:end])
+        if place:
+            self.edits.append((begin + place.start(), begin + place.end(), now))
+
+    def replace(self, node: ast.AST, text: str) -> None:
+        """Put a text in a node's place."""
+        self.edits.append((*self.span(node), text))
+
+    def visit_BinOp(self, node: ast.BinOp) -> None:
+        """Swap the operator."""
+        if type(node.op) in SWAPS:
+            self.operator(node.left, node.op, node.right)
+        self.generic_visit(node)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        """Swap the operator; drop the statement."""
+        if type(node.op) in SWAPS:
+            self.operator(node.target, node.op, node.value)
+        self.replace(node, "pass")
+        self.generic_visit(node)
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        """Swap each comparison."""
+        for left, op, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
+            self.operator(left, op, right)
+        self.generic_visit(node)
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> None:
+        """Swap each `and` or `or`."""
+        for left, right in zip(node.values, node.values[1:], strict=False):
+            self.operator(left, node.op, right)
+        self.generic_visit(node)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
+        """Drop the sign or the `not`."""
+        self.replace(node, self.text(node.operand))
+        self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        """Change a number; texts stay."""
+        if isinstance(node.value, bool):
+            self.replace(node, str(not node.value))
+        elif isinstance(node.value, int):
+            self.replace(node, str(node.value + 1))
+        elif isinstance(node.value, float):
+            self.replace(node, repr(1.1 * node.value or 1.0))
+
+    def visit_Call(self, node: ast.Call) -> None:
+        """Swap neighbouring arguments; a cast has no effect."""
+        if isinstance(node.func, ast.Name) and node.func.id == "cast":
+            self.visit(node.args[1])
+            return
+        for one, two in zip(node.args, node.args[1:], strict=False):
+            if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
+                (begin, end), (start, stop) = self.span(one), self.span(two)
+                between = self.source[end:start].decode()
+                self.edits.append((begin, stop, f"{self.text(two)}{between}{self.text(one)}"))
+        self.generic_visit(node)
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        """Drop a call; docstrings stay."""
+        if isinstance(node.value, ast.Call):
+            self.replace(node, "pass")
+            self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> None:
+        """Drop the statement; the text of an error stays."""
+        self.replace(node, "pass")
+
+    def negate(self, node: ast.If | ast.While | ast.IfExp) -> None:
+        """Negate the condition; what type checkers alone read stays."""
+        if self.text(node.test) != "TYPE_CHECKING":
+            self.replace(node.test, f"not ({self.text(node.test)})")
+            self.generic_visit(node)
+
+    visit_If = visit_While = visit_IfExp = negate  # noqa: N815
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """Leave formatted texts alone: Python 3.11 does not say where their parts are."""
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """Visit the value, not the annotation."""
+        if node.value is not None:
+            self.visit(node.value)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        """Visit defaults and body, not decorators and annotations."""
+        for part in (*node.args.defaults, *filter(None, node.args.kw_defaults), *node.body):
+            self.visit(part)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """Visit the body."""
+        for part in node.body:
+            self.visit(part)
+
+
+# ---- which tests reach a file ----
+
+
+def _imports(path: Path, modules: dict[str, Path]) -> set[str]:
+    """Return the modules that a file imports, those inside functions and those named in texts included."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            found.add(node.value)
+        elif isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant):
+            prefix = str(node.values[0].value)
+            if prefix.startswith("lippmann."):
+                found |= {name for name in modules if name.startswith(prefix)}
+    return found & modules.keys()
+
+
+@cache
+def _graph(top: Path) -> tuple[dict[str, Path], dict[str, set[str]]]:
+    """Return the modules of tests/host and of the package, and what each imports."""
+    modules = {path.stem: path for path in (top / "tests" / "host").glob("*.py")}
+    for path in (top / PACKAGE).rglob("*.py"):
+        parts = path.relative_to(top / "host").with_suffix("").parts
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return modules, {name: _imports(path, modules) for name, path in modules.items()}
+
+
+def order_tests(top: Path, file: str) -> tuple[list[str], list[str]]:
+    """Return the test files of tests/host for a file: the `FIRST` nearest, and the others, nearest first.
+
+    Near are those with the file's name in theirs, then those that import it over the fewest other files, then those
+    that import least.
+    """
+    modules, imports = _graph(top)
+    target = next(name for name, path in modules.items() if path == top / file)
+    words = {word[:6] for word in target.split(".")[-1].split("_") if len(word) > 3}
+    ranked = []
+    for test in (name for name in modules if name.startswith("test_") and name not in OWN):
+        distance, seen, edge = {test: 0}, {test}, {test}
+        while edge:
+            edge = set().union(*(imports[name] for name in edge)) - seen
+            distance |= dict.fromkeys(edge, max(distance.values()) + 1)
+            seen |= edge
+        named = words & {word[:6] for word in test.split("_")}
+        ranked.append((not (named and target in seen), distance.get(target, len(modules)), len(seen), test))
+    files = [f"tests/host/{row[-1]}.py" for row in sorted(ranked)]
+    return files[:FIRST], files[FIRST:]
+
+
+def _last(file: str) -> list[str]:
+    """Return the tests of a file that simulate the RTL."""
+    area, stem = Path(file).relative_to(PACKAGE).parts[0], Path(file).stem
+    own = repository() / "tests" / "rtl" / stem
+    return [*([f"tests/rtl/{stem}"] if area == "fixed" and own.is_dir() else []), *LAST.get(area, ())]
+
+
+# ---- trying a fault ----
+
+
+class Scratch:
+    """A copy of the checkout in a folder, in which one fault at a time is tried."""
+
+    def __init__(self, folder: Path, jobs: int = 1) -> None:
+        self.folder = folder
+        self.jobs = jobs
+        self.sound: set[str] = set()  # tests that pass without a fault
+        copy_checkout(folder)
+
+    def put(self, file: str, text: str) -> None:
+        """Write a file, and forget its compiled form, which a write within a second would leave valid."""
+        path = self.folder / file
+        path.write_text(text)
+        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
+            compiled.unlink()
+
+    def fate(self, fault: Fault) -> str:
+        """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
+        text = (self.folder / fault.file).read_text()
+        if not differs(fault, text):
+            return "refused"
+        first, others = order_tests(self.folder, fault.file)
+        self.put(fault.file, fault.changed(text))
+        try:
+            for stage in (first, others, _last(fault.file)):
+                failed = self.failed(stage) if stage else None
+                if failed is not None:
+                    break
+        finally:
+            self.put(fault.file, text)
+        if failed is None:
+            return "survived"
+        if failed and failed not in self.sound:
+            if self.failed([failed]) is not None:
+                raise LippmannError(f"{failed} fails without a fault; mend it first")
+            self.sound.add(failed)
+        return f"caught by {failed or 'a crash or a time-out'}"
+
+    def failed(self, tests: list[str]) -> str | None:
+        """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
+        cache = self.folder / ".faults_cache"
+        recorded = cache / "v" / "cache" / "lastfailed"
+        recorded.unlink(missing_ok=True)
+        command = [
+            sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", "--tb=no", "-o", f"cache_dir={cache}",
+            "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
+            *(["-n", str(self.jobs)] if self.jobs > 1 and len(tests) > 1 else []), *tests,
+        ]  # fmt: skip
+        environment = {"LIPPMANN_SEED": "1908", **os.environ, "PYTHONPATH": str(self.folder / "host")}
+        with subprocess.Popen(
+            command, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        ) as process:  # fmt: skip
+            try:
+                said, _ = process.communicate(timeout=STAGE_S)
+            except BaseException as error:
+                os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
+                if isinstance(error, subprocess.TimeoutExpired):
+                    return ""
+                raise
+        if process.returncode == 0:
+            return None
+        if process.returncode in (4, 5):  # wrong call, no tests
+            raise LippmannError(f"pytest does not run in the copy: {said.strip().splitlines()[-1]}")
+        return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
+
+
+def groups(top: Path) -> Iterator[list[Fault]]:
+    """Yield the faults of each area."""
+    for parts in AREAS:
+        paths = [path for part in parts for path in _files(top / PACKAGE / part)]
+        yield [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
+
+
+def _files(path: Path) -> list[Path]:
+    return [path] if path.suffix else sorted(path.rglob("*.py"))
+
+
+@click.command()
+@click.option("--count", default=60, show_default=True, type=click.IntRange(1), help="Number of faults.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the choice of faults.")
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+def main(count: int, seed: int, jobs: int, report: str) -> None:
+    """Put faults into the host's Python and report how many the quick tests catch.
+
+    Example: python -m lippmann.dev.host_mutation --count 5 --report out
+    """
+    check_output(Path(report) / "host_mutation.md", (".md",))
+    top = repository()
+    with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
+        scratch = Scratch(Path(folder), jobs)
+        rows = try_faults(in_turn(list(groups(top)), np.random.default_rng(seed)), count, scratch.fate, SAME)
+    survivors = [fault.diff((top / fault.file).read_text()) for fault, end in rows if end == "survived"]
+    diffs = "".join(f"\n```diff\n{diff}\n```\n" for diff in survivors)
+    text = (
+        "Each is one swapped operator, one changed number, sign or comparison, one negated condition, two swapped "
+        "arguments, or one dropped statement. A fault is caught when a quick test fails that passes without it."
+    )
+    command = f"make mutation-host (--count {count} --seed {seed})"
+    more = f"\n## Survivors\n{diffs}" if survivors else ""
+    click.echo(write_faults(Path(report), "host_mutation", "Faults in the host", text, rows, command, more))
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,156 @@
+"""The mutation tool for the host: what it takes for a fault, which tests it runs first, and that they find one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.dev import faults, host_mutation
+from lippmann.dev.faults import Fault, in_turn, try_faults, write_faults
+from lippmann.dev.host_mutation import Scratch, differs, faults_of, order_tests
+from lippmann.errors import LippmannError
+from lippmann.sim.tools import repository
+
+TOP = repository()
+
+
+def changes_of(tmp_path, text):
+    """Each fault of a program, as its changed lines."""
+    path = tmp_path / "program.py"
+    path.write_text(text)
+    found = faults_of(path, "program.py")
+    return [fault.now.strip() for fault in found if differs(fault, text)]
+
+
+@pytest.mark.parametrize(
+    ("line", "faulty"),
+    [
+        ("y = a + b", ["y = a - b"]),
+        ("y = (a) ** b  # not * here", ["y = (a) * b  # not * here"]),
+        ("y = a < b == c", ["y = a <= b == c", "y = a < b != c"]),
+        ("y = a is not b", ["y = a is b"]),
+        ("y = a not in b or c", ["y = a in b or c", "y = a not in b and c"]),
+        ("y = -a", ["y = a"]),
+        ("y = x[7], 0.5, True", ["y = x[8], 0.5, True", "y = x[7], 0.55, True", "y = x[7], 0.5, False"]),
+        ("y = 0.0", ["y = 1.0"]),
+        ("y = f(a, b, k=c)", ["y = f(b, a, k=c)"]),
+        ("y = f(a, *b)", []),
+        ("f(a)", ["pass"]),
+        ("y += a", ["pass", "y -= a"]),
+        ("y = a if b else c", ["y = a if not (b) else c"]),
+        ("y = cast(int, a + b)", ["y = cast(int, a - b)"]),
+        ("y = 'ä' + 'ö', a * b", ["y = 'ä' - 'ö', a * b", "y = 'ä' + 'ö', a / b"]),
+    ],
+)  # fmt: skip
+def test_each_place_gives_one_fault(tmp_path, line, faulty):
+    assert sorted(changes_of(tmp_path, f"{line}\n")) == sorted(faulty)
+
+
+def test_texts_types_and_errors_are_no_places_for_faults(tmp_path):
+    text = '''"""With 1 + 1 == 2."""
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import json
+
+@decorate(1 + 1)
+def f(a: tuple[1, 2], b: "int | None" = None) -> list[3]:
+    """Return f(1, 2), not 3."""
+    c: dict[4, 5]
+    d = f"{a + b} {1}"
+    raise ValueError(a, b + 1)
+'''
+    assert changes_of(tmp_path, text) == ["pass"], "the raise alone"
+
+
+def test_a_fault_over_two_lines(tmp_path):
+    text = "def g():\n    return f(\n        a,\n        b,\n    )\n"
+    path = tmp_path / "program.py"
+    path.write_text(text)
+    (fault,) = faults_of(path, "program.py")
+    assert fault.changed(text) == "def g():\n    return f(\n        b,\n        a,\n    )\n"
+    assert "+        b,\n         a,\n-        b,\n" in fault.diff(text)
+    with pytest.raises(ValueError, match=r"program\.py:3 is not"):
+        fault.changed(text.replace("a", "z"))
+
+
+def test_every_file_of_the_areas_has_faults():
+    groups = list(host_mutation.groups(TOP))
+    files = {fault.file for group in groups for fault in group}
+    assert len(groups) == 5
+    for name in ("display.py", "optics/dome.py", "fixed/raster.py", "link/packets.py", "board/tiles.py",
+                 "rendering/lights.py"):  # fmt: skip
+        assert f"host/lippmann/{name}" in files
+    assert all(len(group) > 100 for group in groups)
+
+
+def test_nearest_tests_run_first():
+    assert order_tests(TOP, "host/lippmann/display.py")[0][0] == "tests/host/test_display.py"
+    assert order_tests(TOP, "host/lippmann/fixed/raster.py")[0][0] == "tests/host/test_raster_twin.py"
+    first, others = order_tests(TOP, "host/lippmann/optics/exact.py")
+    assert first[0] == "tests/host/test_golden_exact.py"
+    everything = {f"tests/host/{path.name}" for path in (TOP / "tests/host").glob("test_*.py")} - {
+        "tests/host/test_host_mutation.py"
+    }
+    assert {*first, *others} == everything
+    assert len(first) + len(others) == len(everything)
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    return Scratch(tmp_path_factory.mktemp("scratch") / "copy")
+
+
+def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch):
+    path = TOP / "host/lippmann/glass.py"
+    text = path.read_text()
+    planted = [fault for fault in faults_of(path, "host/lippmann/glass.py") if differs(fault, text)]
+    fault = next(fault for fault in planted if fault.was.count(" / ") > fault.now.count(" / "))
+    assert scratch.fate(fault).startswith("caught by tests/host/test_glass.py::")
+    assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
+
+
+def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
+    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: (["tests/host/test_glass.py"], []))
+    path = TOP / "host/lippmann/glass.py"
+    first = path.read_text().split("\n")[0]
+    docstring = Fault("host/lippmann/glass.py", 1, first, first.replace(" ", "  ", 1))
+    assert scratch.fate(docstring) == "survived"
+    place = path.read_text().split("\n").index("from __future__ import annotations") + 1
+    assert scratch.fate(Fault(docstring.file, place, "from __future__ import annotations", "from (")) == "refused"
+
+
+def test_a_test_that_fails_without_the_fault_is_an_error(scratch, monkeypatch):
+    (scratch.folder / "tests/host/test_broken.py").write_text("def test_broken():\n    assert False\n")
+    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: (["tests/host/test_broken.py"], []))
+    line = "from __future__ import annotations"
+    place = (TOP / "host/lippmann/glass.py").read_text().split("\n").index(line) + 1
+    fault = Fault("host/lippmann/glass.py", place, line, f"{line}; 1")
+    with pytest.raises(LippmannError, match=r"test_broken\.py::test_broken fails without a fault"):
+        scratch.fate(fault)
+
+
+def test_faults_are_counted_and_reported(tmp_path, capsys):
+    made = [Fault("a.py", k, f"was {k}", f"now {k} | x") for k in (1, 2, 3, 4)]
+    ends = {1: "caught by t", 2: "survived", 3: "refused", 4: "survived"}
+    rows = try_faults(iter(made), 3, lambda fault: ends[fault.line], {("a.py", "now 4"): "0 is 0"})
+    assert [end for _, end in rows] == ["caught by t", "survived", "no fault: 0 is 0"]
+    assert "3/3 a.py:4 no fault: 0 is 0" in capsys.readouterr().err
+    said = write_faults(tmp_path, "page", "Faults", "Text.", rows, "make x", "\n## More\n")
+    assert said == f"1 of 2 faults caught (50.0 %): {tmp_path}/page.md"
+    page = (tmp_path / "page.md").read_text()
+    assert "1 of 2 faults caught (50.0 %); 1 more changes are no faults" in page
+    assert "`now 2 \\| x`" in page
+    assert len((tmp_path / "page.csv").read_text().splitlines()) == 8
+
+
+def test_groups_take_turns():
+    groups = [[Fault(name, k, "", "") for k in range(size)] for name, size in (("a", 5), ("b", 1), ("c", 2))]
+    files = "".join(fault.file for fault in in_turn(groups, np.random.default_rng(1)))
+    assert files == "abcacaaa"
+
+
+def test_the_copy_is_the_checkout_without_compiled_files(scratch):
+    assert (scratch.folder / "scenes/displays/paper-hex.toml").is_file()
+    assert all((scratch.folder / name).exists() for name in faults.TESTED)
+    assert not list(Path(scratch.folder, "docs").rglob("__pycache__"))
