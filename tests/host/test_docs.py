@@ -272,13 +272,15 @@ def reader_folder(folder):
 
 def run_page(page, folder):
     """Write a page's files and run its commands, in the page's order."""
-    environment = {**os.environ, "MPLBACKEND": "agg", "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     servers = []
     try:
         for kind, text in blocks(page, "sh", "toml", "xml", *(["python"] if name_of(page) in PROGRAMS else [])):
             if kind == "python":
                 command = [sys.executable, "-W", "error", "-c", text]
-                done = subprocess.run(command, check=False, cwd=folder, env=environment, capture_output=True, text=True)
+                # Without a desktop a window is not shown, which would wait for its user.
+                bare = {key: value for key, value in environment.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+                done = subprocess.run(command, check=False, cwd=folder, env=bare, capture_output=True, text=True)
                 assert done.returncode == 0, f"{text}\n{done.stderr}"
                 continue
             if kind != "sh":
