@@ -1,4 +1,4 @@
-"""Makes the picture of the shipped film: what an eye sees of four of its frames. `make pictures` runs it."""
+"""Draw the picture of the shipped film: an eye's view of four frames. `make pictures` runs it."""
 
 from lippmann import load_display
 from lippmann.animation import to_srgb8

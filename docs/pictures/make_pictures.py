@@ -1,4 +1,4 @@
-"""Makes the pictures that the documentation shows, and the table in docs/models.md. `make pictures` runs it.
+"""Draw the pictures of the documentation, and write the table in docs/models.md. `make pictures` runs it.
 
 Takes a minute or two on two cores. `--table` makes the table alone, in a few seconds.
 """
@@ -25,7 +25,7 @@ EYE_MM = 600.0
 BACKGROUND, INK, MARK = (255, 255, 255), (40, 40, 40), (255, 255, 0)
 FONT = ImageFont.load_default(13)
 
-#: Displays of the models' table and plot beside the shipped ones: (name, what to say of it, TOML).
+#: Displays of the models' table and plot in addition to the shipped ones: (name, description, TOML).
 PANEL = "[panel]\nwidth_px = 2400\nheight_px = 2400\ndpi = 600\n"
 VARIATIONS = (
     (
@@ -108,7 +108,7 @@ def make_pictures(mi):
 
     on_square, on_hex = integral(fish, square), integral(fish, hexagonal)
 
-    # The integral image and what it consists of.
+    # The integral image, whole and enlarged.
     centre, side, width_px = (1000, 1080), 144, 288
     whole = picture(on_square, width_px)
     scale = width_px / square.panel.width_px
@@ -121,7 +121,7 @@ def make_pictures(mi):
         "integral.png",
     )
 
-    # Contact sheets.
+    # Views of several eyes.
     for name, image, display, reach in (("square", on_square, square, 30), ("hex", on_hex, hexagonal, 100)):
         xs = (-reach, 0, reach)
         views = [Image.fromarray(to_srgb8(look(image, display, (x, 0.0)))) for x in xs]
@@ -136,7 +136,7 @@ def make_pictures(mi):
     stills += stills[-2:0:-1]
     save(stills[0], "sweep.gif", save_all=True, append_images=stills[1:], duration=90, loop=0)
 
-    # What the eye and the display's errors do.
+    # Misalignment, and an eye outside the viewing zone.
     wrong = (
         ("as designed", square, (0.0, 0.0)),
         ("array turned by 1 degree", square.misaligned(rotation_deg=1.0), (0.0, 0.0)),
@@ -170,20 +170,20 @@ def make_pictures(mi):
 
 
 def table_displays():
-    """Return (name, what, display) of the displays in the models' table."""
+    """Return (name, description, display) of the displays in the models' table."""
     shipped = [(name, what, load_display(SCENES / f"displays/{name}.toml")) for name, what in SHIPPED]
     return shipped + [(name, what, parse_display(text.format(panel=PANEL), name)) for name, what, text in VARIATIONS]
 
 
 def errors_px(display: Display, aperture: str, depths_mm: tuple[float, float]) -> list[float]:
-    """Return the largest error of each model but `exact` over the probe."""
+    """Return the largest error of each model except `exact` over the probe."""
     pixels, points = probe(display, aperture)
     truth = trace(display, pixels, points, "exact")
     return [model_error_px(display, truth, trace(display, pixels, points, m), depths_mm) for m in MODELS[:-1]]
 
 
 def models_table() -> str:
-    """Return the table of docs/models.md: each model's error, pixels of the reconstructed view, and what auto takes."""
+    """Return the table of docs/models.md: errors in pixels of the reconstructed view, and the choice of auto."""
     lines = [
         "| display | rays | pinhole | thin | paraxial | `auto` takes |",
         "|---|---|---|---|---|---|",

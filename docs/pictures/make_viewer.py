@@ -1,4 +1,4 @@
-"""Makes the picture of the viewer page: the fish, in headless Chromium. `make pictures` runs it."""
+"""Draw the picture of the viewer page with the fish, in headless Chromium. `make pictures` runs it."""
 
 import base64
 import io
@@ -17,11 +17,11 @@ from PIL import Image
 HERE = Path(__file__).resolve().parent
 TOP = HERE.parents[1]
 SIZE_PX = (1240, 900)
-#: Where the eye stands; the direct render beside it is of the same.
+#: Position of the eye, for the view and for the direct render beside it.
 EYE_MM = (-15.0, 5.0, 600.0)
 
-#: Once the view is at rest, all of its rays traced, moves the eye to where the scene itself was seen from, shows three
-#: lenslets of the panel, and waits until it rests again.
+#: Waits until all rays of the view are traced, moves the eye to that of the direct render, shows three lenslets of the
+#: panel, and waits again.
 READY = """
 lippmann.viewer.then(async () => {
   const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));

@@ -1,4 +1,4 @@
-"""The documentation as a site: `make site`. The pages are the repository's own, where they lie."""
+"""Sphinx configuration of the documentation's site: `make site`. It reads the pages in place."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 source_suffix = {".md": "markdown"}
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
-# Sphinx walks through all that is not excluded.
+# Sphinx searches every folder that is not excluded.
 exclude_patterns = [".*", "build", "out", "host", "rtl", "sim", "tests"]
 
-# Anchors are made as forges make them, so that a link leads to the same place here and there.
+# Anchors are those that forges make, so that links work on both.
 myst_heading_anchors = 4
 
-smartquotes_action = "qe"  # quotes and ellipses; a dash made of -- would break options
+smartquotes_action = "qe"  # quotes and ellipses only: a dash made from -- would break options
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-autosummary_generate = False  # numpydoc would have it make pages
+autosummary_generate = False  # numpydoc would generate pages
 numpydoc_show_class_members = False  # autodoc lists them
 
 html_theme = "furo"
 html_title = f"Lippmann {release}"
 html_copy_source = False
 html_show_sphinx = False
-# Everything lies in the folder: the site is read without a network.
+# The site needs no network.
 html_theme_options = {"sidebar_hide_name": False}
 
-#: Parts of the table of contents, and the folder or the page that holds each.
+#: Parts of the table of contents, and the folders or pages of each.
 PARTS = {
     "How to": "docs/how-to/",
     "Reference": "docs/reference/",
@@ -47,9 +47,9 @@ PARTS = {
 
 
 def add_contents(app, docname, source):
-    """Give the first page, which forges show too, the table of contents that only the site needs.
+    """Add the site's table of contents to the first page, which forges show without it.
 
-    Pages stand in the order of the first page's own table; those that it does not name, last.
+    Pages have the order of the first page's own table; pages that it does not name come last.
     """
     if docname != root_doc:
         return
@@ -66,14 +66,14 @@ def add_contents(app, docname, source):
 
 
 def add_index(app, error):
-    """Lead from index.html to the first page."""
+    """Write an index.html that redirects to the first page."""
     if error is None and app.builder.format == "html":
         refresh = f'<!doctype html><meta http-equiv="refresh" content="0; url={root_doc}.html"><title>Lippmann</title>'
         (Path(app.outdir) / "index.html").write_text(f'{refresh}<a href="{root_doc}.html">Lippmann</a>\n')
 
 
 def skip_constants(app, what, name, thing, skip, options):
-    """Leave out a module's constants: their comments are for who reads the source."""
+    """Leave out a module's constants: their comments are for readers of the source."""
     return skip or (what == "module" and not callable(thing))
 
 

@@ -122,9 +122,9 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
     """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
 
     From a lenslet to its neighbour along a lattice vector a, the phase of the pixel columns, of frequency k = (1/p, 0),
-    advances by k . a cycles. Whole cycles are invisible, so that the eye sees the longest wave whose frequency f has
-    f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k from the reciprocal lattice. Infinite
-    where each lenslet has the same phase.
+    advances by k . a cycles. Whole cycles are invisible, so the eye sees the longest wave whose frequency f satisfies
+    f . a = k . a modulo 1 for both lattice vectors. The length of f is the distance of k from the reciprocal lattice.
+    The period is infinite where each lenslet has the same phase.
     """
     array = display.array
     ratio = array.pitch_mm / display.panel.pixel_pitch_mm

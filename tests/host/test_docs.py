@@ -31,6 +31,8 @@ LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
 #: Pages whose commands render large panels or many frames.
 SLOW = ("README.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
+#: Pages whose Python programs run between the commands, as a board that they need is started and stopped there.
+PROGRAMS = ("README.md",)
 INDENTED = re.compile(
     r"^    ((?:lippmann|make|python3?|pip|git|cd|source|dask|mitsuba|povray|pytest|sudo|export)(?: .*)?)$", re.M
 )
@@ -273,7 +275,14 @@ def run_page(page, folder):
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     servers = []
     try:
-        for kind, text in blocks(page, "sh", "toml", "xml"):
+        for kind, text in blocks(page, "sh", "toml", "xml", *(["python"] if name_of(page) in PROGRAMS else [])):
+            if kind == "python":
+                command = [sys.executable, "-W", "error", "-c", text]
+                # Without a desktop a window is not shown, which would wait for its user.
+                bare = {key: value for key, value in environment.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+                done = subprocess.run(command, check=False, cwd=folder, env=bare, capture_output=True, text=True)
+                assert done.returncode == 0, f"{text}\n{done.stderr}"
+                continue
             if kind != "sh":
                 named = FILE_NAME.match(text)
                 if named:

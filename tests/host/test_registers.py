@@ -49,7 +49,7 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
 def test_a_definition_without_descriptions_is_refused(tmp_path):
     text = (TOP / "rtl/registers.rdl").read_text()
     (tmp_path / "rtl").mkdir()
-    (tmp_path / "rtl/registers.rdl").write_text(text.replace('desc = "Further domes tried.";', ""))
+    (tmp_path / "rtl/registers.rdl").write_text(text.replace('desc = "Number of further domes to try.";', ""))
     with pytest.raises(InputError, match="walk has no desc"):
         generate(tmp_path, tmp_path)
 

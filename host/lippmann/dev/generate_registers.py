@@ -42,9 +42,9 @@ _MAPS = (
         "optics_registers",
         Path("host/lippmann/registers/optics.json"),
         Path("docs/reference/registers.md"),
-        "32-bit words at byte addresses on an APB4 bus; an address that holds nothing, or an access that a register "
-        "does not know, answers with an error. Signed fields are two's complement; F is the build's number of fraction "
-        "bits. [optics-block.md](optics-block.md) says when commands take effect.",
+        "Registers are 32-bit words at byte addresses on an APB4 bus. An address without a register, or an access that "
+        "a register does not allow, returns an error. Signed fields are two's complement. F is the number of fraction "
+        "bits of the build. [The optics block](optics-block.md) explains when commands take effect.",
         0x200,
     ),
     _Map(
@@ -52,9 +52,9 @@ _MAPS = (
         "board_registers",
         Path("host/lippmann/registers/board.json"),
         Path("docs/reference/board-registers.md"),
-        "32-bit words at byte addresses, read and written by the packets READ and WRITE of [the protocol](protocol.md)."
-        " The [optics block's registers](registers.md) are on the same board from address `0x200` on. Signed fields "
-        "are two's complement.",
+        "Registers are 32-bit words at byte addresses; the packets READ and WRITE of [the protocol](protocol.md) "
+        "access them. The [optics block's registers](registers.md) begin at address `0x200`. Signed fields are two's "
+        "complement.",
         0x000,
     ),
 )
