@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from lippmann.dev.synthesis import REPLACED, elaborate, place, run_tool, sources, stages
 from lippmann.fixed.configurations import CONFIGURATIONS
-from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
+from lippmann.sim.compilation import SHORT, kept, verilated
+from lippmann.sim.tools import repository, verilator_environment
+from runner import BUILD
 
 TOP = repository()
 HERE = Path(__file__).parent / "cells"
@@ -21,24 +23,22 @@ SEED = 1
 
 
 @pytest.fixture(scope="module", params=["generic", "ecp5"])
-def printed(request, tmp_path_factory):
+def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
-    folder = tmp_path_factory.mktemp(request.param)
     optics, synth = TOP / "rtl" / "optics", TOP / "sim" / "synth"
     files = {
         "generic": [optics / f"{module}.sv" for module in REPLACED],
         "ecp5": [*(synth / f"{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
     }[request.param]
     shared = [optics / name for name in ("optics_pkg.sv", "delay.sv", "fifo.sv")]
-    command = [
-        "verilator", "--cc", "--exe", "--build", "-Mdir", str(folder), "--top-module", "bench", "-o", "bench",
-        "-Wno-PINMISSING",  # the wrappers leave the cells' unused ports open
-        *(word for flag in (*MAKE_FLAGS, "OPT_GLOBAL=-O0") for word in ("-MAKEFLAGS", flag)),
-        *map(str, [*shared, HERE / "bench.sv", HERE / "main.cpp", *files]),
-    ]  # fmt: skip
-    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    run = [str(folder / "bench"), str(CLOCKS), f"+verilator+seed+{SEED}"]
+    sources = [*shared, HERE / "bench.sv", *files]
+
+    def make(program: Path) -> None:
+        # The wrappers leave the cells' unused ports open.
+        verilated(program, "bench", sources, [HERE / "main.cpp"], options=["-Wno-PINMISSING"], flags=SHORT)
+
+    program = kept(BUILD / f"cells-{request.param}", [*sources, HERE / "main.cpp"], make)
+    run = [str(program), str(CLOCKS), f"+verilator+seed+{SEED}"]
     print(f"seed {SEED}")
     said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
     rows: dict[str, list[list[str]]] = {}

@@ -33,7 +33,8 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.images import check_output
 from lippmann.provenance import provenance
 from lippmann.report.tables import table, write_report
-from lippmann.sim.harness import Harness, RtlError, compile_library
+from lippmann.sim.compilation import RtlError
+from lippmann.sim.harness import Harness, compile_library
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
 #: The builds that a fault is tried in, until one shows it; between them they instantiate every module.
@@ -164,7 +165,7 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
             continue
         try:
             library = work / f"{os.urandom(6).hex()}.so"
-            compile_library(build, sources, library, fast=False)
+            compile_library(build, sources, library, flags=["-O0"])
         except RtlError:
             refused = True
             continue
