@@ -14,16 +14,15 @@ from pathlib import Path
 import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
-from lippmann.sim.compilation import kept, verilated
+from lippmann.sim.compilation import SHORT, kept, verilated
 from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
-#: What a bench is compiled with: it runs for a second or so. cocotb's library calls the runtime, whose names are shown.
+#: Verilator's options for a bench.
 OPTIONS = (
     "--vpi", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
 )  # fmt: skip
-FLAGS = ("-O1",)
 
 
 def seed() -> int:
@@ -62,9 +61,9 @@ def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str =
         beside = program.with_name("bench.sv")
         beside.write_text(bench)
         files = [*sources, beside, ports]
-        verilated(program, top, files, [cpp], parameters, options=OPTIONS, flags=FLAGS, link=link)
+        verilated(program, top, files, [cpp], parameters, options=OPTIONS, flags=SHORT, link=link)
 
-    inputs = [*sources, cpp, bench, *map(repr, (top, parameters, OPTIONS, FLAGS)), *link, version("cocotb")]
+    inputs = [*sources, cpp, bench, *map(repr, (top, parameters, OPTIONS)), *link, version("cocotb")]
     return kept(BUILD / name, inputs, make)
 
 

@@ -21,14 +21,13 @@ from pathlib import Path
 from lippmann.errors import LippmannError
 from lippmann.sim.tools import repository, verilator_environment, verilator_folder
 
-#: A library or a program shows no name that its C++ does not mark: the compiler may inline the model.
-HIDDEN = "-fvisibility=hidden"
-#: Optimise for speed on this processor.
-FAST = ("-O3", "-march=native", HIDDEN)
+#: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
+FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: For a simulation that is shorter than its compilation.
-SHORT = ("-O1", HIDDEN)
+SHORT = ("-O1",)
 
-_ALWAYS = ("-std=gnu++17", "-fPIC")
+# Libraries that a process loads share no variable of their runtimes.
+_ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
 _SETTING = re.compile(r"^(VM_(?:COVERAGE|TIMING|TRACE\w*)) = (\d)$", re.M)
 
 
@@ -117,9 +116,8 @@ def verilated(
         runtime = re.findall(r"verilated\w*", makefile.partition("VM_GLOBAL_FAST")[2])
         places = [f"-I{folder}", *_includes(), *(f"-I{path}" for path in {path.parent for path in main})]
         _run(["g++", *_ALWAYS, *flags, *defines, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
-        shared = [*_ALWAYS, "-O2", *defines, *(flag for flag in flags if flag == HIDDEN)]
-        objects = [str(_runtime(name, shared)) for name in runtime]
-        kind = ["-shared"] if output.suffix == ".so" else []
+        objects = [str(_runtime(name, [*_ALWAYS, "-O1", *defines])) for name in runtime]
+        kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
         libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "-DVM_TRACE_FST=1" in defines else [])]
         _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
 
@@ -140,7 +138,7 @@ def _runtime(name: str, flags: Sequence[str]) -> Path:
 
 
 def _include(path: Path) -> str:
-    """Return the text that includes a C++ file; one that Verilator marks as slow, for it runs once, is not optimised."""
+    """Return the text that includes a C++ file. One that Verilator marks as slow runs once and is not optimised."""
     line = f'#include "{path}"\n'
     if not path.stem.endswith("__Slow"):
         return line
