@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -109,12 +109,13 @@ def optics_sources(top: Path) -> list[Path]:
     return rtl_sources(top, "registers", "optics")
 
 
-def needed(text: str, files: Sequence[Path]) -> list[Path]:
+def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     """Return those of SystemVerilog files that a text depends on, in their order.
 
-    A file is named like its module or package; each name that a needed file mentions outside comments counts.
+    A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
+    mentions outside comments counts.
     """
-    named = {path.stem: path for path in files}
+    named = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     found: set[str] = set()
     texts = [text]
     while texts:
@@ -122,4 +123,4 @@ def needed(text: str, files: Sequence[Path]) -> list[Path]:
         new = (words & named.keys()) - found
         found |= new
         texts = [named[name].read_text() for name in new]
-    return [path for path in files if path.stem in found]
+    return [path for name, path in named.items() if name in found]
