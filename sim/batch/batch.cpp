@@ -6,8 +6,8 @@
 #include <cstring>
 #include <memory>
 
-#include "Vray_lenslet.h"
-#include "Vray_lenslet___024root.h"
+#include "Vtop.h"
+#include "Vtop___024root.h"
 #include "verilated.h"
 
 namespace {
@@ -36,7 +36,7 @@ int32_t signed_word(T word, int bits) {
 
 // One rising edge. Nothing happens at the falling one, so the model is only told that it was: what
 // it compares clk_i with is put back, and half of the evaluations are saved.
-void clock(Vray_lenslet& top) {
+void clock(Vtop& top) {
   top.clk_i = 1;
   top.eval();
   top.clk_i = 0;
@@ -54,7 +54,7 @@ extern "C" __attribute__((visibility("default"))) int64_t lippmann_trace(
     int64_t count, const int64_t* u, const int64_t* v, const int64_t* a, const int64_t* b,
     const uint32_t* config, int64_t* out, uint64_t seed, uint32_t idle, uint32_t stall) {
   auto context = std::make_unique<VerilatedContext>();
-  auto top = std::make_unique<Vray_lenslet>(context.get());
+  auto top = std::make_unique<Vtop>(context.get());
   Random random(seed);
   std::memcpy(top->config_i.data(), config, sizeof(top->config_i));
   top->rst_ni = 0;

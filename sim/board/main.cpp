@@ -23,8 +23,8 @@
 #include <string>
 #include <system_error>
 
-#include "Vboard.h"
-#include "Vboard___024root.h"
+#include "Vtop.h"
+#include "Vtop___024root.h"
 #include "line.h"
 #include "screen.h"
 #include "uart.h"
@@ -197,7 +197,7 @@ class Board {
 
   const Options& options_;
   VerilatedContext context_;
-  Vboard top_{&context_};
+  Vtop top_{&context_};
 #ifdef LIPPMANN_TRACE
   VerilatedFstC trace_;
 #endif

@@ -110,10 +110,9 @@ def stream(
     batch: Sequence[tuple[Instance, Segment]],
     bench: str,
     seed: int,
-    folders: Sequence[str] = ("registers", "optics"),
 ) -> None:
     """Compile a bench and stream segments of words through instances of it."""
-    folder = compiled("bench", bench=bench_text(instances), name=bench, folders=folders)
+    program = compiled("bench", bench=bench_text(instances), name=bench)
     plan = []
     for select, (config, words, expected) in batch:
         packed, wanted = pack(select.inputs, words), pack(select.outputs, expected)
@@ -130,10 +129,10 @@ def stream(
             }
         )
     assert plan
-    with tempfile.NamedTemporaryFile("w", dir=folder, prefix="plan-", suffix=".json") as file:
+    with tempfile.NamedTemporaryFile("w", dir=program.parent, prefix="plan-", suffix=".json") as file:
         json.dump(plan, file)
         file.flush()
-        simulate(folder, "bench", "stream_words", seed, {"LIPPMANN_PLAN": file.name})
+        simulate(program, "bench", "stream_words", seed, {"LIPPMANN_PLAN": file.name})
 
 
 def unpack(widths: Widths, word: int) -> dict[str, int]:

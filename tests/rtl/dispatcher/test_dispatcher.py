@@ -1,7 +1,6 @@
 """dispatcher: every request and refusal, under pauses at all of its handshakes, against the protocol in Python."""
 
 import pytest
-from lippmann.sim.tools import RTL_FOLDERS
 from runner import compiled, seed, simulate
 
 
@@ -9,5 +8,5 @@ from runner import compiled, seed, simulate
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), pytest.param(112, 80, marks=pytest.mark.full)])
 def test_dispatcher(width, height):
     parameters = {"Width": width, "Height": height, "ClockHz": 148_500_000}
-    folder = compiled("dispatcher", parameters, folders=RTL_FOLDERS)
-    simulate(folder, "dispatcher", "cocotb_dispatcher", seed(), plusargs=parameters)
+    program = compiled("dispatcher", parameters)
+    simulate(program, "dispatcher", "cocotb_dispatcher", seed(), plusargs=parameters)

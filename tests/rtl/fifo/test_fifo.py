@@ -8,5 +8,5 @@ from runner import compiled, seed, simulate
     ("width", "bits"), [(36, 4), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 3), (150, 5), (70, 9)))]
 )
 def test_fifo(width, bits):
-    folder = compiled("fifo", {"Width": width, "AddressBits": bits})
-    simulate(folder, "fifo", "cocotb_fifo", seed(), plusargs={"address_bits": bits, "case": f"{width}-{bits}"})
+    program = compiled("fifo", {"Width": width, "AddressBits": bits})
+    simulate(program, "fifo", "cocotb_fifo", seed(), plusargs={"address_bits": bits, "case": f"{width}-{bits}"})

@@ -13,6 +13,6 @@ BENCH = Path(__file__).with_name("flow_control_bench.sv")
 )
 def test_flow_control(latency, bits):
     parameters = {"Latency": latency, "AddressBits": bits, "Width": 20}
-    folder = compiled("flow_control_bench", parameters, BENCH.read_text())
+    program = compiled("flow_control_bench", parameters, BENCH.read_text())
     plusargs = {"latency": latency, "address_bits": bits, "case": f"{latency}-{bits}"}
-    simulate(folder, "flow_control_bench", "cocotb_flow_control", seed(), plusargs=plusargs)
+    simulate(program, "flow_control_bench", "cocotb_flow_control", seed(), plusargs=plusargs)

@@ -11,6 +11,5 @@ BENCH = Path(__file__).with_name("frame_check_bench.sv")
 @pytest.mark.parametrize(("width", "height"), [(9, 5), (16, 8)])
 def test_frame_check(width, height):
     parameters = {"Width": width, "Height": height}
-    folders = ("registers", "optics", "link", "panel")
-    folder = compiled("frame_check_bench", parameters, BENCH.read_text(), folders=folders)
-    simulate(folder, "frame_check_bench", "cocotb_frame_check", seed(), plusargs=parameters)
+    program = compiled("frame_check_bench", parameters, BENCH.read_text())
+    simulate(program, "frame_check_bench", "cocotb_frame_check", seed(), plusargs=parameters)

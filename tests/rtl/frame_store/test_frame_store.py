@@ -5,5 +5,5 @@ from runner import compiled, seed, simulate
 
 def test_frame_store():
     parameters = {"Width": 9, "Height": 5}
-    folder = compiled("frame_store", parameters, folders=("registers", "optics", "panel"))
-    simulate(folder, "frame_store", "cocotb_frame_store", seed(), plusargs=parameters)
+    program = compiled("frame_store", parameters)
+    simulate(program, "frame_store", "cocotb_frame_store", seed(), plusargs=parameters)

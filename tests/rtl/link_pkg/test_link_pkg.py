@@ -20,5 +20,5 @@ endmodule
 
 
 def test_link_pkg():
-    folder = compiled("crc_bench", bench=BENCH, folders=("link",))
-    simulate(folder, "crc_bench", "cocotb_link_pkg", seed())
+    program = compiled("crc_bench", bench=BENCH)
+    simulate(program, "crc_bench", "cocotb_link_pkg", seed())

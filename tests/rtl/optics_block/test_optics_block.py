@@ -26,7 +26,7 @@ def test_frames_from_a_display_file(name, model, f, steps, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(text.replace("[array]", "[array]\nrotation_deg = 3.0\noffset_mm = [0.11, -0.07]"))
     assert other.read_text() != text
-    folder = compiled("optics_block", parameters(build))
+    program = compiled("optics_block", parameters(build))
     environment = {
         "BLOCK_DISPLAY": str(path),
         "BLOCK_OTHER": str(other),
@@ -34,4 +34,4 @@ def test_frames_from_a_display_file(name, model, f, steps, tmp_path):
         "BLOCK_F": str(f),
         "BLOCK_WALK": str(steps),
     }
-    simulate(folder, "optics_block", "block_frames", seed(), environment)
+    simulate(program, "optics_block", "block_frames", seed(), environment)

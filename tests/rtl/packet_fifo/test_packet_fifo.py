@@ -83,8 +83,8 @@ endmodule
 
 @pytest.mark.parametrize("bits", [12, pytest.param(13, marks=pytest.mark.full)])
 def test_packet_fifo(bits):
-    folder = compiled("packet_fifo", {"AddressBits": bits}, folders=FOLDERS)
-    simulate(folder, "packet_fifo", "cocotb_packet_fifo", seed(), plusargs={"address_bits": bits})
+    program = compiled("packet_fifo", {"AddressBits": bits})
+    simulate(program, "packet_fifo", "cocotb_packet_fifo", seed(), plusargs={"address_bits": bits})
 
 
 @pytest.mark.parametrize("count", [200_000, pytest.param(10_000_000, marks=pytest.mark.full)])
@@ -93,8 +93,8 @@ def test_only_whole_packets_come_through(count, tmp_path):
     wire = traffic(random.Random(start), count) + b"\0"
     files = {name: tmp_path / name for name in ("wire", "out", "fates")}
     files["wire"].write_bytes(wire)
-    folder = compiled("fuzz_bench", bench=FUZZ_BENCH, folders=FOLDERS)
-    simulate(folder, "fuzz_bench", "cocotb_fuzz", start, plusargs={**files, "clocks": 4 * len(wire) + 100_000})
+    program = compiled("fuzz_bench", bench=FUZZ_BENCH)
+    simulate(program, "fuzz_bench", "cocotb_fuzz", start, plusargs={**files, "clocks": 4 * len(wire) + 100_000})
     wanted = fates(wire)
     assert files["fates"].read_text() == "".join(each.cause for each in wanted)
     assert files["out"].read_text().split() == [each.body.hex() for each in wanted if each.cause == TAKEN]

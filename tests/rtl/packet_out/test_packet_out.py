@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_packet_out():
-    folder = compiled("packet_out", folders=("link",))
-    simulate(folder, "packet_out", "packets_out", seed())
+    program = compiled("packet_out")
+    simulate(program, "packet_out", "packets_out", seed())

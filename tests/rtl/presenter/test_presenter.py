@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_presenter():
-    folder = compiled("presenter", folders=("registers", "optics", "link", "panel", "board"))
-    simulate(folder, "presenter", "cocotb_presenter", seed())
+    program = compiled("presenter")
+    simulate(program, "presenter", "cocotb_presenter", seed())

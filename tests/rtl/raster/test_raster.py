@@ -6,11 +6,11 @@ from runner import compiled, seed, simulate
 
 @pytest.mark.parametrize("f", [14, 23])
 def test_raster_equals_the_twin(f):
-    folder = compiled("raster", {"F": f})
-    simulate(folder, "raster", "raster_frames", seed(), {"RASTER_F": str(f)})
+    program = compiled("raster", {"F": f})
+    simulate(program, "raster", "raster_frames", seed(), {"RASTER_F": str(f)})
 
 
 @pytest.mark.full
 def test_raster_with_the_most_samples():
-    folder = compiled("raster", {"F": 23})
-    simulate(folder, "raster", "raster_frames", seed(), {"RASTER_F": "23", "RASTER_LONG": "1"})
+    program = compiled("raster", {"F": 23})
+    simulate(program, "raster", "raster_frames", seed(), {"RASTER_F": "23", "RASTER_LONG": "1"})

@@ -40,8 +40,8 @@ def test_ray_lenslet(build):
         "rays": pack(inputs, dict(zip("uvab", rays, strict=True))),
         "exits": [pack(outputs, ray_pipeline(*rays, d, build)._asdict()) for d in displays],
     }
-    folder = compiled("ray_lenslet_bench", parameters(build), BENCH.read_text())
-    with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".json") as file:
+    program = compiled("ray_lenslet_bench", parameters(build), BENCH.read_text())
+    with tempfile.NamedTemporaryFile("w", dir=program.parent, suffix=".json") as file:
         json.dump(plan, file)
         file.flush()
-        simulate(folder, "ray_lenslet_bench", "cocotb_ray_lenslet", s, {"LIPPMANN_PLAN": file.name})
+        simulate(program, "ray_lenslet_bench", "cocotb_ray_lenslet", s, {"LIPPMANN_PLAN": file.name})

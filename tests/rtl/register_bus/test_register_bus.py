@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_register_bus():
-    folder = compiled("register_bus", folders=("registers", "optics", "link", "panel", "board"))
-    simulate(folder, "register_bus", "cocotb_register_bus", seed())
+    program = compiled("register_bus")
+    simulate(program, "register_bus", "cocotb_register_bus", seed())

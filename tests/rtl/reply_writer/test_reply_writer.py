@@ -6,5 +6,5 @@ from runner import compiled, seed, simulate
 
 @pytest.mark.parametrize("size", [34, 3])
 def test_reply_writer(size):
-    folder = compiled("reply_writer", {"Bytes": size}, folders=("registers", "optics", "link", "panel", "board"))
-    simulate(folder, "reply_writer", "cocotb_reply_writer", seed(), plusargs={"Bytes": size})
+    program = compiled("reply_writer", {"Bytes": size})
+    simulate(program, "reply_writer", "cocotb_reply_writer", seed(), plusargs={"Bytes": size})

@@ -2,12 +2,12 @@
 #include <cstdint>
 #include <memory>
 
-#include "Vroot_bench.h"
+#include "Vtop.h"
 #include "verilated.h"
 
-extern "C" void lippmann_sweep(int64_t low, int64_t high, int32_t* out) {
+extern "C" __attribute__((visibility("default"))) void lippmann_sweep(int64_t low, int64_t high, int32_t* out) {
   auto context = std::make_unique<VerilatedContext>();
-  auto top = std::make_unique<Vroot_bench>(context.get());
+  auto top = std::make_unique<Vtop>(context.get());
   top->eval();
   const int64_t latency = top->latency_o;
   for (int64_t clock = 0; clock < high - low + latency; ++clock) {

@@ -1,14 +1,14 @@
 """Every input word of the roots through the RTL, equal to the twin; its error: tests/host/test_fixed_roots.py."""
 
 import ctypes
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.sqrt import sqrt
-from lippmann.sim.tools import MAKE_FLAGS, optics_sources, verilator_environment
+from lippmann.sim.compilation import kept, verilated
+from lippmann.sim.tools import needed, optics_sources
 from runner import BUILD, TOP
 
 CHUNK = 1 << 22
@@ -29,19 +29,15 @@ endmodule
 
 
 def library(name: str, text: str, f: int) -> ctypes.CDLL:
-    folder = BUILD / f"all-{name}-F{f}"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "root_bench.sv").write_text(text)
-    command = [
-        "verilator", "--cc", "--build", "-Mdir", str(folder), "-O3", "--top-module", "root_bench",
-        "--lib-create", "root",
-        f"-GF={f}", "-Wno-fatal", "-CFLAGS", "-fPIC -std=gnu++17",
-        *(word for flag in MAKE_FLAGS for word in ("-MAKEFLAGS", flag)), "-MAKEFLAGS", "OPT_FAST=-O3",
-        *map(str, optics_sources(TOP)), str(folder / "root_bench.sv"), str(Path(__file__).with_name("sweep.cpp")),
-    ]  # fmt: skip
-    done = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    made = ctypes.CDLL(str(folder / "libroot.so"))
+    sources, main = needed(text, optics_sources(TOP)), Path(__file__).with_name("sweep.cpp")
+
+    def make(path: Path) -> None:
+        beside = path.with_name("root_bench.sv")
+        beside.write_text(text)
+        verilated(path, "root_bench", [*sources, beside], [main], {"F": f}, options=["-Wno-fatal"])
+
+    path = kept(BUILD / f"all-{name}-F{f}", [*sources, main, text, str(f)], make, ".so")
+    made = ctypes.CDLL(str(path))
     made.lippmann_sweep.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
     return made
 

@@ -14,8 +14,8 @@ TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VB
 @pytest.mark.parametrize("timing", [(70, 3, 5, 4, 35, 2, 3, 1), (7, 0, 14, 0, 2, 1, 1, 0)], ids=["small", "tiny"])
 def test_every_clock(timing, grid):
     parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid}
-    folder = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}", FOLDERS)
-    simulate(folder, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
+    program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}")
+    simulate(program, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
 
 
 @pytest.mark.parametrize(
@@ -29,5 +29,5 @@ def test_every_clock(timing, grid):
 )
 def test_real_timing(timing):
     parameters = dict(zip(TIMINGS, timing, strict=True))
-    folder = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}", FOLDERS)
-    simulate(folder, "scan_out_bench", "cocotb_video_timing", seed(), plusargs=parameters)
+    program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}")
+    simulate(program, "scan_out_bench", "cocotb_video_timing", seed(), plusargs=parameters)

@@ -93,7 +93,7 @@ def test_equals_twin(f):
             elif kind == VIEWS:
                 seen.values("view", rgb >> 16 & 0xE0, range(0, 256, 32))
                 seen.values("view", rgb >> 8 & 0xE0, range(0, 256, 32))
-    stream(instances, batch, f"test_pattern-F{f}", s, folders=("registers", "optics", "panel"))
+    stream(instances, batch, f"test_pattern-F{f}", s)
     seen.close()
 
 

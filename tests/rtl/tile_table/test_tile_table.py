@@ -7,5 +7,5 @@ from runner import compiled, seed, simulate
 @pytest.mark.parametrize(("width", "height"), [(72, 56), (7, 5)])
 def test_tile_table(width, height):
     parameters = {"Width": width, "Height": height}
-    folder = compiled("tile_table", parameters, folders=("registers", "optics", "panel"))
-    simulate(folder, "tile_table", "cocotb_tile_table", seed(), plusargs=parameters)
+    program = compiled("tile_table", parameters)
+    simulate(program, "tile_table", "cocotb_tile_table", seed(), plusargs=parameters)

@@ -15,5 +15,5 @@ FOLDERS = ("registers", "optics", "link", "panel")
 )
 def test_tile_writer(width, height):
     parameters = {"Width": width, "Height": height}
-    folder = compiled("tile_writer_bench", parameters, BENCH.read_text(), folders=FOLDERS)
-    simulate(folder, "tile_writer_bench", "cocotb_tile_writer", seed(), plusargs=parameters)
+    program = compiled("tile_writer_bench", parameters, BENCH.read_text())
+    simulate(program, "tile_writer_bench", "cocotb_tile_writer", seed(), plusargs=parameters)

@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_uart_rx():
-    folder = compiled("uart_rx", folders=("link",))
-    simulate(folder, "uart_rx", "cocotb_uart_rx", seed())
+    program = compiled("uart_rx")
+    simulate(program, "uart_rx", "cocotb_uart_rx", seed())

@@ -4,5 +4,5 @@ from runner import compiled, seed, simulate
 
 
 def test_uart_tx():
-    folder = compiled("uart_tx", folders=("link",))
-    simulate(folder, "uart_tx", "cocotb_uart_tx", seed())
+    program = compiled("uart_tx")
+    simulate(program, "uart_tx", "cocotb_uart_tx", seed())

@@ -1,0 +1,168 @@
+"""Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
+
+Verilator writes C++, which the compiler takes as one file: the headers of a model are far larger than most of its
+parts, and the whole model is in sight of the optimiser. Verilator's own runtime depends on no model and is compiled
+once for each version of it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import re
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+from lippmann.errors import LippmannError
+from lippmann.sim.tools import repository, verilator_environment, verilator_folder
+
+#: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
+FAST = ("-O3", "-march=native", "-fvisibility=hidden")
+#: For a simulation that is shorter than its compilation.
+SHORT = ("-O1",)
+
+# Libraries that a process loads share no variable of their runtimes.
+_ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
+_SETTING = re.compile(r"^(VM_(?:COVERAGE|TIMING|TRACE\w*)) = (\d)$", re.M)
+
+
+class RtlError(LippmannError):
+    """Verilator or the compiler refuses the RTL."""
+
+    exit_code = 3
+
+
+def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
+    """Return a file that is made from inputs, made first unless it is there.
+
+    Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all.
+
+    Parameters
+    ----------
+    path
+        Folder and name; a hash of the inputs follows the name.
+    inputs
+        All that decides the file: files, whose contents count, and texts. This processor and the version of Verilator
+        always count.
+    make
+        Function that writes the file to the path it is given.
+    suffix
+        Of the file's name.
+    """
+    key = hashlib.sha256(processor() + version("verilator").encode() + Path(__file__).read_bytes())
+    for one in inputs:
+        key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
+    target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
+    if not target.exists():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with _locked(target.with_name(f"{target.name}.lock")):
+            if not target.exists():
+                with tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{target.name}-") as work:
+                    make(Path(work) / target.name)
+                    os.replace(Path(work) / target.name, target)
+    return target
+
+
+def verilated(
+    output: Path,
+    top: str,
+    sources: Sequence[Path],
+    main: Sequence[Path],
+    parameters: Mapping[str, int] | None = None,
+    *,
+    options: Sequence[str] = (),
+    flags: Sequence[str] = FAST,
+    link: Sequence[str] = (),
+) -> None:
+    """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
+
+    Parameters
+    ----------
+    output
+        File to write; Verilator's files go to a folder beside it, which is removed.
+    top, parameters
+        Top module and what its parameters are set to.
+    sources
+        SystemVerilog files, packages first, and Verilator's control files.
+    main
+        C++ files. They see the model's class as `Vtop`, in Vtop.h.
+    options, flags, link
+        For Verilator, the compiler and the linker.
+
+    Raises
+    ------
+    MissingLibraryError
+        When a tool is missing.
+    RtlError
+        When Verilator or the compiler refuses: its first error.
+    """
+    with tempfile.TemporaryDirectory(dir=output.parent) as folder:
+        work = Path(folder)
+        _run(
+            [
+                "verilator", "--cc", "--prefix", "Vtop", "-Mdir", folder, "--top-module", top, "-O3", *options,
+                *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
+            ]
+        )  # fmt: skip
+        made = sorted(work.glob("Vtop*.cpp"))
+        (work / "all.cpp").write_text("".join(map(_include, [*made, *main])))
+        makefile = (work / "Vtop_classes.mk").read_text()
+        defines = ["-DVM_SC=0", *(f"-D{name}={value}" for name, value in _SETTING.findall(makefile))]
+        runtime = re.findall(r"verilated\w*", makefile.partition("VM_GLOBAL_FAST")[2])
+        places = [f"-I{folder}", *_includes(), *(f"-I{path}" for path in {path.parent for path in main})]
+        _run(["g++", *_ALWAYS, *flags, *defines, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
+        objects = [str(_runtime(name, [*_ALWAYS, "-O1", *defines])) for name in runtime]
+        kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
+        libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "-DVM_TRACE_FST=1" in defines else [])]
+        _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
+
+
+def processor() -> bytes:
+    """Return what the processor can do, as programs are compiled for it."""
+    return b"".join(sorted({line for line in Path("/proc/cpuinfo").read_bytes().splitlines() if b"flags" in line}))
+
+
+def _runtime(name: str, flags: Sequence[str]) -> Path:
+    """Return one compiled file of Verilator's runtime."""
+    source = verilator_folder() / "include" / f"{name}.cpp"
+
+    def make(path: Path) -> None:
+        _run(["g++", *flags, *_includes(), "-c", str(source), "-o", str(path)])
+
+    return kept(repository() / "build" / "verilator" / name, [source, *flags], make, ".o")
+
+
+def _include(path: Path) -> str:
+    """Return the text that includes a C++ file. One that Verilator marks as slow runs once and is not optimised."""
+    line = f'#include "{path}"\n'
+    if not path.stem.endswith("__Slow"):
+        return line
+    return f'#pragma GCC push_options\n#pragma GCC optimize ("O0")\n{line}#pragma GCC pop_options\n'
+
+
+def _includes() -> list[str]:
+    """Return the compiler's options for Verilator's headers."""
+    folder = verilator_folder() / "include"
+    return [f"-I{folder}", f"-I{folder / 'vltstd'}"]
+
+
+def _run(command: Sequence[str]) -> None:
+    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    if result.returncode:
+        lines = (result.stderr + result.stdout).strip().splitlines()
+        telling = (line for line in lines if "rror" in line or "undefined" in line)
+        wrong = next(telling, lines[-1] if lines else "no message")
+        raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold a lock against other processes, and against other threads."""
+    with path.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
