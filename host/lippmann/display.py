@@ -39,7 +39,7 @@ Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[
     str,
-    key("index by a published dispersion formula; names below", instead_of="index", examples=tuple(SELLMEIER)),
+    key("name of a glass; its dispersion formula gives the index", instead_of="index", examples=tuple(SELLMEIER)),
 ]
 
 
@@ -69,15 +69,15 @@ class Panel:
 class Array:
     """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
 
-    grid: Annotated[Grid, key("lattice; hexagonal rows run along x")]
+    grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
     pitch_mm: Annotated[Length, key("from lenslet to lenslet, at least a pixel; hexagonal: across the flats")]
     radius_mm: Annotated[Length, key("radius of the dome, at least the cell's half diagonal")]
     index: Index
-    thickness_mm: Annotated[Length, key("dome's vertex to flat face, at least the sag", default="the sag")]
+    thickness_mm: Annotated[Length, key("from the dome's vertex to the flat face, at least the sag", default="the sag")]
     plano_side: Annotated[PlanoSide, key("what the flat face looks at")] = "panel"
     glass: Glass | None = None
-    rotation_deg: Annotated[float, key("lattice, counter-clockwise as the viewer sees it")] = 0.0
-    offset_mm: Annotated[Pair, key("a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
+    rotation_deg: Annotated[float, key("rotation of the lattice, counter-clockwise as the viewer sees it")] = 0.0
+    offset_mm: Annotated[Pair, key("position of a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
 
     @property
     def half_diagonal_mm(self) -> float:
@@ -196,7 +196,7 @@ def parse_display(text: str, source: str = "display") -> Display:
     return read_display(toml.parse(text, source), source)
 
 
-_Dpi = Annotated[Length, key("pixels per inch: 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
+_Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
 _Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
 _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)

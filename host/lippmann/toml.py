@@ -251,6 +251,6 @@ def bounds_text(node: Schema) -> str:
     """Return the bounds of a number in words."""
     low, high = node.get("minimum"), node.get("maximum")
     if low is not None and high is not None:
-        return f"from {low:g} to {high:g}" if max(abs(low), abs(high)) > 1e6 else f"from {low} to {high}"
+        return f"from {low:g} to {high:g}"
     words = {"exclusiveMinimum": "more than", "minimum": "at least", "maximum": "at most"}
-    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if bound in node)
+    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if node.get(bound) is not None)

@@ -33,7 +33,7 @@ class FilmFile:
 
     scene: Annotated[Path, key("a Mitsuba scene, its path counted from the film file")]
     frames: Annotated[int, key("number of frames; they count from 0", low=1, high=MAX_FRAMES)]
-    frames_per_second: Annotated[float, key("at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
+    frames_per_second: Annotated[float, key("speed; at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
     motion: Annotated[Motion, key("interpolation between keys")] = "smooth"
     near_mm: Annotated[Depth, key("front of the depths of interest in every frame; primary rays start there")] = None
     far_mm: Annotated[Depth, key("back of the depths of interest in every frame")] = None
