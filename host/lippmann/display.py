@@ -37,10 +37,7 @@ Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 #: Above air, up to the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
-Glass = Annotated[
-    str,
-    key("name of a glass; its dispersion formula gives the index", instead_of="index", examples=tuple(SELLMEIER)),
-]
+Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,10 @@ def test_every_key_stands_in_a_table_and_has_a_meaning():
         # The set-up's display has a page of its own; the world's keys are an object's.
         same = {name for name in wanted if re.match(r"display|world", name)}
         assert set(shown) == set(wanted) - same
-        for name in shown:
+        for name, text in shown.items():
             for inner, node in wanted[name]["properties"].items():
                 if name or (inner not in wanted):
-                    assert f"| `{inner}` |" in shown[name], f"{kind}: {name}.{inner}"
+                    assert f"| `{inner}` |" in text, f"{kind}: {name}.{inner}"
                     assert node.get("description"), f"{kind}: {name}.{inner} has no meaning"
 
 

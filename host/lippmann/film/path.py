@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from lippmann.errors import input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
@@ -34,7 +35,7 @@ class Path:
     interpolants", 1984), each number for itself. None in a film's file is the film's motion, elsewhere "smooth".
     """
 
-    keys: Annotated[tuple[Key, ...], key("positions at some frames, in order, at least one", items=1)]
+    keys: Annotated[tuple[Key, ...], key("positions at some frames, in order, at least one"), Meta(min_length=1)]
     pivot_mm: Annotated[Triple, key("the point that turns and scales leave in place")] = ORIGIN
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
