@@ -67,7 +67,7 @@ def test_the_schema_says_what_the_reader_checks():
     panel = top["properties"]["panel"]
     assert panel["additionalProperties"] is False
     assert panel["properties"]["bits"] == {
-        "description": "levels of each colour, as a power of two; used for PNG",
+        "description": "bits of each colour, for PNG files and boards",
         "type": "integer",
         "minimum": 1,
         "maximum": 16,
