@@ -7,7 +7,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full formal lint bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -55,6 +55,9 @@ bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
 	$(BIN)/lippmann bench render
 	$(BIN)/lippmann bench rtl
 	$(BIN)/lippmann bench view
+
+docs-tables: $(READY) ## make the key tables and JSON Schemas of the TOML files again
+	$(BIN)/python -m lippmann.dev.generate_tables
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.dev.generate_registers

@@ -37,10 +37,7 @@ Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 #: Above air, up to the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
-Glass = Annotated[
-    str,
-    key("index by a published dispersion formula; names below", instead_of="index", examples=tuple(SELLMEIER)),
-]
+Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
 
 @dataclass(frozen=True)
@@ -49,10 +46,10 @@ class Panel:
 
     width_px: Side
     height_px: Side
-    pixel_pitch_mm: Annotated[Length, key("from pixel to pixel, the same in x and y")]
-    subpixels: Annotated[Subpixels, key("colour stripes of a pixel; none: every colour fills the pixel")] = "none"
-    bits: Annotated[int, key("levels of each colour, as a power of two; used for PNG", low=1, high=16)] = 8
-    transfer: Annotated[Transfer, key("curve between panel value and light; used for PNG")] = "srgb"
+    pixel_pitch_mm: Annotated[Length, key("pixel pitch, the same in x and y")]
+    subpixels: Annotated[Subpixels, key("colour stripes of a pixel from left to right, or none")] = "none"
+    bits: Annotated[int, key("bits of each colour, for PNG files and boards", low=1, high=16)] = 8
+    transfer: Annotated[Transfer, key("curve between panel value and light, for PNG files and boards")] = "srgb"
 
     @property
     def width_mm(self) -> float:
@@ -69,15 +66,15 @@ class Panel:
 class Array:
     """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
 
-    grid: Annotated[Grid, key("lattice; hexagonal rows run along x")]
-    pitch_mm: Annotated[Length, key("from lenslet to lenslet, at least a pixel; hexagonal: across the flats")]
-    radius_mm: Annotated[Length, key("radius of the dome, at least the cell's half diagonal")]
+    grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
+    pitch_mm: Annotated[Length, key("lenslet pitch, at least a pixel; hexagonal: across the flats")]
+    radius_mm: Annotated[Length, key("radius of the dome (the curved face); at least the cell's half diagonal")]
     index: Index
-    thickness_mm: Annotated[Length, key("dome's vertex to flat face, at least the sag", default="the sag")]
-    plano_side: Annotated[PlanoSide, key("what the flat face looks at")] = "panel"
+    thickness_mm: Annotated[Length, key("from the dome's vertex to the flat face, at least the sag", default="the sag")]
+    plano_side: Annotated[PlanoSide, key("side of the flat face")] = "panel"
     glass: Glass | None = None
-    rotation_deg: Annotated[float, key("lattice, counter-clockwise as the viewer sees it")] = 0.0
-    offset_mm: Annotated[Pair, key("a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
+    rotation_deg: Annotated[float, key("rotation of the lattice, counter-clockwise for the viewer")] = 0.0
+    offset_mm: Annotated[Pair, key("position of a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
 
     @property
     def half_diagonal_mm(self) -> float:
@@ -115,7 +112,7 @@ class Display:
     name: Annotated[str, key("name of the display in pictures and reports", default="the file's name")]
     panel: Panel
     array: Array
-    gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0: they touch")]
+    gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0 in contact")]
 
     @property
     def aperture_distance_mm(self) -> float:
@@ -196,7 +193,7 @@ def parse_display(text: str, source: str = "display") -> Display:
     return read_display(toml.parse(text, source), source)
 
 
-_Dpi = Annotated[Length, key("pixels per inch: 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
+_Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
 _Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
 _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)

@@ -31,10 +31,8 @@ def key(
     above: float | None = None,
     low: float | None = None,
     high: float | None = None,
-    items: int | None = None,
     default: str = "",
     instead_of: str = "",
-    examples: tuple[str, ...] = (),
 ) -> msgspec.Meta:
     """Describe a key: `name: Annotated[type, key(...)]`.
 
@@ -44,20 +42,14 @@ def key(
         For the reference page and for editors. A key's name ends with its unit.
     above, low, high
         Open lower bound, closed lower bound and closed upper bound of a number.
-    items
-        Least number of items of a list.
     default
         What holds without the key, in words, where the declaration's default does not say it.
     instead_of
         The key that this one replaces. A file gives exactly one of them; at most one where that key has a `default`.
-    examples
-        Values that an editor suggests.
     """
-    extra = {"x-default": default, "x-instead-of": instead_of, "examples": list(examples)}
-    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high, "min_length": items}
-    return msgspec.Meta(
-        description=meaning, extra_json_schema={name: value for name, value in extra.items() if value}, **bounds
-    )
+    extra = {name: words for name, words in (("x-default", default), ("x-instead-of", instead_of)) if words}
+    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high}
+    return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:
@@ -251,6 +243,6 @@ def bounds_text(node: Schema) -> str:
     """Return the bounds of a number in words."""
     low, high = node.get("minimum"), node.get("maximum")
     if low is not None and high is not None:
-        return f"from {low:g} to {high:g}" if max(abs(low), abs(high)) > 1e6 else f"from {low} to {high}"
+        return f"from {low:g} to {high:g}"
     words = {"exclusiveMinimum": "more than", "minimum": "at least", "maximum": "at most"}
-    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if bound in node)
+    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if node.get(bound) is not None)

@@ -2,13 +2,14 @@
 
 /// Step 3: the lenslet that a ray aims at.
 ///
-/// The aperture point (a, b) is measured from the centre of the pixel's lenslet (in pitches and, on
-/// a hexagonal grid, rows). The lenslet whose cell it is in becomes the ray's own: with its step
-/// (di, dj), the pixel's point and the aperture point are measured from its centre,
+/// The aperture point (a, b) is measured from the centre of the pixel's lenslet: in pitches, and b
+/// in rows on a hexagonal grid. The ray's own lenslet is the one whose cell contains the aperture
+/// point. (di, dj) is the step from the pixel's lenslet to it. The outputs are measured from its
+/// centre:
 ///
 ///   x' = x - di (hexagonal: x - di - dj/2),   y' = y - dj,   a', b' likewise (all exact).
 ///
-/// stray_o tells that it is another than the pixel's; beyond_o that x' or y' leaves [-2, 2).
+/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2).
 /// Latency aim_latency(Grid).
 module aim #(
   parameter int F = 23,
@@ -19,16 +20,16 @@ module aim #(
   input  logic signed [optics_pkg::IndexBits-1:0] j_i,
   input  logic signed [F+1:0]                     x_i,      // wide, pitches: point from its centre
   input  logic signed [F+1:0]                     y_i,      // wide, rows
-  input  logic signed [F+1:0]                     a_i,      // wide: aperture point from its centre
+  input  logic signed [F+1:0]                     a_i,      // wide: aperture point likewise
   input  logic signed [F+1:0]                     b_i,
-  output logic signed [optics_pkg::IndexBits-1:0] i_o,      // the lenslet aimed at
+  output logic signed [optics_pkg::IndexBits-1:0] i_o,      // lenslet aimed at
   output logic signed [optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                     x_o,      // wide: the point from that centre
+  output logic signed [F+1:0]                     x_o,      // wide: point relative to its centre
   output logic signed [F+1:0]                     y_o,
-  output logic signed [F+1:0]                     a_o,      // wide: aperture point from that centre
+  output logic signed [F+1:0]                     a_o,      // wide: aperture point relative to it
   output logic signed [F+1:0]                     b_o,
-  output logic                                    stray_o,  // it is not the pixel's
-  output logic                                    beyond_o  // x_o or y_o did not fit
+  output logic                                    stray_o,  // lenslet is not the pixel's
+  output logic                                    beyond_o  // x_o or y_o overflows
 );
   import optics_pkg::*;
 

@@ -7,8 +7,8 @@
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
-/// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 leaves the
-/// second product out. Latency blend_latency(F).
+/// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 omits the
+/// second product. Latency blend_latency(F).
 module blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells

@@ -1,9 +1,9 @@
 `default_nettype none
 
-/// Delays a word by 5 or more cycles, many as a rule: q(t) = d(t - Cycles).
+/// Delays a word by 5 or more cycles: q(t) = d(t - Cycles). Used for long delays.
 ///
-/// A `ring`; a module of its own because synthesis for a family puts block memory in its place
-/// (sim/synth/).
+/// Behaves as `ring`. It is a separate module so that synthesis for an FPGA family can replace it
+/// by block memory (sim/synth/).
 module block_ring #(
   parameter int Width = 1,
   parameter int Cycles = 5

@@ -1,16 +1,16 @@
 `default_nettype none
 
-/// Product of two signed words, all of it from multiplier cells, cut below a given place.
+/// Product of two signed words, made from multiplier cells only, cut below a given place.
 ///
-/// The same words as `multiplier` with its cross terms in logic. With a = ah 2^la + al, la the bits
-/// beyond 18, and b likewise:
+/// Gives the same result as `multiplier` with its cross terms in logic. Each word is split,
+/// a = ah 2^la + al, where la is the number of its bits beyond 18; b likewise:
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
-/// Products first and their registers behind, so that a simulator moves one word a clock and
-/// synthesis may move the registers into the cells it infers; synthesis for a family without such
-/// retiming puts its cells in the place of this module (sim/synth/). All words are of 64 bits,
-/// which simulators neither mask nor extend; synthesis finds what of them is used.
+/// The products come first and all registers follow them: a simulator then moves one word a clock,
+/// and synthesis can move the registers into the multiplier cells. Synthesis for a family without
+/// such retiming replaces this module by its cells (sim/synth/). All words have 64 bits, since
+/// simulators neither mask nor extend those; synthesis removes the unused bits.
 /// Latency optics_pkg::mul_latency(Wa, Wb).
 module cell_product #(
   parameter int Wa = 18,       // bits of a
@@ -34,7 +34,7 @@ module cell_product #(
     $fatal(1, "cell_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
   end
 
-  // Of signed words the lower 64 bits of a product are those of unsigned ones.
+  // The lower 64 bits of a product are the same for signed and unsigned words.
   logic [63:0] a, b, upper, ah_bl, rest;
   assign a = 64'(a_i);
   assign b = 64'(b_i);

@@ -1,10 +1,11 @@
 `default_nettype none
 
-/// Step 5: whether the point on the dome is in the lenslet's own cell, and else which cell is next.
+/// Step 5: tells whether the point on the dome is in the lenslet's own cell, or else which cell to
+/// try next.
 ///
-/// The union of the domes is met where the ray meets a dome *inside its own cell*; else the dome of
-/// the cell that holds the point is tried. Distances along the cell's axes are compared with half a
-/// pitch, H = p / (2 R), half-open, -H <= q < H:
+/// An intersection with a dome is valid only *inside the dome's own cell*. Otherwise the next dome
+/// to try is that of the neighbouring cell in the direction of the point. Distances along the
+/// cell's axes are compared with half a pitch, H = p / (2 R); the cell is -H <= q < H:
 ///   square   q0 = nx, q1 = ny; (di, dj) is the sign of each that is outside
 ///   hex      q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx; the step goes across the
 ///            flat with the largest |q|, ~q below 0: (1, 0), (0, 1), (-1, 1) or their opposites
@@ -60,7 +61,7 @@ module cell_step #(
       q2_q <= q1_d - (W + 1)'(nx_q);
     end
 
-    // ---- sizes, and on which side of the half-open cell ----
+    // ---- distances, and which of them are outside the half-open cell ----
     logic [W:0] size0_q, size1_q, size2_q;
     logic out0_q, out1_q, out2_q, minus0_q, minus1_q, minus2_q;
     logic signed [W:0] half;

@@ -1,11 +1,10 @@
 `default_nettype none
 
-/// The words in use beside the words being written: a copy is taken over only while nothing uses
-/// it.
+/// Double-buffered configuration: config_o, the copy in use, changes only while nothing uses it.
 ///
-/// apply_i asks for a new copy of config_i, which is made once idle_i is high. busy_o tells that a
-/// copy is still to be made: nothing may start to use config_o before, so that idle_i stays high
-/// until the copy is made. After reset a copy is asked for at once.
+/// apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high; busy_o is
+/// high until then. While busy_o is high nothing may start to use config_o, so that idle_i stays
+/// high until the copy is made. Reset requests a copy.
 module config_bank #(
   parameter int Width = 32
 ) (
@@ -23,7 +22,7 @@ module config_bank #(
   end
 
   logic pending_q;
-  logic copy_q;  // a register of its own: it reaches every bit
+  logic copy_q;  // a separate register, since it drives every bit
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
   assign config_o = config_q;

@@ -2,8 +2,8 @@
 
 /// Delays a word by a fixed number of cycles: q(t) = d(t - Cycles).
 ///
-/// Longer delays are ring memories, small ones in logic or large ones in block memory: a simulator
-/// touches few words a cycle, and synthesis finds memories instead of chains of registers.
+/// Longer delays are ring buffers, in distributed memory or, if large, in block memory: a simulator
+/// touches few words a cycle, and synthesis infers memories instead of chains of registers.
 module delay #(
   parameter int Width = 1,   // bits of the word
   parameter int Cycles = 1   // latency, 0 or more
@@ -14,7 +14,7 @@ module delay #(
 );
 
   localparam int LongestChain = 5;
-  localparam int LongestRing = 17;  // 16 places: what a small memory of FPGAs holds
+  localparam int LongestRing = 17;  // 16 places: the depth of an FPGA's distributed memory
 
   if (Width < 1 || Cycles < 0) begin : gen_illegal
     $fatal(1, "delay: Width must be 1 or more and Cycles 0 or more");

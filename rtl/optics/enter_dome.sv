@@ -2,8 +2,8 @@
 
 /// Step 4, plano side to the viewer: refraction into the glass at the dome.
 ///
-/// d' = e/n - (cos' - cos/n) N; the part along the axis follows from the unit length at the flat
-/// face.
+/// d' = e/n - (cos' - cos/n) N. Only d'_x and d'_y are computed: leave_flat gets d'_z from the unit
+/// length.
 ///
 /// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
@@ -55,7 +55,7 @@ module enter_dome #(
   logic signed [W-1:0] cos_glass;
   sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_glass));
 
-  // ---- how much the normal takes away ----
+  // ---- the factor of the normal ----
   localparam int CosDrop = F - 1;
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W - CosDrop;

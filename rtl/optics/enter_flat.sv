@@ -10,8 +10,8 @@
 ///   g    = max((t_x t_x >> F-3) + (t_y t_y >> F-3), 0) >> 2
 ///   dz   = sqrt(M - g)
 ///
-/// i is 1/n; g has F + 3 fraction bits, and a small square may be cut to less than 0. Words: near.
-/// n >= 1.16 and |e| < sqrt(3)/2, so M - g stands for more than 1/4.
+/// i is 1/n; g has F + 3 fraction bits. max() is needed since a cut product may be negative. Words:
+/// near. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4.
 /// Latency enter_flat_latency(F).
 module enter_flat #(
   parameter int F = 23,
@@ -49,7 +49,7 @@ module enter_flat #(
     ty_q <= W'((ty + Wp'(4)) >>> Guard);
   end
 
-  // ---- the rest of the unit length ----
+  // ---- the axial component, from the unit length ----
   localparam int SquareDrop = F - 3;
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;

@@ -2,13 +2,14 @@
 
 /// First in, first out, with a valid/ready stream at its output.
 ///
-/// Whoever writes must know that there is room: 2^AddressBits words. The output stays valid and
-/// stable until it is taken, and gives a word each clock. A word that comes into an empty FIFO is
-/// at the output after 4 clocks.
+/// The FIFO holds 2^AddressBits words; the writer must know that there is room. The output stays
+/// valid and stable until the word is taken, and can give a word each clock. A word written into an
+/// empty FIFO is at the output after 4 clocks.
 ///
-/// The memory answers after two clocks. Words are asked for while fewer than 4 are on the way or in
-/// the 4 places at the output, so that none is without a place when it arrives. Both conditions
-/// stand in registers, as the way from the counters to the memory's address is long.
+/// The memory has a latency of two clocks. A read starts only while fewer than 4 words are on the
+/// way from the memory or in the 4 places at the output, so that each has a place when it arrives.
+/// Both conditions are registered, since the path from the counters to the memory's address is
+/// long.
 module fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9
@@ -27,9 +28,9 @@ module fifo #(
   end
 
   logic [AddressBits-1:0] write_at_q, read_at_q;
-  logic [AddressBits:0] stored_q;  // in the memory, not yet asked for
-  logic [1:0] asked_q;             // on the way
-  logic [2:0] held_q, held_d;      // asked for and not yet taken
+  logic [AddressBits:0] stored_q;  // words in the memory that are not yet being read
+  logic [1:0] asked_q;             // reads on the way
+  logic [2:0] held_q, held_d;      // words read or being read, not yet taken
   logic some_q, some_d;            // stored_q != 0
   logic free_q;                    // held_q < 4
   logic ask, take, arrive;

@@ -2,8 +2,8 @@
 
 /// Memory of a FIFO: one port writes, the other reads, with a latency of two.
 ///
-/// read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. A memory cell and the
-/// register at its output; synthesis for a family may put its cell in this module's place
+/// read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. The module is a memory
+/// with a register at its output; synthesis for an FPGA family may replace it by the family's cell
 /// (sim/synth/).
 module fifo_memory #(
   parameter int Width = 36,

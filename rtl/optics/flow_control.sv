@@ -1,14 +1,14 @@
 `default_nettype none
 
-/// Valid and ready around a pipeline that never stops: rays enter only while there is room for all.
+/// Adds valid/ready handshakes to a pipeline that never stalls.
 ///
-/// A ray accepted at the input is marked valid and comes out Latency clocks later into a FIFO,
-/// whose room was set aside when it was accepted. Nothing in the pipeline needs an enable, and
-/// back-pressure costs no bubble: up to 2^AddressBits rays are on the way or wait, more than
-/// Latency.
+/// A ray is accepted only if the FIFO behind the pipeline has room for it, and that room is
+/// reserved at once. The ray leaves the pipeline Latency clocks later and enters the FIFO. The
+/// pipeline needs no enable, and back-pressure inserts no bubbles: 2^AddressBits rays, more than
+/// Latency, fit into pipeline and FIFO.
 ///
-/// hold_i closes the input; idle_o tells that no ray is on the way or waits, so that what the
-/// pipeline computes with may change.
+/// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
+/// pipeline's configuration may change.
 module flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -32,7 +32,7 @@ module flow_control #(
     $fatal(1, "flow_control: Latency must be 1 to 8 less than the FIFO's places");
   end
 
-  logic [AddressBits:0] taken_q, taken_d;  // rays that have a place set aside
+  logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
   logic open_q, accept, leave;
 
   assign ready_o = open_q && !hold_i;
@@ -47,13 +47,13 @@ module flow_control #(
       open_q <= 1'b0;
     end else begin
       taken_q <= taken_d;
-      // One place is kept back, for a ray that is accepted while this is being decided.
+      // One place is spare, for a ray that is accepted while this is being computed.
       open_q <= taken_q < (AddressBits + 1)'(Room - 1);
     end
   end
 
-  // ---- which stages hold a ray, 64 to a register: what a simulator shifts at once ----
-  localparam int Held = Latency < 1 ? 1 : Latency;  // that a refused Latency gets to its message
+  // ---- stages that hold a ray, 64 to a register: a simulator shifts these in one operation ----
+  localparam int Held = Latency < 1 ? 1 : Latency;  // 1: for $fatal of an illegal one
   localparam int Marks = (Held + 63) / 64;
   for (genvar k = 0; k < Marks; k++) begin : gen_marks
     localparam int Stages = Held - 64 * k < 64 ? Held - 64 * k : 64;

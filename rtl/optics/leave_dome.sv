@@ -2,7 +2,7 @@
 
 /// Step 6, plano side to the panel: refraction out of the glass at the dome.
 ///
-/// d' = n d + (cos' - n cos) N, and n times the tangential part of d is the air's e:
+/// d' = n d + (cos' - n cos) N. At the flat face n d kept the tangential part of the air's e:
 ///
 /// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
@@ -62,7 +62,7 @@ module leave_dome #(
   logic signed [W-1:0] cos_air;
   sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_air));
 
-  // ---- how much the normal adds ----
+  // ---- the factor of the normal ----
   localparam int CosDrop = F - 2;
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W + 1 - CosDrop;
@@ -108,7 +108,7 @@ module leave_dome #(
   multiplier #(
     .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
   ) i_kz (.clk_i, .a_i(bend_q), .b_i(nz), .p_o(kz));
-  // The third place below the last of e is clear and takes the half.
+  // The low three places of e << 3 are clear; the rounding's half, bit 2, is set there.
   always_ff @(posedge clk_i) begin
     dx_q <= ((Wp'(ex) <<< Guard) | Wp'(4)) + Wp'(kx);
     dy_q <= ((Wp'(ey) <<< Guard) | Wp'(4)) + Wp'(ky);

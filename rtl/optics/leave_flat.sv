@@ -1,8 +1,9 @@
 `default_nettype none
 
-/// Step 6, plano side to the viewer: through the glass to the flat face, and refraction out of it.
+/// Step 6, plano side to the viewer: from the dome to the flat face, and refraction out of it.
 ///
-/// From the point N on the dome (z = N_z - 1, the mirrored vertices at z = 0) along d to z = -T:
+/// The ray goes from the point N on the dome (z = N_z - 1; mirrored, vertices at z = 0) along d to
+/// z = -T:
 ///
 /// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
@@ -16,9 +17,9 @@
 ///   d'_x = saturate(((dx n >> F-3) + 4) >> 3),  d'_y likewise
 ///   d'_z = sqrt(min(max(C', 0), M)),  reflected ((y r >> F+1) + 1) >> 1
 ///
-/// g, y and C' have F + 3 fraction bits, and rsqrt takes y for 4 y: r = 1 / (2 dz). u is the depth
-/// to go, zc = 1 - T/R, l the length, both far words; n2 is n^2, F fraction bits.
-/// Totally reflected (reflected_o) where C' <= 0; such a ray keeps the direction in the glass.
+/// g, y and C' have F + 3 fraction bits. rsqrt reads the bits of y as 4 y, so r = 1 / (2 dz). u is
+/// the depth to the flat face, zc = 1 - T/R, l the length, all far words; n2 is n^2, F fraction
+/// bits. Totally reflected (reflected_o) where C' <= 0; that ray keeps its direction in the glass.
 /// Latency leave_flat_latency(F).
 module leave_flat #(
   parameter int F = 23,
@@ -68,11 +69,11 @@ module leave_flat #(
     g_q <= (F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
   end
 
-  // ---- the way to the flat face ----
+  // ---- the length to the flat face ----
   localparam int PathDrop = F - 2 + 1;
   localparam int Wl = Wf + W - PathDrop;
   logic [F+1:0] inverse;
-  logic signed [W-1:0] half_inverse;  // 1 is no near word
+  logic signed [W-1:0] half_inverse;  // a near word cannot hold 1
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
   rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(inverse));
@@ -92,7 +93,7 @@ module leave_flat #(
   );
   always_ff @(posedge clk_i) path_q <= Wf'((path + Wl'(1)) >>> 1);
 
-  // ---- the point on it ----
+  // ---- the point on the flat face ----
   localparam int PathLatency = SquareLatency + rsqrt_latency() + mul_latency(Wf, W) + 1;
   localparam int PointDrop = F - Guard;
   localparam int Wx = Wf + W - PointDrop;
@@ -162,7 +163,7 @@ module leave_flat #(
     .clk_i, .d_i((Wo - Guard)'(oy_q >>> Guard)), .q_o(dy_air)
   );
 
-  // ---- a reflected ray keeps its own ----
+  // ---- the direction of a reflected ray ----
   localparam int GlassDrop = F + 1;
   localparam int Wg = Wf + W - GlassDrop;
   logic signed [Wf-1:0] rest_late;

@@ -1,6 +1,7 @@
 `default_nettype none
 
-/// Step 2, hexagonal grid: the lenslet whose cell a point is in, and the point from its centre.
+/// Step 2, hexagonal grid: the lenslet whose cell contains a point, and the point relative to its
+/// centre.
 ///
 /// x in pitches, t = y in rows (pitch sqrt(3)/2). Oblique coordinates s = x - t/2 and t, with
 /// fractions fs and ft in the parallelogram of lenslet (i0, j0). The bisectors of its four corners
@@ -58,7 +59,7 @@ module lenslet_hex #(
     right_q <= {ft, 1'b0} < fs;
   end
 
-  // ---- the corner that owns the point ----
+  // ---- the corner whose cell contains the point ----
   logic near, far;
   logic di_q, dj_q;
   logic signed [IndexBits-1:0] i0_q3, j0_q3;
@@ -71,13 +72,13 @@ module lenslet_hex #(
     dj_q <= !near && (far || !right_q);
     i0_q3 <= i0_q2;
     j0_q3 <= j0_q2;
-    q0_q3 <= q0_q[F+1:1];  // the last bit is always clear
+    q0_q3 <= q0_q[F+1:1];  // the last bit is always 0
     ft_q3 <= ft_q2;
   end
   logic unused_bit;
   assign unused_bit = q0_q[0] ^ (^q1_q[F:0]);
 
-  // ---- the point from that corner ----
+  // ---- the point relative to that corner ----
   always_ff @(posedge clk_i) begin
     i_o <= i0_q3 + IndexBits'($signed({1'b0, di_q}));
     j_o <= j0_q3 + IndexBits'($signed({1'b0, dj_q}));

@@ -1,6 +1,7 @@
 `default_nettype none
 
-/// Step 2, square grid: the lenslet whose cell a point is in, and the point from its centre.
+/// Step 2, square grid: the lenslet whose cell contains a point, and the point relative to its
+/// centre.
 ///
 ///   i = floor(x + 1/2),   local x = x - i in [-1/2, 1/2), likewise j and y
 ///
@@ -32,7 +33,7 @@ module lenslet_square #(
     y_q <= y_i + Half;
   end
 
-  // Taking the half off again turns the fraction's top bit into a sign.
+  // Subtracting the half again inverts the fraction's top bit, which becomes the sign.
   assign i_o = x_q[L-1:F];
   assign j_o = y_q[L-1:F];
   assign x_o = (F+2)'($signed({~x_q[F-1], x_q[F-2:0]}));

@@ -2,8 +2,8 @@
 
 /// Product of a signed word and a few unsigned bits: p(t) = a(t - Latency) * low(t - Latency).
 ///
-/// In logic: digits of two bits, summed pairwise in a tree. Latency is optics_pkg::low_latency(Low),
-/// or more to match a sibling.
+/// Made in logic: one partial product for each digit of two bits, summed pairwise in a tree.
+/// Latency is optics_pkg::low_latency(Low), or more to match a parallel path.
 module low_product #(
   parameter int Low = 2,                                // bits of the unsigned factor, 1 to 17
   parameter int Latency = optics_pkg::low_latency(Low)
@@ -27,12 +27,12 @@ module low_product #(
   delay #(.Width(Wp), .Cycles(Latency - Own)) i_match (.clk_i, .d_i(p), .q_o(p_o));
 
   if (Digits == 1) begin : gen_digit
-    // Modulo 2^Wp the product of a signed word is that of an unsigned one.
+    // Modulo 2^Wp the product is the same for signed and unsigned words.
     logic [Wp-1:0] a;
     assign a = Wp'(a_i);
     always_ff @(posedge clk_i) p <= a * Wp'(low_i);
   end else begin : gen_tree
-    // The lower branch takes the largest power of two of digits below their number.
+    // The lower branch gets the largest power of two that is below the number of digits.
     localparam int LowerDigits = 1 << ($clog2(Digits) - 1);
     localparam int Split = 2 * LowerDigits;
     logic signed [MulBits+Split-1:0]     lower;

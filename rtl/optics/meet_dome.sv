@@ -2,10 +2,10 @@
 
 /// Step 5: the ray meets the dome.
 ///
-/// Lengths in radii of curvature from the sphere's centre, which is (0, 0, 0) here: the point
-/// V = (hx, hy, zc), the unit direction (dx, dy, +-dz). With b = V . d the sphere is met where the
-/// cosine between ray and normal is cos = sqrt(1 - |V|^2 + b^2), at the length cos - b (upward, out
-/// of the glass) or -b - cos (downward, into it); the point there *is* the unit normal N.
+/// Lengths are in radii of curvature, and the sphere's centre is the origin. The ray starts at
+/// V = (hx, hy, zc) in the unit direction (dx, dy, +-dz). Let b = V . d. The cosine between ray and
+/// normal at the intersection is cos = sqrt(1 - |V|^2 + b^2). The length to it is cos - b (upward,
+/// out of the glass) or -b - cos (downward, into it). The intersection *is* the unit normal N.
 ///
 /// Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
@@ -16,9 +16,8 @@
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
 ///   N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 ///
-/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. Downward the plane of
-/// the vertices holds V: zc = 1, and dz_i is the size of dz = -dz_i: its products are cut, then
-/// taken off.
+/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. Downward, V is in the
+/// plane of the vertices (zc = 1) and dz = -dz_i: the products of dz_i are cut, then subtracted.
 /// Latency meet_dome_latency(F).
 module meet_dome #(
   parameter int F = 23,
@@ -45,7 +44,7 @@ module meet_dome #(
   localparam int W = F + 2;
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
-  localparam int Wb = Wf + 2;  // b keeps two more bits: its square is taken
+  localparam int Wb = Wf + 2;  // b keeps two more bits, since it is squared
   localparam int FootLatency = foot_latency(F);
 
   if (F < 14 || F > 23) begin : gen_illegal
@@ -120,7 +119,7 @@ module meet_dome #(
     missed_q <= c_q < 0;
     above_q <= c_q > Ws'(Most);
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
-    // 1 - C, modulo 1; the sine of a cosine of 0 is held below 1.
+    // 1 - C, modulo 1; where the cosine is 0 the sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
     missed_q2 <= missed_q;
     s_q <= missed_q || (!above_q && clamped_q == '0) ? Most : above_q ? '0 : minus_q;
@@ -161,7 +160,7 @@ module meet_dome #(
   multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lz (
     .clk_i, .a_i(length_q), .b_i(dz_late), .p_o(lz)
   );
-  // Four places below F are clear in V, the third of them takes the half.
+  // V << 4 has four clear places below F; the rounding's half is set in the third of them.
   localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
   always_ff @(posedge clk_i) begin
     nx_q <= ((Wn'(hx_late) <<< 4) | Wn'(4)) + lx;
@@ -178,7 +177,7 @@ module meet_dome #(
     .From(Wn - Guard), .To(W)
   ) i_nz (.clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o));
 
-  // ---- what is known earlier waits ----
+  // ---- delays of earlier results ----
   localparam int PointLatency = 1 + mul_latency(Wf, W) + 2;
   delay #(.Width(W), .Cycles(PointLatency)) i_cos (.clk_i, .d_i(cos), .q_o(cos_o));
   logic [F+2:0] s_late;

@@ -1,11 +1,11 @@
 `default_nettype none
 
-/// Step 5: the ray's point V measured from the dome that lies a step (di, dj) further.
+/// Step 5: the ray's point V relative to the dome that is a step (di, dj) away.
 ///
 ///   hx' = hx - di cx - dj cx / 2 (square: hx - di cx),   hy' = hy - dj cy
 ///
-/// with the pitch and the distance of rows in radii, cx = p/R and cy = cx (square) or
-/// cx sqrt(3)/2 (hex); the half of an odd cx is cut. Latency 2.
+/// where cx = p/R is the pitch and cy = cx (square) or cx sqrt(3)/2 (hex) the distance of rows, in
+/// radii; cx / 2 is rounded down. Latency 2.
 module move_lenslet #(
   parameter int F = 23,
   parameter int Grid = optics_pkg::GridSquare
@@ -31,7 +31,7 @@ module move_lenslet #(
     $fatal(1, "move_lenslet: Grid must be GridSquare or GridHex");
   end
 
-  // No sum of steps is larger than one and a half pitches.
+  // The sum is at most one and a half pitches.
   logic signed [Wh-1:0] whole, half, row, step_x_q, step_y_q, hx_q, hy_q;
   assign whole = di_i == 2'sd0 ? '0 : di_i[1] ? -Wh'(cx_i) : Wh'(cx_i);
   assign half = Grid != GridHex || dj_i == 2'sd0 ? '0 :

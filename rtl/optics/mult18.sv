@@ -2,8 +2,8 @@
 
 /// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
 ///
-/// Registers at the operands, inside and at the product, as the cells of FPGAs have them. Synthesis
-/// for a family puts its cell in the place of this module (sim/synth/).
+/// It has registers at the operands, inside and at the product, as the multiplier cells of FPGAs.
+/// Synthesis for an FPGA family replaces this module by its cell (sim/synth/).
 module mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,
@@ -11,7 +11,7 @@ module mult18 (
   output logic signed [35:0] p_o
 );
 
-  // Of signed words the lower half of the product is that of unsigned ones.
+  // The lower half of a product is the same for signed and unsigned words.
   logic [35:0] a_q, b_q, p_q;
 
   always_ff @(posedge clk_i) begin

@@ -2,10 +2,10 @@
 
 /// Product of two signed words from one hardware multiplier, cut below a given place.
 ///
-/// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. The
-/// product of the upper parts comes from a multiplier cell, the cross terms from logic or from more
-/// cells (CrossCells, `cell_product`: less logic, up to three times the multipliers), and al bl,
-/// below every place that is kept, is left out:
+/// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. A
+/// multiplier cell makes the product of the upper parts. The cross terms are made in logic or, with
+/// CrossCells, in more cells (`cell_product`: less logic, up to three times the multipliers). The
+/// product al bl is below every place that is kept, and is left out:
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
@@ -40,7 +40,7 @@ module multiplier #(
     $fatal(1, "multiplier: Drop must cut off the product of the lower parts");
   end
 
-  // A register of its own lets the operands travel to the cell.
+  // A register on the way to the cell shortens the operands' path.
   logic signed [Wa-1:0] a_q;
   logic signed [Wb-1:0] b_q;
   always_ff @(posedge clk_i) begin
@@ -59,7 +59,7 @@ module multiplier #(
     cell_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (
       .clk_i, .a_i, .b_i, .p_o
     );
-    logic unused_upper;  // nothing is left of the cell above
+    logic unused_upper;  // the cell above is not used
     assign unused_upper = ^upper;
   end else if (Ll == 0) begin : gen_whole
     assign p_o = Wp'(upper >>> Drop);
@@ -99,7 +99,7 @@ module multiplier #(
       end
     end
 
-    // Whichever of cell and cross terms comes first waits for the other.
+    // The earlier of the two, cell or cross terms, is delayed to match the other.
     logic signed [Wp-1:0] upper_cut, cross_cut;
     delay #(.Width(Wp), .Cycles(Rest - 3)) i_upper_match (
       .clk_i, .d_i(Wp'(upper >>> (Drop - La - Lb))), .q_o(upper_cut)

@@ -1,16 +1,15 @@
 `default_nettype none
 
-/// The optics with their registers: software configures it over APB, frames of exit rays come out.
+/// The ray-lenslet engine with registers: configured over APB, it produces frames of exit rays.
 ///
-/// Rays come from the raster or from the stream at this block's port, as the register `source`
-/// says, and leave in order; exit_first_o and exit_last_o mark the ends of a frame, as its rays
-/// brought them.
+/// The register `source` selects where rays come from: the raster, or the stream at this block's
+/// port. They leave in order; exit_first_o and exit_last_o mark the first and last ray of a frame.
 ///
-/// Software writes the optics aside. `apply` asks for them, and for the source, to be taken over:
-/// at once between two frames, else when the frame's last ray was accepted; `busy` until they are
-/// in use. `start` asks for a frame of the raster; one is remembered while another runs, and begins
-/// behind it. So every frame is traced by one set of optics, and a start sees the applies before
-/// it.
+/// Software writes new optics into shadow registers. `apply` requests that they, and the source,
+/// take effect: at once between two frames, otherwise after the frame's last ray was accepted;
+/// `busy` is set until then. `start` requests a frame of the raster. One start is remembered while
+/// a frame runs, and takes effect after it. So one set of optics traces a whole frame, and a frame
+/// uses every apply that came before its start.
 ///
 /// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
 /// the registers; docs/reference/optics-block.md tells how software uses them.
@@ -33,7 +32,7 @@ module optics_block #(
   input  logic [31:0]                             apb_wdata_i,
   output logic                                    apb_ready_o,
   output logic [31:0]                             apb_rdata_o,
-  output logic                                    apb_error_o,  // nothing there, or not this access
+  output logic                                    apb_error_o,  // no such register or access
 
   input  logic                                    ray_valid_i,
   output logic                                    ray_ready_o,
@@ -58,7 +57,7 @@ module optics_block #(
   output logic                                    exit_first_o,   // of its frame
   output logic                                    exit_last_o,    // of its frame
 
-  output optics_pkg::optics_config_t              optics_o  // as they are set, taken over or not
+  output optics_pkg::optics_config_t              optics_o  // as written, in effect or not
 );
   import optics_pkg::*;
 
@@ -67,8 +66,8 @@ module optics_block #(
   optics_registers_pkg::optics_registers__out_t set;
   logic apply_q, start_q, busy, running, refused;
 
-  // APB4 holds address and data from its first clock until ready: a request of one clock behind it.
-  // The upper half of the addresses is the jitter table, which takes every word and gives none.
+  // APB4 holds address and data until ready; this makes a request of one clock.
+  // The upper half of the addresses is the jitter table, which can only be written.
   logic request_q, write_q, table_write, table_read, read_ack, read_error, write_ack, write_error;
   logic [8:0] addr_q;
   logic [31:0] wdata_q, rdata;
@@ -150,7 +149,7 @@ module optics_block #(
     table_first: set.raster.jitter.table_first.value, seed: set.raster.seed.value.value
   };
 
-  // ---- where rays come from ----
+  // ---- the source of rays ----
   logic walked_valid, walked_ready, walked_first, walked_last;
   logic signed [PixelBits-1:0] walked_u, walked_v;
   logic signed [F+1:0] walked_a, walked_b;
@@ -171,15 +170,15 @@ module optics_block #(
       {ray_u_i, ray_v_i, ray_a_i, ray_b_i, ray_first_i, ray_last_i} :
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
 
-  // ---- between two frames: the only time for new optics ----
-  // Decided a clock ahead, for it closes the input in the clock in which they are taken over.
+  // ---- new optics take effect between two frames only ----
+  // Decided a clock ahead, since the input must be closed in the clock of the change.
   logic within_d, within_q, take;
   assign within_d = accept ? !last : within_q;
   assign valid = (stream_q ? ray_valid_i : walked_valid) && !take;
   assign accept = valid && ready;
   assign ray_ready_o = stream_q && ready && !take;
   assign walked_ready = !stream_q && ready && !take;
-  // An apply that waits is taken before the first ray has come out of the raster.
+  // A pending apply takes effect before the raster gives its first ray.
   assign begin_frame = start_q && !running;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -204,8 +203,8 @@ module optics_block #(
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
   );
 
-  // The ends of frames wait beside the pipeline, in the order of its rays; a place for each of
-  // them.
+  // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
+  // for each ray.
   localparam int AddressBits = $clog2(ray_latency(F, Grid, Model, Viewer, Aims, Walk) + 16);
   logic unused_valid;
   fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (

@@ -8,10 +8,10 @@
 ///   far   signed W + 2 bits, F fraction bits, [-8, 8): lengths along the ray, in radii
 /// "round" below always means floor(x + 1/2), in units of the last place kept.
 package optics_pkg;
-  // A module seldom needs all of them.
+  // Most modules use only some of these.
   /* verilator lint_off UNUSEDPARAM */
 
-  /// The fate of a ray; the same numbers as in `lippmann.optics.rays`.
+  /// The status of a ray; the same numbers as in `lippmann.optics.rays`.
   typedef enum logic [2:0] {
     StatusOk = 3'd0,
     StatusMissed = 3'd1,
@@ -50,13 +50,13 @@ package optics_pkg;
   localparam int OffsetBits = 52;
   /// Lenslet indices: signed.
   localparam int IndexBits = 12;
-  /// Operands of one hardware multiplier: signed.
+  /// Bits of an operand of one hardware multiplier: signed.
   localparam int MulBits = 18;
   /// Bits kept below the last place until the final rounding of a step.
   localparam int Guard = 3;
 
-  /// What the optics are, in words of the configuration's F; the host computes it from a display
-  /// file (`lippmann.fixed.configuration`). Fields of 32 bits hold narrower signed words.
+  /// The parameters of the optics, in words with F fraction bits. The host computes them from a
+  /// display file (`lippmann.fixed.configuration`). Fields of 32 bits hold narrower signed words.
   typedef struct packed {
     logic signed [SlopeBits-1:0]  x_from_u;  // lattice from pixel
     logic signed [SlopeBits-1:0]  x_from_v;
@@ -81,7 +81,7 @@ package optics_pkg;
     logic signed [31:0] exit_z;          // F + 1 fraction bits: height of the last face, in radii
     logic signed [31:0] cell_half;       // near: p / (2 R)
     logic signed [31:0] cell_pitch_x;    // wide: p / R
-    logic signed [31:0] cell_pitch_y;    // wide: distance of rows / R
+    logic signed [31:0] cell_pitch_y;    // wide: row distance / R
   } optics_config_t;
 
   /// Columns and rows of a panel: unsigned.
@@ -89,7 +89,7 @@ package optics_pkg;
   /// Entries of the jitter table, as a power of two.
   localparam int TableBits = 6;
 
-  /// A frame's window, and how its rays are jittered.
+  /// The window of a frame, and the jitter of its rays.
   typedef struct packed {
     logic [PanelBits-1:0] first_column;
     logic [PanelBits-1:0] last_column;
@@ -97,27 +97,27 @@ package optics_pkg;
     logic [PanelBits-1:0] last_row;
     logic [PanelBits-1:0] width;   // of the panel
     logic [PanelBits-1:0] height;
-    logic [15:0]          samples; // rays a pixel, 0 for 65536
+    logic [15:0]          samples; // rays per pixel, 0 for 65536
     jitter_e              jitter;
     logic [TableBits-1:0] table_first;
     logic [31:0]          seed;
   } raster_config_t;
 
-  /// What moves a ray from the centres of its pixel and of its lenslet; all signed.
+  /// Jitter of a ray: its offset from the centres of pixel and lenslet; all signed.
   typedef struct packed {
     logic signed [11:0] b;   // aperture point, 10 fraction bits, in rows
     logic signed [11:0] a;   // in pitches
-    logic signed [3:0]  dv;  // place on the pixel, 4 fraction bits, upward
+    logic signed [3:0]  dv;  // position on the pixel, 4 fraction bits, upward
     logic signed [3:0]  du;  // to the right
   } jitter_t;
 
-  /// Bits of an operand that do not fit into a hardware multiplier.
+  /// Number of an operand's bits beyond the width of a hardware multiplier.
   function automatic int low_bits(int width);
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
-  /// Latency of `low_product`: two bits a digit, the digits summed in a tree; at least as long as a
-  /// multiplier cell takes.
+  /// Latency of `low_product`: digits of two bits, summed in a tree; at least that of a multiplier
+  /// cell.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);
@@ -132,13 +132,13 @@ package optics_pkg;
     return 2 + low_latency(low) + 1;
   endfunction
 
-  /// Segments of a root's table within each octave, as a power of two. An illegal F, which its
-  /// module refuses, gets no large table.
+  /// Segments of a root's table in each octave, as a power of two; limited, so that an illegal F gets
+  /// no large table before its module refuses it.
   function automatic int segment_bits(int f);
     return f < 14 ? 4 : f > 23 ? 7 : f / 3;
   endfunction
 
-  /// Bits of the place within a segment.
+  /// Bits of the position within a segment.
   function automatic int place_bits(int f);
     return f + 2 - segment_bits(f) < MulBits ? f + 2 - segment_bits(f) : MulBits;
   endfunction
@@ -158,12 +158,12 @@ package optics_pkg;
     return quadratic_latency() + 1;
   endfunction
 
-  /// Latency of `sqrt`: the normalising shifts come before and after.
+  /// Latency of `sqrt`, with the normalising shifts before and after the root.
   function automatic int sqrt_latency(bit normalise);
     return quadratic_latency() + 1 + (normalise ? 4 + 2 : 0);
   endfunction
 
-  // Latencies of the steps of the ray, W = F + 2.
+  // Latencies of the steps of a ray, W = F + 2.
 
   function automatic int pixel_latency();
     return mul_latency(MulBits, MulBits) + 3;
@@ -191,7 +191,7 @@ package optics_pkg;
     return mul_latency(f + 2, f + 2) + 1 + mul_latency(f + 2, f + 2) + 2 + sqrt_latency(1'b0);
   endfunction
 
-  /// Latency of `meet_dome` up to the length b along the ray, its largest word far x near.
+  /// Latency of `meet_dome` up to the length b along the ray; the largest product is far x near.
   function automatic int foot_latency(int f);
     return mul_latency(f + 4, f + 2) + 3;
   endfunction
@@ -205,7 +205,7 @@ package optics_pkg;
     return (grid == GridHex ? mul_latency(f + 2, f + 2) + 2 : 0) + 2;
   endfunction
 
-  /// Latency of `leave_dome` and of `enter_dome` up to the bend.
+  /// Latency of `leave_dome` and of `enter_dome` up to the factor of the normal.
   function automatic int bend_latency(int f);
     return mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 2;
   endfunction
@@ -214,7 +214,7 @@ package optics_pkg;
     return bend_latency(f) + mul_latency(f + 2, f + 2) + 3;
   endfunction
 
-  /// Latency of `leave_flat`: the longer of the way to the face and the root behind it.
+  /// Latency of `leave_flat`: the longer of two paths, to the point on the face and to the root.
   function automatic int leave_flat_latency(int f);
     int way, air;
     way = rsqrt_latency() + 2 * mul_latency(f + 4, f + 2) + 3;
@@ -222,7 +222,7 @@ package optics_pkg;
     return mul_latency(f + 2, f + 2) + 2 + (way > air ? way : air);
   endfunction
 
-  /// Cycles from the panel point to the slope and the point on the first face.
+  /// Cycles from the point on the panel to the slope and the point on the first face.
   function automatic int slope_latency(int f);
     return 1 + blend_latency(f);
   endfunction
@@ -232,7 +232,7 @@ package optics_pkg;
     return pixel_latency() + lenslet_latency(grid) + (aims ? aim_latency(grid) : 0);
   endfunction
 
-  /// Cycles of one more dome tried.
+  /// Cycles for each further dome that is tried.
   function automatic int walk_latency(int grid, int f);
     return meet_dome_latency(f) + cell_step_latency(grid, f) + 2;
   endfunction

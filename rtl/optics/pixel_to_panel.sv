@@ -5,11 +5,11 @@
 ///   hi = (u ah_u + v ah_v) + oh,   lo = (u al_u + v al_v) + ol    (each coefficient 2^17 ah + al)
 ///   x  = floor((hi + floor(lo / 2^17)) / 2^(23 - F))
 ///
-/// and likewise for y: one affine map, exact up to the last cut, which the offset's half turns into
-/// a rounding. Input u_i, v_i: signed, 4 fraction bits, columns to the right and rows *upward* from
-/// the panel's centre. Coefficients: signed, 36 fraction bits. Offsets: signed, 40 fraction bits,
-/// 2^(39 - F) included. Output x_o, y_o: signed, IndexBits + F bits, F fraction bits, in pitches
-/// (hexagonal: y in rows). Latency pixel_latency().
+/// and likewise for y: one affine map, exact up to the final floor. The offsets include 2^(39 - F),
+/// which makes that floor a rounding. Input u_i, v_i: signed, 4 fraction bits, columns to the right
+/// and rows *upward* from the panel's centre. Coefficients: signed, 36 fraction bits. Offsets:
+/// signed, 40 fraction bits. Output x_o, y_o: signed, IndexBits + F bits, F fraction bits, in
+/// pitches (hexagonal: y in rows). Latency pixel_latency().
 module pixel_to_panel #(
   parameter int F = 23
 ) (
@@ -27,7 +27,7 @@ module pixel_to_panel #(
 );
   import optics_pkg::*;
 
-  localparam int LowBits = SlopeBits - MulBits;  // 17: a sign makes it an operand
+  localparam int LowBits = SlopeBits - MulBits;  // 17: with a sign bit it is an operand of 18 bits
   localparam int Whi = OffsetBits - LowBits;
 
   if (F < 14 || F > 23) begin : gen_illegal
@@ -56,9 +56,9 @@ module pixel_to_panel #(
       .clk_i, .a_i(v_i), .b_i({1'b0, from_v[LowBits-1:0]}), .p_o(lo_v)
     );
 
-    // ---- their sum, the lower half carried into the upper ----
+    // ---- their sum, with the carry of the lower half into the upper ----
     logic signed [2*MulBits:0] lo_q, lo_sum_q;
-    logic unused_top;  // |u| and |v| are 2^17 at most, the product of two smallest never comes up
+    logic unused_top;  // |u| and |v| are 2^17 at most; (-2^17) (-2^17) does not occur
     assign unused_top = hi_u[2*MulBits-1] ^ hi_v[2*MulBits-1];
     logic signed [Whi-1:0] hi_q, hi_sum_q, sum_q;
     always_ff @(posedge clk_i) begin

@@ -1,19 +1,20 @@
 `default_nettype none
 
-/// Root of a number in [1, 4) by a quadratic over each segment of a table.
+/// Root of a number in [1, 4) by a table of quadratic polynomials, one for each segment.
 ///
 /// Root = RootReciprocal: y = 1 / sqrt(x);  Root = RootSquare: y = sqrt(x) / 2;  both in (1/2, 1].
 ///
-/// Input x_i: unsigned, I = F + 1 fraction bits. Let m = x for x < 2, else x / 2, its fraction with
-/// I + 1 bits; the top A = segment_bits(F) of them with the octave choose a segment, the next
-/// D = place_bits(F) give the place z in [-1/2, 1/2) in it (bits below are cut off). Then
+/// Input x_i: unsigned, I = F + 1 fraction bits. Let m = x for x < 2 (lower octave), else x / 2
+/// (upper octave); its fraction has I + 1 bits. The octave and the top A = segment_bits(F) of them
+/// select a segment; the next D = place_bits(F) bits give the position z in [-1/2, 1/2) in the
+/// segment (bits below are cut off). Then
 ///
 ///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
 ///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4)
 ///
-/// The coefficients interpolate the root at the segment's Chebyshev nodes z = 0, +-sqrt(3)/4, where
-/// the error of a cubic term is least, |y'''| w^3 / 192 for a segment of width w; c0 is rounded to
-/// F + 4 fraction bits, c1 to s1, c2 to s1 + 2.
+/// The coefficients interpolate the root at the segment's Chebyshev nodes z = 0, +-sqrt(3)/4. These
+/// minimise the error of the cubic term: |y'''| w^3 / 192 for a segment of width w. c0 is rounded
+/// to F + 4 fraction bits, c1 to s1, c2 to s1 + 2.
 /// Output y_o: unsigned, F + 4 fraction bits. Latency quadratic_latency().
 module quadratic #(
   parameter int F = 23,
@@ -72,21 +73,21 @@ module quadratic #(
 
   localparam table_t Table = make_table();
 
-  // Octave: one fraction whichever it is.
+  // Octave: both have the same format of the fraction from here on.
   logic [F+1:0] fraction_d;
   logic [A:0] segment_d;
-  logic [1:0] asked_q;  // which quarter
+  logic [1:0] asked_q;  // quarter of the table
   logic signed [D-1:0] place_q;
   assign fraction_d = x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
   assign segment_d = {x_i[F+2], fraction_d[F+1-:A]};
   always_ff @(posedge clk_i) begin
     asked_q <= segment_d[A-:2];
-    // Half a segment is taken off by turning the top bit.
+    // Inverting the top bit subtracts half a segment.
     place_q <= {~fraction_d[F+1-A], fraction_d[F-A-:D-1]};
   end
 
-  // Table, read in quarters first. Each has an address of its own, 0 while another is asked: one
-  // for all would reach every bit of the table, and its wires would limit the clock.
+  // The table is read as four quarters. Each has its own address, 0 while another is selected: a
+  // common address would drive every bit of the table, and its wires would limit the clock.
   localparam int Quarter = Entries / 4;
   logic [1:0] quarter_q;
   logic [W0-1:0] c0_q;

@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// Walks a window of the panel, row by row from the top left: one ray every clock, valid/ready.
+/// Scans a window of the panel, row by row from the top left: one ray every clock, valid/ready.
 ///
-/// start_i, heeded while running_o is low, copies config_i and begins a frame: `samples` rays for
-/// each pixel. A window that is empty or not on the panel is refused: refused_o until the next
-/// start. running_o stays high until the frame's last ray was taken.
+/// start_i copies config_i and starts a frame: `samples` rays for each pixel. It is ignored while
+/// running_o is high. A window that is empty or reaches beyond the panel is refused: refused_o is
+/// high until the next start. running_o stays high until the frame's last ray was taken.
 ///
 /// Pixel (c, r), counted from the panel's top left, gives with half-pixels as integers
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
@@ -12,12 +12,12 @@
 /// where the ray's jitter (du, dv, ja, jb) is
 ///   JitterOff    0
 ///   JitterTable  entry (table_first + sample) mod 64
-///   JitterLfsr   the ray's random word read as an entry, bits 11 and 10 of ja and of jb
-///                replaced by their bit 9: all over the pixel, and aims in [-1/2, 1/2)
+///   JitterLfsr   the ray's random word, read as an entry, with bits 11 and 10 of ja and of jb
+///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2)
 ///
-/// Random words are states of a Galois LFSR of x^32 + x^22 + x^2 + x + 1, a primitive polynomial,
-/// 32 steps apart, bit k standing for x^k: the frame's first ray has the seed itself (1 for seed
-/// 0), each ray behind it s <- s x^32.
+/// The random words are states of a Galois LFSR with the primitive polynomial
+/// x^32 + x^22 + x^2 + x + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed
+/// (1 for seed 0); each following ray is 32 steps further, s <- s x^32.
 module raster #(
   parameter int F = 23
 ) (
@@ -27,7 +27,7 @@ module raster #(
   input  optics_pkg::raster_config_t              config_i,   // the next frame
   input  logic                                    start_i,    // begin it
   output logic                                    running_o,  // until its last ray was taken
-  output logic                                    refused_o,  // window illegal; until next start
+  output logic                                    refused_o,  // illegal window; until next start
 
   input  logic                                    table_write_i,  // entry of the jitter table
   input  logic [optics_pkg::TableBits-1:0]        table_at_i,     // its place
@@ -56,11 +56,11 @@ module raster #(
     return state;
   endfunction
 
-  // ---- the frame's settings, copied, then judged and turned into where the walk begins ----
+  // ---- the frame's settings: copied, checked, and converted to the first position ----
   raster_config_t config_q;
   logic take, check_q, begin_q, legal, walk_q, step, done, end_of_frame;
   logic [3:0] legal_q;
-  // What is left behind the one that follows: -1 when there is none, so that a sign tells the last.
+  // Each counter holds the remaining count minus 2: it is negative at the last item.
   logic signed [16:0] samples_q;
   logic signed [HalfBits-1:0] columns_q, rows_q;
   logic signed [HalfBits-1:0] first_half_u_q, first_half_v_q;
@@ -96,7 +96,7 @@ module raster #(
     end
   end
 
-  // ---- the walk: what is left of pixel, row and window, and where it is ----
+  // ---- the scan: remaining samples, columns and rows, and the position ----
   logic signed [16:0] samples_left_q;
   logic signed [HalfBits-1:0] columns_left_q, rows_left_q;
   logic signed [HalfBits-1:0] half_u_q, half_v_q;
@@ -136,7 +136,7 @@ module raster #(
     end
   end
 
-  // ---- its jitter ----
+  // ---- the jitter ----
   (* ram_style = "distributed" *)
   jitter_t jitter_table[1 << TableBits];
   jitter_t entry_q, drawn_q, jitter_q;

@@ -3,10 +3,9 @@
 /// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both
 /// sides.
 ///
-/// Rays leave in the order in which they came. The optics in use are a copy of config_i: apply_i
-/// asks for a new copy, which is made as soon as the rays on the way have left (busy_o until then,
-/// and the input is closed), so that no frame sees two displays. After reset a copy is made at
-/// once.
+/// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
+/// requests a new copy; it is made as soon as all rays inside have left. Until then busy_o is high
+/// and the input closed, so that no frame is traced with two displays. Reset requests a copy.
 ///
 /// Words as in `ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
 module ray_lenslet #(
@@ -34,7 +33,7 @@ module ray_lenslet #(
 
   output logic                                    exit_valid_o,
   input  logic                                    exit_ready_i,
-  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,      // lenslet that it leaves through
+  output logic signed [optics_pkg::IndexBits-1:0] exit_i_o,      // lenslet of the exit
   output logic signed [optics_pkg::IndexBits-1:0] exit_j_o,
   output logic signed [F+3:0]                     exit_x_o,      // origin from its centre, radii
   output logic signed [F+3:0]                     exit_y_o,      // F + 1 fraction bits
@@ -42,7 +41,7 @@ module ray_lenslet #(
   output logic signed [F+1:0]                     exit_dx_o,     // near: unit direction
   output logic signed [F+1:0]                     exit_dy_o,
   output logic signed [F+1:0]                     exit_dz_o,     // to the viewer
-  output optics_pkg::status_e                     exit_status_o  // its fate
+  output optics_pkg::status_e                     exit_status_o  // status
 );
   import optics_pkg::*;
 

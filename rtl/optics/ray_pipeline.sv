@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// The way of a ray, from pixel to exit ray: one ray every clock, always on the move.
+/// All steps of a ray, from pixel to exit ray: one ray every clock, without stalls.
 ///
 ///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> blend, unit_slope ->
 ///     pinhole, paraxial:              the slope is the exit ray's
@@ -12,11 +12,11 @@
 /// lenslet (Aims = 0: the chief ray, not used).
 /// Output: lens-local origin in radii, F + 1 fraction bits, measured from the centre of lenslet
 /// (i, j); unit direction, near words; all along the array's axes, +z to the viewer. Status as in
-/// `status_e`: missed comes before total internal reflection, blocked and crosstalk. A missed ray's
-/// origin means nothing.
-/// What a Model or an orientation does not use is not built. Walk is the number of further domes
-/// tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
-/// Blocked is a ray that leaves the dome downward; the neighbours' domes are not looked at again.
+/// `status_e`: missed takes precedence over total internal reflection, blocked and crosstalk. The
+/// origin of a missed ray is undefined.
+/// Logic that a Model or an orientation does not use is not built. Walk is the number of further
+/// domes tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
+/// A ray that leaves the dome downward is blocked; neighbouring domes are not checked again.
 /// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk).
 module ray_pipeline #(
   parameter int F = 23,
@@ -71,7 +71,7 @@ module ray_pipeline #(
     $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
   end
 
-  // Each build reads some of the fields, and their lower bits.
+  // Each build uses only some of the fields, and only their lower bits.
   logic unused_config;
   assign unused_config = ^config_i;
 
@@ -125,7 +125,7 @@ module ray_pipeline #(
     assign unused_aim = ^{a_i, b_i};
   end
 
-  // ---- slope of the ray, and where it meets the first face ----
+  // ---- slope of the ray, and its point on the first face ----
   localparam int SlopeAt = LensAt + slope_latency(F);
   logic signed [Wh-1:0] towards_x_d, towards_y_d;
   logic signed [W-1:0] x_q, y_q, a_q, b_q, from_x_q, from_y_q;
@@ -134,7 +134,7 @@ module ray_pipeline #(
   assign towards_y_d = Wh'(b) - Wh'(y);
   always_ff @(posedge clk_i) begin
     {x_q, y_q, a_q, b_q, stray_q} <= {x, y, a, b, stray};
-    // The exact ray goes from point to point; the others' slopes have a coefficient for each.
+    // The exact slope follows from a - x; the other models have a coefficient for each of a and x.
     from_x_q <= Model == ModelExact ? W'(towards_x_d) : x;
     from_y_q <= Model == ModelExact ? W'(towards_y_d) : y;
     beyond_q <= beyond || towards_x_d[Wh-1] != towards_x_d[Wh-2]
@@ -175,7 +175,7 @@ module ray_pipeline #(
   logic unused_slope;  // slopes stay below sqrt(3)
   assign unused_slope = mx[Wh-1] ^ my[Wh-1];
 
-  // ---- what waits for the end ----
+  // ---- delays to the end of the pipeline ----
   localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk) - 2;
   logic stray_late, beyond_late;
   delay #(.Width(2), .Cycles(OutAt - LensAt - 1)) i_flags (
@@ -204,7 +204,7 @@ module ray_pipeline #(
     assign out_reflected = 1'b0;
     assign out_crosstalk = stray_late && Model != ModelPinhole;
   end else begin : gen_exact
-    // Direction in which the dome is met, and the air's tangential part of n d.
+    // Direction at the dome, and the tangential part of n d.
     localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
     logic signed [W-1:0] first_dx, first_dy, first_dz;
     if (Viewer) begin : gen_air
@@ -218,11 +218,11 @@ module ray_pipeline #(
       assign unused_ez = ^ez;
     end
 
-    // ---- the domes on the way ----
+    // ---- further domes ----
     localparam int StepLatency = cell_step_latency(Grid, F);
     localparam int WalkLatency = walk_latency(Grid, F);
     localparam int MeetLatency = meet_dome_latency(F);
-    localparam int LastAt = FirstAt + Walk * WalkLatency;  // the last dome is tried from here
+    localparam int LastAt = FirstAt + Walk * WalkLatency;  // the last dome's test starts here
     logic [Walk:0][Wh-1:0] walk_hx, walk_hy;
     logic [Walk:0][W-1:0] walk_dx, walk_dy, walk_dz, walk_nx, walk_ny, walk_nz, walk_cos;
     logic [Walk:0][IndexBits-1:0] walk_i, walk_j;
@@ -280,7 +280,7 @@ module ray_pipeline #(
       end
     end
 
-    // ---- the dome that was met ----
+    // ---- the dome that the ray meets ----
     localparam int DomeAt = LastAt + MeetLatency;
     logic signed [W-1:0] nx, ny, nz, dome_ex, dome_ey;
     assign {nx, ny, nz} = {walk_nx[Walk], walk_ny[Walk], walk_nz[Walk]};
@@ -357,7 +357,7 @@ module ray_pipeline #(
       assign out_x = Wf'(late_nx);
       assign out_y = Wf'(late_ny);
       assign out_z = Wf'(late_nz) - (Wf'(1) <<< (F + 1));
-      // A ray that does not get out keeps the direction in the glass.
+      // A totally reflected ray keeps its direction in the glass.
       always_ff @(posedge clk_i) begin
         keep_q <= reflected_early || missed_early;
         reflected <= reflected_early;
@@ -367,7 +367,7 @@ module ray_pipeline #(
           keep_q ? {glass_dx, glass_dy, glass_dz} : {air_dx_q, air_dy_q, air_dz_q};
     end
 
-    // ---- its fate ----
+    // ---- its status ----
     logic signed [IndexBits-1:0] own_i_late, own_j_late;
     if (Walk > 0) begin : gen_own_late
       delay #(
@@ -385,7 +385,7 @@ module ray_pipeline #(
     assign unused_late = stray_late ^ beyond_late ^ (^{own_i_late, own_j_late});
   end
 
-  // ---- exit ray, and its fate ----
+  // ---- exit ray, and its status ----
   logic signed [IndexBits-1:0] i_q, j_q;
   logic signed [Wf-1:0] x_q2, y_q2, z_q2;
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;

@@ -2,10 +2,10 @@
 
 /// Delays a word by 2 or more cycles in a ring of Cycles - 1 places: q(t) = d(t - Cycles).
 ///
-/// Each clock a place is read and then written anew: what is read has gone once round. The register
-/// behind adds a clock. Any start is right after a round. Synthesis for a family may put its
-/// memories in the place of this module (sim/synth/). Kept as a module of its own in synthesis, or
-/// all rings of a length would share their counter.
+/// Each clock one place is read, then overwritten; a word is read when the address has gone once
+/// round. An output register adds a clock. The initial address does not matter after one round.
+/// Synthesis for an FPGA family may replace this module by its memories (sim/synth/). The hierarchy
+/// is kept in synthesis: merged rings of one length would share their counter.
 (* keep_hierarchy *)
 module ring #(
   parameter int Width = 1,
@@ -20,13 +20,13 @@ module ring #(
     $fatal(1, "ring: Width must be 1 or more and Cycles 2 or more");
   end
 
-  // A memory of a power of two places: a simulator need not check the address.
+  // The size is a power of two, so that a simulator need not check the address.
   localparam int PlaceBits = Cycles > 3 ? $clog2(Cycles - 1) : 1;
   localparam logic [PlaceBits-1:0] Last = PlaceBits'(Cycles - 2);
 
   logic [Width-1:0] places[1 << PlaceBits];
   logic [PlaceBits-1:0] at_q;
-  initial at_q = '0;  // for simulators that start with unknown words
+  initial at_q = '0;  // for simulators whose registers start unknown
 
   always_ff @(posedge clk_i) begin
     at_q <= at_q == Last ? '0 : at_q + 1'b1;

@@ -2,7 +2,7 @@
 
 /// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
 ///
-/// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output means nothing).
+/// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output is undefined).
 /// Output y_o: unsigned, F + 1 fraction bits, in [1/2, 1]. With q from `quadratic`, words as
 /// integers:
 ///

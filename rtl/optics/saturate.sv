@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// Narrows a signed word: values that do not fit become the largest or smallest. Latency 1.
+/// Narrows a signed word: values out of range become the largest or smallest. Latency 1.
 module saturate #(
   parameter int From = 20,
   parameter int To = 18

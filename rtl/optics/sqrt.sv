@@ -1,15 +1,14 @@
 `default_nettype none
 
-/// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1), the cosine of a squared cosine.
+/// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1). Used for cosines.
 ///
 /// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word.
-/// Normalise = 0 takes x in [1/4, 1) only. Normalise = 1 takes all: with k the largest number, at
-/// most 15, for which 4^k x < 1, the root q of 4^k x (`quadratic`) is shifted back, words as
-/// integers,
+/// Normalise = 0 accepts x in [1/4, 1) only. Normalise = 1 accepts all x: k is the largest number
+/// up to 15 with 4^k x < 1, and q is the root of 4^k x (`quadratic`); words as integers,
 ///
 ///   y    = min(((q >> k) + 4) >> 3, 2^(F+1) - 1)
 ///
-/// and 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
+/// x = 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
 module sqrt #(
   parameter int F = 23,
   parameter bit Normalise = 1'b1
@@ -30,7 +29,7 @@ module sqrt #(
   logic [F+4:0] q, shifted;
 
   if (Normalise) begin : gen_normalise
-    // k in binary: shifts by 16, 8, 4 and 2 places where the bits above are clear.
+    // k in binary: shifts by 16, 8, 4 and 2 places if that many upper bits are 0.
     logic [J-1:0] by16_q, by8_q, by4_q, by2_q;
     logic k8_q, k8_q2, k8_q3, k8_q4, k4_q2, k4_q3, k4_q4, k2_q3, k2_q4, k1_q4;
     logic [3:0] k_late;

@@ -50,7 +50,7 @@ module unit_slope #(
   logic [F+1:0] inverse;
   logic signed [W-1:0] ez;
   rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q), .y_o(inverse));
-  assign ez = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);  // 1 is no near word
+  assign ez = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);  // 1 overflows
 
   // ---- the direction ----
   localparam int Drop = F - Guard;

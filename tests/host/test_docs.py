@@ -177,35 +177,6 @@ def test_every_option_is_documented(command):
         assert re.search(rf"`[^`\n]*{option}\b", text), f"{command} {option} is not in command-line.md"
 
 
-def test_every_display_key_is_documented():
-    """All keys that the reader knows, found by asking for one that it does not."""
-    text = (TOP / "docs/reference/display-file.md").read_text()
-    source = (TOP / "host/lippmann/display.py").read_text()
-    keys = set(re.findall(r"\b(?:table|top)\.\w+\(\"(\w+)\"", source)) | {"pixel_pitch_mm", "dpi", "focal_length_mm"}
-    assert {"name", "gap_mm", "width_px", "grid", "offset_mm"} <= keys
-    assert not [key for key in keys - {"panel", "array"} if f"`{key}`" not in text]
-
-
-def test_every_setup_key_is_documented():
-    text = (TOP / "docs/reference/setup-file.md").read_text()
-    source = (TOP / "host/lippmann/capturing/setup.py").read_text()
-    keys = set(re.findall(r"\b(?:table|top)\.\w+\(\"(\w+)\"", source)) | {"image_distance_mm", "radius_mm"}
-    assert {"distance_mm", "position_mm", "gap_mm", "convex"} <= keys
-    assert not [
-        key
-        for key in keys - {"object", "lens", "array", "camera", "pickup"}
-        if not re.search(rf"`(\w+\.)?{key}`", text)
-    ]
-
-
-def test_every_film_key_is_documented():
-    text = (TOP / "docs/reference/film-file.md").read_text()
-    source = "".join((TOP / f"host/lippmann/film/{name}.py").read_text() for name in ("film", "path"))
-    keys = set(re.findall(r"\b(?:table|top|one)\.\w+\(\"(\w+)\"", source))
-    assert {"scene", "frames", "pivot_mm", "keys", "offset_mm", "shapes"} <= keys
-    assert not [key for key in keys - {"object", "world"} if f"`{key}`" not in text]
-
-
 SMALL_DISPLAY = """
 gap_mm = 3.3
 [panel]

@@ -39,10 +39,10 @@ MIN_ELEMENTAL_PX = 2.0
 class Subject:
     """Where the scene stands. The origin of the object's frame is its centre: x right, y up, +z towards the lens."""
 
-    distance_mm: Annotated[Length, key("object's centre from the lens, without a lens from the array")]
-    scale: Annotated[Scale, key("size of the scene, after its own placement, about the object's centre")] = 1.0
-    rotation_deg: Annotated[Triple, key("turns about x, then y, then z")] = ORIGIN
-    offset_mm: Annotated[Triple, key("movement of the scene; +z is towards the lens")] = ORIGIN
+    distance_mm: Annotated[Length, key("object's centre from the lens, or from the array without a lens")]
+    scale: Annotated[Scale, key("factor of the size, about the object's centre")] = 1.0
+    rotation_deg: Annotated[Triple, key("rotation about x, then y, then z")] = ORIGIN
+    offset_mm: Annotated[Triple, key("shift of the scene; +z is towards the lens")] = ORIGIN
 
     @property
     def placement(self) -> Placement:
@@ -54,14 +54,14 @@ class Subject:
 class Camera:
     """A pinhole on the axis that sees the array's first principal plane; the display's panel there is its picture."""
 
-    distance_mm: Annotated[Length, key("pinhole from the lens, without a lens from the array's vertices")]
+    distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
 
 @dataclass(frozen=True)
 class Pickup:
     """A sensor of the panel's size and place behind the array."""
 
-    gap_mm: Annotated[Gap, key("from the sensor to the array's near face, as in a display file")]
+    gap_mm: Annotated[Gap, key("gap between the array and the sensor, as in a display file")]
 
 
 @dataclass(frozen=True)
@@ -179,16 +179,16 @@ def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
 class LensKeys:
     """`[lens]` in a set-up file."""
 
-    kind: Annotated[Literal["pair", "thin"], key("two equal thick plano-convex lenses, or one ideal lens")]
-    image_distance_mm: Annotated[Length | None, key("image of the object's centre: 1/f = 1/s + 1/s'")] = None
+    kind: Annotated[Literal["pair", "thin"], key("two equal thick plano-convex lenses, or one ideal thin lens")]
+    image_distance_mm: Annotated[Length | None, key("distance s' of the image of the object: 1/f = 1/s + 1/s'")] = None
     focal_length_mm: Annotated[Length | None, key("of the whole lens", instead_of="image_distance_mm")] = None
-    radius_mm: Annotated[Length | None, key("`pair`: of the domes", instead_of="image_distance_mm")] = None
+    radius_mm: Annotated[Length | None, key("`pair`: radius of the domes", instead_of="image_distance_mm")] = None
     index: Annotated[Index | None, key("`pair`: refractive index", default="required for `pair`")] = None
     glass: Glass | None = None
-    thickness_mm: Annotated[Length | None, key("`pair`: in the middle of each", default="required for `pair`")] = None
+    thickness_mm: Annotated[Length | None, key("`pair`: centre thickness", default="required for `pair`")] = None
     separation_mm: Annotated[Gap | None, key("`pair`: air between the inner vertices", default="0")] = None
-    aperture_mm: Annotated[Length, key("diameter; rays beyond it are lost (vignetting)")]
-    convex: Annotated[Convex | None, key("`pair`: what the domes look at; in: each other", default='`"in"`')] = None
+    aperture_mm: Annotated[Length, key("diameter; rays outside it are lost (vignetting)")]
+    convex: Annotated[Convex | None, key("`pair`: side of the domes; in: facing each other", default='`"in"`')] = None
 
 
 #: Keys that a thin lens does not have.
@@ -204,9 +204,9 @@ Thickness = Annotated[float, key("", above=0.0, default="the display's, or the s
 class ArrayKeys:
     """`[array]` in a set-up file."""
 
-    position_mm: Annotated[Position, key("vertices from the image of the object's centre, + to the camera")] = None
-    focal_length_mm: Annotated[Focal, key("negative: plano-concave, the flat side towards the camera")] = None
-    thickness_mm: Annotated[Thickness, key("vertex to flat face; of concave lenslets in their middle")] = None
+    position_mm: Annotated[Position, key("vertices, from the object's image; positive towards the camera")] = None
+    focal_length_mm: Annotated[Focal, key("of the captured lenslets, if different; negative: plano-concave")] = None
+    thickness_mm: Annotated[Thickness, key("from vertex to flat face; concave: in the middle")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +214,7 @@ class SetupFile:
     """The keys of a set-up file."""
 
     name: Annotated[str | None, key("name of the set-up in reports", default="the file's name")] = None
-    display: Annotated[str | DisplayFile, key("a display file, its path counted from the set-up file, or its tables")]
+    display: Annotated[str | DisplayFile, key("display file, its path relative to the set-up file; or its tables")]
     object: Subject
     lens: LensKeys | None = None
     array: ArrayKeys = ArrayKeys()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
 
 import click
 
@@ -12,16 +15,40 @@ from lippmann.cli.options.common import json_option
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
+from lippmann.toml import schema
+
+#: Kind of TOML file -> module and class that declare it.
+FILES = {
+    "display": ("lippmann.display", "DisplayFile"),
+    "setup": ("lippmann.capturing.setup", "SetupFile"),
+    "film": ("lippmann.film.film", "FilmFile"),
+    "placement": ("lippmann.rendering.placement", "PlacementFile"),
+}
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of TOML file (a name of `FILES`)."""
+    module, declared = FILES[kind]
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"Lippmann {kind} file"}
+    return {**head, **schema(getattr(import_module(module), declared))}
 
 
 @click.command("inspect")
-@click.argument("display_path", metavar="DISPLAY.toml")
+@click.argument("display_path", metavar="DISPLAY.toml", required=False)
+@click.option("--schema", "kind", type=click.Choice(tuple(FILES)), help="Print the JSON Schema of a kind of TOML file.")
 @json_option
-def command(display_path: str, as_json: bool) -> None:
-    """Print the numbers that follow from a display file, with units, and warnings.
+def command(display_path: str | None, kind: str | None, as_json: bool) -> None:
+    """Print the numbers that follow from a display file, with units and warnings.
+
+    With --schema no display is read: an editor checks TOML files against what is printed.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
+    if kind is not None:
+        click.echo(json.dumps(schema_of(kind), indent=2))
+        return
+    if display_path is None:
+        raise click.UsageError("Missing argument 'DISPLAY.toml'.")
     display = load_display(display_path)
     derived = display_properties(display)
     panel, array = display.panel, display.array

@@ -17,26 +17,26 @@ from lippmann.toml import key, values
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
 AnyPath = TypeVar("AnyPath", bound=FilmPath)
-Depth = Annotated[float | None, key("", default="the placement's, and as far as shapes move")]
+Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Moving(FilmPath):
     """An object of a film: shapes, and their path."""
 
-    shapes: Annotated[str, key("id of the shapes in the scene's file; `*` stands for any text, `?` for any letter")]
+    shapes: Annotated[str, key("id of the shapes in the scene file; `*` stands for any text, `?` for any character")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
     """The keys of a film file. Later objects move what earlier ones have moved; the world is the whole scene."""
 
-    scene: Annotated[Path, key("a Mitsuba scene, its path counted from the film file")]
-    frames: Annotated[int, key("number of frames; they count from 0", low=1, high=MAX_FRAMES)]
-    frames_per_second: Annotated[float, key("at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
+    scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
+    frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
+    frames_per_second: Annotated[float, key("speed; at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
     motion: Annotated[Motion, key("interpolation between keys")] = "smooth"
-    near_mm: Annotated[Depth, key("front of the depths of interest in every frame; primary rays start there")] = None
-    far_mm: Annotated[Depth, key("back of the depths of interest in every frame")] = None
+    near_mm: Annotated[Depth, key("front of the depths z that matter in every frame; primary rays start there")] = None
+    far_mm: Annotated[Depth, key("back of the depths z that matter in every frame")] = None
     object: tuple[Moving, ...] = ()
     world: FilmPath | None = None
 

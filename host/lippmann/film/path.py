@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from lippmann.errors import input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
@@ -19,10 +20,10 @@ Motion = Literal["smooth", "linear"]
 class Key:
     """Where something stands at a frame: scaled, turned, and moved."""
 
-    frame: Annotated[int, key("number of the frame; later than the key before", low=0)]
-    offset_mm: Annotated[Triple, key("distance from the position at rest")] = ORIGIN
-    rotation_deg: Annotated[Triple, key("turns about x, then y, then z")] = ORIGIN
-    scale: Annotated[Scale, key("magnification")] = 1.0
+    frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
+    offset_mm: Annotated[Triple, key("shift from the position at rest")] = ORIGIN
+    rotation_deg: Annotated[Triple, key("rotation about x, then y, then z; 360 is a turn")] = ORIGIN
+    scale: Annotated[Scale, key("factor of the size")] = 1.0
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Path:
     interpolants", 1984), each number for itself. None in a film's file is the film's motion, elsewhere "smooth".
     """
 
-    keys: Annotated[tuple[Key, ...], key("positions at some frames, in order, at least one", items=1)]
-    pivot_mm: Annotated[Triple, key("the point that turns and scales leave in place")] = ORIGIN
+    keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]
+    pivot_mm: Annotated[Triple, key("centre of rotation and scaling, before the motion")] = ORIGIN
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:

@@ -32,7 +32,7 @@ class Placement:
     """
 
     scale: Annotated[Scale, key("mm for each scene unit")] = 1.0
-    rotation_deg: Annotated[Triple, key("turns about x, then y, then z, after the scaling")] = ORIGIN
+    rotation_deg: Annotated[Triple, key("rotation about x, then y, then z, after the scaling")] = ORIGIN
     offset_mm: Annotated[Triple, key("position of the scene's origin: x right, y up, z towards the viewer")] = ORIGIN
     near_mm: Annotated[Depth, key("depth z in front of every object of interest")] = None
     far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None

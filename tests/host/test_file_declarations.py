@@ -1,0 +1,132 @@
+"""What follows from the declarations of the TOML files: schemas, the tables of the pages, and how a key is added."""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from lippmann import toml
+from lippmann.cli import run
+from lippmann.cli.inspect import FILES, schema_of
+from lippmann.dev.generate_tables import MARKED, generate
+from lippmann.display import Display, load_display, parse_display
+from lippmann.errors import InputError
+from lippmann.toml import key
+
+TOP = Path(__file__).parents[2]
+
+
+def test_tables_and_schemas_are_current():
+    """`make docs-tables` would change nothing."""
+    made = generate(TOP)
+    pages = {str(path) for path in made if path.suffix == ".md"}
+    assert pages >= {f"docs/reference/{name}-file.md" for name in ("display", "setup", "film")}
+    assert {path.stem for path in made if path.suffix == ".json"} == set(FILES)
+    assert [str(path) for path, text in made.items() if (TOP / path).read_text() != text] == []
+
+
+def test_every_key_stands_in_a_table_and_has_a_meaning():
+    for kind in ("display", "setup", "film"):
+        page = (TOP / f"docs/reference/{kind}-file.md").read_text()
+        shown = {mark[3]: mark[0] for mark in MARKED.finditer(page) if mark[2] == kind}
+        wanted = dict(toml.tables(schema_of(kind)))
+        # The set-up's display has a page of its own; the world's keys are an object's.
+        same = {name for name in wanted if re.match(r"display|world", name)}
+        assert set(shown) == set(wanted) - same
+        for name, text in shown.items():
+            for inner, node in wanted[name]["properties"].items():
+                if name or (inner not in wanted):
+                    assert f"| `{inner}` |" in text, f"{kind}: {name}.{inner}"
+                    assert node.get("description"), f"{kind}: {name}.{inner} has no meaning"
+
+
+def test_a_table_that_does_not_exist_is_refused(tmp_path):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs/page.md").write_text("<!-- keys: display pannel -->\n<!-- end of keys -->\n")
+    with pytest.raises(InputError, match=r"keys: display pannel.*no such table; choose from panel, array"):
+        generate(tmp_path)
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_inspect_prints_the_schema(capsys, kind):
+    assert run(["inspect", "--schema", kind]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads((TOP / f"docs/reference/schemas/{kind}.json").read_text())
+
+
+def test_inspect_needs_a_display_or_a_schema(capsys):
+    assert run(["inspect"]) == 2
+    assert "DISPLAY.toml" in capsys.readouterr().err
+    assert run(["inspect", "--schema", "scene"]) == 2
+
+
+def test_the_schema_says_what_the_reader_checks():
+    top = schema_of("display")
+    assert top["required"] == ["panel", "array", "gap_mm"]
+    panel = top["properties"]["panel"]
+    assert panel["additionalProperties"] is False
+    assert panel["properties"]["bits"] == {
+        "description": "bits of each colour, for PNG files and boards",
+        "type": "integer",
+        "minimum": 1,
+        "maximum": 16,
+        "default": 8,
+    }
+    assert panel["allOf"] == [{"oneOf": [{"required": ["pixel_pitch_mm"]}, {"required": ["dpi"]}]}]
+    assert set(top["properties"]["array"]["properties"]["grid"]["enum"]) == {"square", "hex"}
+    assert "null" not in json.dumps([schema_of(kind) for kind in FILES])
+    assert "$ref" not in json.dumps([schema_of(kind) for kind in FILES])
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A table of a file to come."""
+
+    height_mm: Annotated[float, key("above the floor", low=0.0, high=2000.0)]
+    legs: Annotated[int, key("number of legs", low=3, high=5)] = 4
+    wood: Annotated[Literal["oak", "pine"], key("its material")] = "oak"
+
+
+@dataclass(frozen=True)
+class Room:
+    """A file to come."""
+
+    stand: Stand
+    stools: tuple[Stand, ...] = ()
+
+
+def test_a_declaration_is_all_that_a_file_needs():
+    read = toml.read(Room, {"stand": {"height_mm": 3}, "stools": [{"height_mm": 1.5, "wood": "pine"}]}, "f")
+    assert read == Room(Stand(3.0), (Stand(1.5, wood="pine"),))
+    assert isinstance(read.stand.height_mm, float)
+    assert [name for name, _ in toml.tables(toml.schema(Room))] == ["", "stand", "stools"]
+
+
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [
+        ({}, "f: stand: the key is missing; add it"),
+        ({"stand": {}}, "f: stand.height_mm: the key is missing; add it"),
+        ({"stand": {}, "stools": [{"leg": 3}]}, "f: stools[0].leg: unknown key; did you mean legs?"),
+        ({"stand": {"height_mm": 2000.5}}, "f: stand.height_mm: 2000.5 is not valid; give a finite number, from 0 to"),
+        ({"stand": {"height_mm": 1, "legs": 2}}, "f: stand.legs: 2 is not valid; give a whole number from 3 to 5"),
+        ({"stand": {"height_mm": 1, "legs": True}}, "f: stand.legs: True is not valid; give a whole number"),
+        ({"stand": {"height_mm": 1}, "stools": [{"height_mm": 1}, 7]}, "f: stools[1]: 7 is not valid; write it as"),
+        ({"stand": {"height_mm": 1}, "legs": 3}, "f: legs: unknown key; it belongs in [stand] or in [stools]"),
+    ],
+)
+def test_its_faults_are_named(raw, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        toml.read(Room, raw, "f")
+
+
+def test_a_display_read_from_its_file_is_a_plain_dataclass():
+    display = load_display(TOP / "scenes/displays/uhd-4k.toml")
+    assert type(display) is Display
+    # Numbers without a point are floats, as if they were written with one.
+    panel, array = "width_px = 9\nheight_px = 9\ndpi = 254\n", "grid = 'hex'\npitch_mm = 1\nindex = 2\nradius_mm = 2\n"
+    whole = f"gap_mm = 3\n[panel]\n{panel}[array]\n{array}"
+    read = parse_display(whole)
+    assert {type(x) for x in (read.gap_mm, read.array.pitch_mm, read.array.index, read.array.radius_mm)} == {float}
+    assert read.identity == parse_display(re.sub(r"(mm|index) = (\d)", r"\1 = \2.0", whole)).identity
