@@ -17,8 +17,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import serial
-from lippmann.board.board import BACK, FRONT, Board
+from fault_line import Faults, Proxy
+from lippmann.board.board import Board
 from lippmann.board.check import check_rays
+from lippmann.board.connection import BACK, FRONT
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError, InputError
@@ -26,8 +28,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.link import port as port_module
-from lippmann.link.faults import Faults, Proxy
-from lippmann.link.packets import Kind, Status, packed
+from lippmann.link.packets import Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
 from model_board import OPTICS_BUILD, ModelBoard
@@ -141,8 +142,8 @@ def test_a_raster_is_signed_once():
 
 def test_what_present_says():
     with joined() as (model, board):
-        assert board.present(0, 1) == (Status.FRAME_CRC_DIFFERS, 0)
-        assert board.present(7, 1) == (Status.STALE_EPOCH, 7)
+        assert board.present(0, 1) == (ReplyStatus.FRAME_CRC_DIFFERS, 0)
+        assert board.present(7, 1) == (ReplyStatus.STALE_EPOCH, 7)
         assert model.shown == []
         assert board.tiles(BACK).epoch == board.tiles(FRONT).epoch == 0
 
@@ -181,7 +182,7 @@ def test_wrong_version():
     ("limits", "message"),
     [
         ((2, None, 1, 96, 72, 32, 3200, 1, 0, 0), "version 2"),
-        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another greeting"),
+        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another HELLO"),
         ((1, None, 1, 0, 72, 32, 3200, 1, 0, 0), "limits"),
         ((1, None, 1, 65535, 65535, 32, 3200, 1, 0, 0), "limits"),
         ((1, None, 1, 96, 72, 64, 3200, 1, 0, 0), "limits"),
@@ -310,10 +311,10 @@ def test_a_file_is_no_port(tmp_path):
     [
         ("dialout", 0o660, r"join the group that owns it: sudo usermod -aG dialout \$USER"),
         ("dialout", 0o666, r"join the group"),
-        ("dialout", 0o640, r"give it to a group of yours, by a rule of udev such as"),
-        ("dialout", 0o600, r"give it to a group of yours"),
-        ("root", 0o660, r"give it to a group of yours"),
-        (None, 0o660, r"give it to a group of yours"),
+        ("dialout", 0o640, r"give it to one of your groups, with a udev rule such as"),
+        ("dialout", 0o600, r"give it to one of your groups"),
+        ("root", 0o660, r"give it to one of your groups"),
+        (None, 0o660, r"give it to one of your groups"),
     ],
 )
 def test_no_permission(monkeypatch, owner, mode, remedy):
@@ -337,11 +338,11 @@ def test_no_permission(monkeypatch, owner, mode, remedy):
 def test_a_port_that_goes_away():
     with ModelBoard() as model:
         board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
-    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+    with board, pytest.raises(DeviceError, match=r"connection is lost.*plug"):
         board.read(0)
     with ModelBoard(pty=True) as model:
         board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
-    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+    with board, pytest.raises(DeviceError, match=r"connection is lost.*plug"):
         board.read(0)
 
 

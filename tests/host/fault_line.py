@@ -1,4 +1,4 @@
-"""The fault line: a seeded proxy between host and board that does to bytes what cables, adapters and drivers do."""
+"""A line with faults: a seeded proxy between host and board that damages bytes as cables, adapters and drivers do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
-
 from lippmann.errors import DeviceError
 from lippmann.link.packets import DELIMITER, MAX_STUFFED
 from lippmann.link.port import BITS_A_BYTE, open_port
