@@ -15,6 +15,7 @@ import time
 import tty
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,12 +25,14 @@ from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.connection import BACK, FRONT
 from lippmann.board.stream import send_frame
-from lippmann.display import load_display
-from lippmann.errors import DeviceError
+from lippmann.cli import run
+from lippmann.display import display_text, load_display
+from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.images import write_picture
 from lippmann.link.packets import Kind, PacketReader, ReplyStatus, packed
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
@@ -313,6 +316,58 @@ def test_brightness_and_patterns_leave_the_frame_alone(quick):
         board.write(address, [0xFF])
         wait_for(quick.folder, image)
         assert board.tiles(FRONT).crcs.tolist() == board.info.grid.crcs(image).tolist()
+
+
+def levels_by_hand(light, transfer, bits):
+    """Levels of a panel by its curve, 0 to 2^bits - 1, in double and not rounded."""
+    light = light.astype(np.float64)
+    curve = {
+        "linear": light,
+        "srgb": np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055),
+        "gamma2.2": light ** (1 / 2.2),
+    }
+    return curve[transfer] * (2**bits - 1)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+@pytest.mark.parametrize(("transfer", "bits"), [("linear", 8), ("srgb", 6), ("gamma2.2", 6), ("linear", 6)])
+def test_the_panel_gets_the_tones_that_the_display_asks_for(looped, tmp_path, capsys, transfer, bits, suffix):
+    """From a file by the command, and from an image in Python: 0 bytes differ, and a wrong curve is refused."""
+    display = small()
+    display = dataclasses.replace(display, panel=dataclasses.replace(display.panel, transfer=transfer, bits=bits))
+    # Half floats, which an EXR holds exactly; none so near a half level that float32 may round it the other way.
+    light = np.random.default_rng([SEED, bits]).random((HEIGHT, WIDTH, 3)).astype(np.float16).astype(np.float32)
+    light[np.abs(levels_by_hand(light, transfer, bits) % 1 - 0.5) < 1e-3] = 0
+    wanted = np.rint(np.rint(levels_by_hand(light, transfer, bits)) * 255 / (2**bits - 1)).astype(np.uint8)
+    path = tmp_path / f"image{suffix}"
+    metadata = {"identity": display.identity, "transfer": transfer, "bits": str(bits)}
+    write_picture(path, light, metadata, transfer, bits)
+    (tmp_path / "display.toml").write_text(display_text(display))
+    stream = ["stream", str(path), "--port", looped.url]
+    assert run([*stream, "--display", str(tmp_path / "display.toml"), "--verify", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"][0]["verified"]
+    wait_for(looped.folder, wanted)
+    other = next(curve for curve in ("srgb", "linear") if curve != transfer)
+    assert run([*stream, "--transfer", other]) == 2
+    line = capsys.readouterr().err
+    assert f"transfer is {transfer} in the file, {other} in --transfer" in line
+    image = SimpleNamespace(radiance=light, display=display, metadata=metadata)
+    with Board.open(looped.url) as board:
+        assert board.show(image).unchanged
+        assert board.panel_crc() == zlib.crc32(wanted.tobytes())
+        image.metadata = metadata | {"bits": "7"}
+        with pytest.raises(InputError, match=f"bits is 7 in its metadata, {bits} in its display"):
+            board.show(image)
+    assert captured(looped.folder)[-1] == wanted.tobytes()
+
+
+@pytest.fixture(scope="module")
+def looped(tmp_path_factory):
+    """One board for the images of several displays that differ in their tones only."""
+    folder = tmp_path_factory.mktemp("frames")
+    with virtual_board.running(small(), capture=folder) as board:
+        board.folder = folder
+        yield board
 
 
 #: Chances a byte or a packet, such that a frame of this size meets several of them.
