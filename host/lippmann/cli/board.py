@@ -6,8 +6,8 @@ import click
 
 from lippmann.board.check import check_rays
 from lippmann.board.connection import OPTICS_BASE
-from lippmann.cli.options.common import Vector, display_option, json_option
-from lippmann.cli.options.port import baud_option, check_board, opened_board, port_option
+from lippmann.cli.options.common import Vector, display_option
+from lippmann.cli.options.port import board_options, check_board, opened_board
 from lippmann.cli.output import emit
 from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Panel, load_display
@@ -30,9 +30,7 @@ command.add_command(stop_command)
 
 
 @command.command("info")
-@port_option
-@baud_option
-@json_option
+@board_options
 def info_command(port: str | None, baud: int, as_json: bool) -> None:
     """Print a board's identity, panel, scanned-out frame and error counters.
 
@@ -67,10 +65,8 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
 
 @command.command("setup")
 @display_option
-@port_option
-@baud_option
 @click.option("--force", is_flag=True, help="Also when the board drives another display.")
-@json_option
+@board_options
 def setup_command(display_path: str, port: str | None, baud: int, force: bool, as_json: bool) -> None:
     """Write a display's optics into the board, for its rays and test patterns.
 
@@ -89,10 +85,8 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
 
 @command.command("check")
 @display_option
-@port_option
-@baud_option
 @click.option("--region", type=Vector(4, "LEFT,TOP,WIDTH,HEIGHT"), help="Pixels to compare; default: all.")
-@json_option
+@board_options
 def check_command(
     display_path: str, port: str | None, baud: int, region: tuple[float, ...] | None, as_json: bool
 ) -> None:
@@ -123,21 +117,20 @@ def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
     """Return a region as integers; refuse one that is not on the panel."""
     left, top, width, height = region
     size = panel.width_px, panel.height_px
+    what = None
     if not (0 <= left <= left + width - 1 < size[0] and 0 <= top <= top + height - 1 < size[1]):
-        raise input_error(
-            "--region", f"is not inside a panel of {size[0]} x {size[1]} pixels", "give LEFT,TOP,WIDTH,HEIGHT"
-        )
-    if any(number != int(number) for number in region):
-        raise input_error("--region", "contains a non-integer", "give pixels: LEFT,TOP,WIDTH,HEIGHT")
+        what = f"is not inside a panel of {size[0]} x {size[1]} pixels"
+    elif any(number != int(number) for number in region):
+        what = "contains a non-integer"
+    if what:
+        raise input_error("--region", what, "give pixels: LEFT,TOP,WIDTH,HEIGHT")
     return tuple(map(int, region))
 
 
 @command.command("read")
 @click.argument("register")
 @click.argument("count", type=click.IntRange(1, 64), default=1)
-@port_option
-@baud_option
-@json_option
+@board_options
 def read_command(register: str, count: int, port: str | None, baud: int, as_json: bool) -> None:
     """Read registers from a name or an address; names of the optics block begin with `optics.` (address 0x200).
 
@@ -161,9 +154,7 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
 @command.command("write")
 @click.argument("register")
 @click.argument("values", nargs=-1, required=True)
-@port_option
-@baud_option
-@json_option
+@board_options
 def write_command(register: str, values: tuple[str, ...], port: str | None, baud: int, as_json: bool) -> None:
     """Write words from a register, or some fields of one register as FIELD=VALUE.
 
