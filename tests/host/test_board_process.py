@@ -1,12 +1,13 @@
 """Starting, ending and finding boards: what the host does when a process or a port does not behave."""
 
+import json
 import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
 from lippmann.board import discovery
-from lippmann.cli import run
+from lippmann.cli import doctor, run
 from lippmann.cli import virtual_board as command
 from lippmann.errors import DeviceError
 from lippmann.link import port as port_module
@@ -126,6 +127,17 @@ def test_a_person_is_asked_before_other_ports_are(answer, urls, asked, monkeypat
     assert asked == urls
     assert len(questions) == 1
     assert "/dev/ttyACM0" in questions[0]
+
+
+def test_doctor_opens_known_adapters_only(monkeypatch, capsys):
+    """Opening a port moves its control lines, which resets some devices."""
+    found(monkeypatch, ARDUINO, FTDI)
+    opened = []
+    monkeypatch.setattr(doctor, "port_trouble", opened.append)
+    run(["doctor", "--json"])
+    assert opened == ["/dev/ttyUSB0"]
+    checks = {check["check"]: check["detail"] for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert "not opened" in checks["/dev/ttyACM0"]
 
 
 def test_a_port_that_is_named_is_used(asked, monkeypatch):

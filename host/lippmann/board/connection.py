@@ -133,6 +133,8 @@ class Signature(NamedTuple):
 class Connection:
     """An open line to a board; a `with` block closes it.
 
+    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer.
+
     Attributes
     ----------
     line
@@ -231,8 +233,6 @@ class Connection:
         ------
         InputError
             For an address without a register.
-        DeviceError
-            When the board does not answer.
         """
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
@@ -248,8 +248,6 @@ class Connection:
         ------
         InputError
             For an address without a register, or a wrong number of words.
-        DeviceError
-            When the board does not answer.
         """
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
@@ -258,7 +256,7 @@ class Connection:
         self._ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
-        """Write registers in order, neighbours in one request; addresses count from `base`. Raises as `write`."""
+        """Write registers in order, neighbours in one request; addresses count from `base`."""
         run: list[Write] = []
         for one in writes:
             if run and (one.address != run[-1].address + 4 or len(run) == MAX_WORDS):
@@ -269,18 +267,12 @@ class Connection:
             self.write(base + run[0].address, [write.word for write in run])
 
     def optics_build(self) -> Build:
-        """Return the build of the board's optics block. Raises as `read`, and InputError for unknown optics."""
+        """Return the build of the board's optics block; raises InputError for unknown optics."""
         names = ("identity", "version", "build")
         return build_of({name: self.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in names})
 
     def tiles(self, buffer: int) -> TileTable:
-        """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`.
-
-        Raises
-        ------
-        DeviceError
-            When the board does not answer, or swaps its buffers between two requests.
-        """
+        """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`."""
         count = self.info.grid.count
         crcs = np.empty(count, np.uint32)
         epochs = set()
@@ -300,11 +292,6 @@ class Connection:
         """Swap the buffers when the back buffer's CRC-32 is `crc`.
 
         Return OK and the board's new epoch, or STALE_EPOCH or FRAME_CRC_DIFFERS and the epoch of the request.
-
-        Raises
-        ------
-        DeviceError
-            When the board does not answer.
         """
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self._request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
@@ -313,13 +300,7 @@ class Connection:
         return ReplyStatus.OK, EPOCH.unpack(self._good(Kind.PRESENT, status, body, EPOCH.size))[0]
 
     def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
-        """Trace rays (N,) through the board's pipeline; words as in `lippmann.fixed.ray_pipeline`.
-
-        Raises
-        ------
-        DeviceError
-            When the board does not answer.
-        """
+        """Trace rays (N,) through the board's pipeline; words as in `lippmann.fixed.ray_pipeline`."""
         rays = np.stack([u, v, a, b], axis=1).astype("<i4")
         out = np.empty((len(rays), len(FixedRays._fields)), np.int64)
         for first in range(0, len(rays), MAX_RAYS):
@@ -329,13 +310,7 @@ class Connection:
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> Signature:
-        """Trace one frame of the raster, of about `rays` rays; return their number and CRC-32.
-
-        Raises
-        ------
-        DeviceError
-            When the board does not answer, or refuses the raster's window.
-        """
+        """Trace one frame of the raster, of about `rays` rays; return their number and CRC-32."""
         body = self._ask(Kind.SIGN, b"", SIGNATURE.size, SIGN_CLOCKS * rays / SLOWEST_HZ)
         return Signature(*SIGNATURE.unpack(body))
 
