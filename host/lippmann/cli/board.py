@@ -16,6 +16,9 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field, Register
 
+#: A whole register.
+WORD = Field(0, 32)
+
 
 @click.group("board")
 def command() -> None:
@@ -166,7 +169,7 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
     if known is not None and "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
-    numbers = [] if any(by_field) else [_number(value, value, 32, False) for value in values]
+    numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if known is not None and len(numbers) == 1:
         if numbers[0] & ~sum(field.mask for field in known.fields.values()):
             raise input_error(
@@ -203,16 +206,16 @@ def _check_named(said: str, name: str, field: Field, word: int) -> None:
         raise input_error(said, f"{name} {value} is not defined", f"choose from {listed}")
 
 
-def _number(said: str, text: str, width: int, signed: bool) -> int:
-    """Return a number as the bits of a field; `said` is the user's text."""
+def _number(said: str, text: str, field: Field) -> int:
+    """Return the register word of a number in a field; `said` is the user's text."""
     try:
         number = int(text, 0)
     except ValueError:
         raise input_error(said, "is not an integer", "give one such as 12 or 0x1F") from None
-    low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+    low, high = field.limits
     if not low <= number <= high:
         raise input_error(said, "is out of range", f"give {low} to {high}")
-    return number & ((1 << width) - 1)
+    return field.bits(number)
 
 
 def _changed(register: str, known: Register, values: tuple[str, ...], word: int) -> int:
@@ -220,11 +223,10 @@ def _changed(register: str, known: Register, values: tuple[str, ...], word: int)
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
         raise InputError(f"{' '.join(values)}: a field is named twice; name each once")
-    for value in values:
-        name, _, number = value.partition("=")
+    for name, value in zip(names, values, strict=True):
         if name not in known.fields:
             raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
         field = known.fields[name]
-        word = word & ~field.mask | _number(value, number, field.width, field.signed) << field.low
+        word = word & ~field.mask | _number(value, value.partition("=")[2], field)
         _check_named(value, name, field, word)
     return word
