@@ -18,7 +18,7 @@ Pixels = npt.NDArray[np.uint8]
 #: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
-QUERY_S = 0.05
+LOOK_S = 0.05
 
 
 def monitors() -> list[tuple[int, int]]:
@@ -80,7 +80,7 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
             shown()
         until = None if seconds is None else time.monotonic() + seconds
         while (until is None or time.monotonic() < until) and not _asked_to_end(pygame):
-            time.sleep(QUERY_S)
+            time.sleep(LOOK_S)
         return held
     except pygame.error as error:
         raise DeviceError(f"the desktop refuses a full screen ({error}); run it in a graphical session") from None

@@ -241,7 +241,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
         metadata = {"identity": display.identity, "display": display.name}
         made.append(raw.with_suffix(".png"))
         try:
-            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer)
+            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
         except InputError as error:
             raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
