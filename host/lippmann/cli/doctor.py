@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import sys
 from typing import Any
 
@@ -19,22 +20,6 @@ from lippmann.provenance import machine_name
 from lippmann.rendering.renderer import free_memory_mb
 from lippmann.sim.tools import RTL_TOOLS
 from lippmann.variant import mitsuba, start_mitsuba
-
-PACKAGES = (
-    "numpy",
-    "mitsuba",
-    "drjit",
-    "OpenImageIO",
-    "click",
-    "rich",
-    "pillow",
-    "pyserial",
-    "cobs",
-    "qoi",
-    "pygame-ce",
-    "scipy",
-    "imageio-ffmpeg",
-)
 
 NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
 
@@ -57,7 +42,7 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
         checks.append({"check": name, "ok": good, "needed": needed, "detail": detail})
 
     check("python", sys.version_info >= (3, 11), sys.version.split()[0])
-    for package in PACKAGES:
+    for package in _packages():
         try:
             check(package, True, importlib.metadata.version(package))
         except importlib.metadata.PackageNotFoundError:
@@ -96,3 +81,9 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
 
     emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, text)
     ctx.exit(code)
+
+
+def _packages() -> list[str]:
+    """Return the packages that Lippmann requires, as its own metadata name them, and Dr.Jit, which Mitsuba brings."""
+    required = importlib.metadata.requires("lippmann") or []
+    return ["drjit", *(re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line)]
