@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
@@ -285,12 +286,7 @@ class _Sender:
         if reply.kind != Kind.TILE | REPLY or not reply.body:
             return None
         if reply.seq in self._flights:
-            earlier = []
-            for seq in self._flights:
-                if seq == reply.seq:
-                    break
-                earlier.append(seq)
-            self._give_up(earlier)
+            self._give_up(list(takewhile(lambda seq: seq != reply.seq, self._flights)))
             flight = self._flights.pop(reply.seq)
             self._bytes -= flight.length
         elif reply.seq in self._lost:
