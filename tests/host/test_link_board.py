@@ -12,6 +12,7 @@ import threading
 import time
 import zlib
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,6 +32,7 @@ from lippmann.link import port as port_module
 from lippmann.link.packets import Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
+from lippmann.registers import BOARD_REGISTERS
 from model_board import OPTICS_BUILD, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator
@@ -165,6 +167,35 @@ def test_replies_of_others_are_ignored():
         board._seq = 99
         assert board.read(0x200, 2) == [11, 22]
         assert model.executed[2] == 2
+
+
+def test_an_image_is_shown_and_verified():
+    display = display_of("square", "panel", width_px=96, height_px=72)
+    display = replace(display, panel=replace(display.panel, transfer="linear", bits=6))
+    light = generator(SEED, "image").random((72, 96, 3), np.float32)
+    image = SimpleNamespace(radiance=light, display=display, metadata={})
+    levels = np.rint(np.rint(light * 63) * 255 / 63).astype(np.uint8)
+    display_register, frames, panel_crc = (BOARD_REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
+    with joined(identity=int(display.identity, 16)) as (model, board):
+
+        def scan_out(model, _):
+            model.registers[frames] += 1
+            model.registers[panel_crc] = model.last_crc or 0
+
+        model.on_packet = scan_out
+        model.registers[display_register] = 0xFF
+        sent = board.show(image)
+        assert sent.crc == zlib.crc32(levels.tobytes())
+        np.testing.assert_array_equal(model.shown, [levels])
+        board.verify(sent.crc)
+        with pytest.raises(DeviceError, match="stream the frame again"):
+            board.verify(sent.crc ^ 1)
+        model.registers[display_register] = 0x7F
+        with pytest.raises(DeviceError, match="brightness=255"):
+            board.verify(sent.crc ^ 1)
+    with joined() as (model, board), pytest.raises(InputError, match="the panel belongs to"):
+        board.show(image)
+    assert not model.shown
 
 
 # --- boards that cannot be talked to ----------------------------------------------------------------

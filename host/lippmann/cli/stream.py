@@ -67,7 +67,10 @@ def command(
             check_board(board, display, str(display_path), ", or stream with --force")
         panel = None if display is None else display.panel
         # All files are read before the first frame is sent: when one is refused, nothing changes on the panel.
-        frames = [load_frame(image, hello, transfer, panel, force, log) for image in images]
+        notes: list[str] = []
+        frames = [load_frame(image, hello, transfer, panel, force, notes.append) for image in images]
+        if notes:
+            log(notes[0] + (f" (and {len(notes) - 1} other images)" if notes[1:] else ""))
         results = []
         for image, frame in zip(images, frames, strict=True):
             sent = Sent()
