@@ -35,11 +35,14 @@ class Tones(NamedTuple):
 
 
 class IntegralImage(Protocol):
-    """Linear radiance (height, width, 3) float32 for a display, with metadata."""
+    """An image for a display: radiance (height, width, 3) float32, linear."""
 
-    radiance: npt.NDArray[np.float32]
-    display: Display
-    metadata: dict[str, str]
+    @property
+    def radiance(self) -> npt.NDArray[np.float32]: ...
+    @property
+    def display(self) -> Display: ...
+    @property
+    def metadata(self) -> dict[str, str]: ...
 
 
 def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pixels:
