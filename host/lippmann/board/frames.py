@@ -38,11 +38,16 @@ class IntegralImage(Protocol):
     """An image for a display: radiance (height, width, 3) float32, linear."""
 
     @property
-    def radiance(self) -> npt.NDArray[np.float32]: ...
+    def radiance(self) -> npt.NDArray[np.float32]:
+        """The panel's light, linear."""
+
     @property
-    def display(self) -> Display: ...
+    def display(self) -> Display:
+        """The display that the image was made for."""
+
     @property
-    def metadata(self) -> dict[str, str]: ...
+    def metadata(self) -> dict[str, str]:
+        """Keys of the image's file."""
 
 
 def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pixels:
