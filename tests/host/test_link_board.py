@@ -295,7 +295,7 @@ def test_no_such_port():
 def test_nobody_listens():
     with socket.create_server(("127.0.0.1", 0)) as server:
         free = server.getsockname()[1]
-    with pytest.raises(DeviceError, match=r"nobody listens.*board start"):
+    with pytest.raises(DeviceError, match=r"no program listens.*board start"):
         Board.open(f"socket://127.0.0.1:{free}")
 
 

@@ -218,7 +218,7 @@ def test_no_board_is_a_device_error(place, tmp_path):
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         url = f"socket://127.0.0.1:{nobody.getsockname()[1]}"
-        assert "nobody listens" in refused("stream", place / "own.exr", "--port", url, code=1)
+        assert "no program listens" in refused("stream", place / "own.exr", "--port", url, code=1)
     assert "no such port" in refused("board", "info", "--port", tmp_path / "ttyNONE", code=1)
     assert "pty" in refused(
         "board", "start", "--display", place / "small.toml", "--line", "pty", "--tcp-port", 4000

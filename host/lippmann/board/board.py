@@ -1,4 +1,4 @@
-"""The board that users open: it shows images, and tells what its panel shows."""
+"""The public class of a board: it shows images on the panel and verifies the scanned-out frame."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def load_frame(
     target
         Identity and size of the board's display.
     transfer, panel
-        What `--transfer` and `--display` say of the panel.
+        The panel's properties from `--transfer` and `--display`.
     force
         Accept an image of another display, or one that names none.
     note
@@ -120,7 +120,7 @@ def load_frame(
     ------
     InputError
         When the file is missing, broken, not an image, or made for another display, size, transfer curve or number of
-        bits. Everything that the header tells is checked before pixels are read.
+        bits. The header is checked before pixels are read.
     """
     path = Path(path)
     suffix = path.suffix.lower()

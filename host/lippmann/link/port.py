@@ -92,7 +92,7 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
         errno.EPERM: forbidden,
         errno.EBUSY: busy,
         errno.EAGAIN: busy,
-        errno.ECONNREFUSED: ("nobody listens there", "start the virtual board: lippmann board start"),
+        errno.ECONNREFUSED: ("no program listens there", "start the virtual board: lippmann board start"),
     }
     what, remedy = known.get(
         cause.errno or 0 if isinstance(cause, OSError) else 0,
@@ -140,7 +140,7 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 class Line:
     """Packets over an open port, for one thread.
 
-    It reads while it writes: two sides that only write would wait for each other for ever.
+    It reads while it writes: two sides that only write would block each other.
 
     Attributes
     ----------
