@@ -6,7 +6,8 @@ Here, not beside those tests: pytest calls these hooks in the conftest files of 
 import sys
 from pathlib import Path
 
-# The benches' helpers, which the simulator's process imports too.
+# Helpers of the RTL's benches, which the simulator's process imports too, and of the host's tests.
+sys.path.insert(0, str(Path(__file__).with_name("host")))
 sys.path.insert(0, str(Path(__file__).with_name("rtl")))
 
 import rtl_coverage

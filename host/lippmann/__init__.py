@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lippmann.board.board import Board
     from lippmann.display import Display, load_display, parse_display
     from lippmann.engines import trace, trace_to_panel
     from lippmann.optics.rays import Hits, Rays, Status
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Board",
     "Display",
     "Hits",
     "Rays",
@@ -24,6 +26,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "lippmann.board.board": ("Board",),
     "lippmann.display": ("Display", "load_display", "parse_display"),
     "lippmann.engines": ("trace", "trace_to_panel"),
     "lippmann.optics.rays": ("Hits", "Rays", "Status"),

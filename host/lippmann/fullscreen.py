@@ -1,4 +1,4 @@
-"""An image on a panel of the host's graphics card: every pixel where it belongs, unscaled, full-screen (SDL)."""
+"""Full-screen display of an image on a monitor of this machine, unscaled, with SDL."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from lippmann.stderr import silent_stderr
 
 Pixels = npt.NDArray[np.uint8]
 
-#: Drivers of SDL that show nothing to anybody, which it takes where there is no desktop.
+#: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
-#: Seconds between two looks at the keyboard.
+#: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
 
 
 def monitors() -> list[tuple[int, int]]:
-    """Return width and height of each monitor, px.
+    """Return the width and height of each monitor, px.
 
     Raises
     ------
     DeviceError
-        When there is no desktop to show anything on.
+        When there is no desktop.
     """
     pygame = _pygame()
     try:
@@ -37,25 +37,25 @@ def monitors() -> list[tuple[int, int]]:
 
 
 def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Callable[[], None] | None = None) -> Pixels:
-    """Show an image until a key (Escape or q), or for some seconds; return what the screen held.
+    """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
 
     Parameters
     ----------
     image
-        (height, width, 3) uint8, as large as the monitor.
+        (height, width, 3) uint8, the monitor's size.
     monitor
-        Its number, from 0.
+        Number of the monitor, from 0.
     seconds
-        How long; None: until the key.
+        Duration; None: until a key is pressed.
     shown
-        Called once the image stands on the monitor.
+        Called when the image is on the monitor.
 
     Raises
     ------
     InputError
-        For a monitor that is not there or of another size: scaled pixels would miss their lenslets.
+        For a missing monitor, or one of another size: scaled pixels would not match the lenslets.
     DeviceError
-        When there is no desktop, or it does not give the whole monitor.
+        When there is no desktop, or it does not allow the whole monitor.
     """
     sizes = monitors()
     if not 0 <= monitor < len(sizes):
@@ -71,7 +71,7 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
     try:
         screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
         if screen.get_size() != (width, height):
-            raise DeviceError(f"the desktop gives {screen.get_size()} of monitor {monitor}; turn its scaling off")
+            raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
         pygame.mouse.set_visible(False)
         screen.blit(pygame.image.frombuffer(np.ascontiguousarray(image).tobytes(), (width, height), "RGB"), (0, 0))
         pygame.display.flip()
@@ -96,9 +96,9 @@ def _asked_to_end(pygame: Any) -> bool:
 
 
 def _pygame() -> Any:
-    """Return pygame with its display ready."""
+    """Return pygame with its display initialised."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    # The panel is not the monitor that has the keyboard.
+    # Keep the window when another one gets the keyboard.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
     import pygame
 
@@ -111,5 +111,5 @@ def _pygame() -> Any:
     driver = pygame.display.get_driver()
     if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
         pygame.display.quit()
-        raise DeviceError(f"no desktop (SDL has only its driver '{driver}', which shows nothing); {remedy}")
+        raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
     return pygame

@@ -173,7 +173,8 @@ def write_picture(
         kind = oiio.HALF if suffix == ".exr" else oiio.FLOAT
         if suffix == ".exr":
             pixels = np.minimum(pixels, np.float32(HALF_MAX))
-        entries["transfer"] = "linear"
+        # With `bits`, the key names the panel's curve; the file itself is linear.
+        entries.setdefault("transfer", "linear")
     spec = oiio.ImageSpec(width, height, 3, kind)
     if suffix == ".exr":
         spec.attribute("compression", "zip")
@@ -290,7 +291,7 @@ def _read(
         values = np.repeat(values[:, :, :1], 3, axis=2)
     values = np.ascontiguousarray(values[:, :, :3])
     encoded = path.suffix.lower() not in LINEAR_SUFFIXES
-    transfer = metadata.get("transfer", "srgb" if encoded else "linear")
+    transfer = metadata.get("transfer", "srgb") if encoded else "linear"
     return Picture(decode(values, transfer), metadata)
 
 

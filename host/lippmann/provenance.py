@@ -1,4 +1,4 @@
-"""Names the machine and the moment that a measurement belongs to."""
+"""Provenance of a measurement: machine, date, command and versions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def machine_name() -> str:
 
 
 def provenance(command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy")) -> dict[str, str]:
-    """Return what a report says of itself: machine, date, command, versions (of some packages too)."""
+    """Return the provenance of a report: machine, date, command, versions of Lippmann and of some packages."""
     versions = {name: importlib.metadata.version(name) for name in packages}
     return {
         "machine": machine_name(),

@@ -1,4 +1,4 @@
-"""Quiet for C libraries that print to stderr what they also report: an error is one line, ours."""
+"""Suppression of stderr, for C libraries that print errors which they also return."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def silent_stderr() -> Iterator[None]:
-    """Lead what anybody writes to the process's stderr nowhere."""
-    if sys.stderr is None:  # it was closed, and its number may be another file's
+    """Redirect the process's stderr to /dev/null."""
+    if sys.stderr is None:  # closed; file number 2 may belong to another file
         yield
         return
     sys.stderr.flush()

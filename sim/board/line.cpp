@@ -66,7 +66,7 @@ Line::~Line() {
 void Line::ring() {
   if (!rung_.exchange(true)) {
     const char byte = 0;
-    if (write(bell_[1], &byte, 1) < 0) return;  // the pipe is full: it rings already
+    if (write(bell_[1], &byte, 1) < 0) return;  // the pipe is full: the thread is being woken
   }
 }
 
@@ -81,17 +81,17 @@ void Line::serve() {
     } else {
       wait[1] = {listener_, POLLIN, 0};
     }
-    // A pty that nobody has open is never ready to be written: look again after a while.
+    // A pty that no host has open is never ready for writing: the timeout polls it again.
     if (poll(wait, 3, 1000) < 0 && errno != EINTR) return;
     if (wait[0].revents) {
-      // Emptied first: who rings from here on is heard, and what came before is seen above.
+      // Emptied before the flag is cleared: a later ring() writes to the pipe again.
       char bytes[64];
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
     }
     if (wait[2].revents && leaving()) {
       expects_ = true;
-    } else if (wait[2].revents) {  // one host at a time: the next one is sent away at once
+    } else if (wait[2].revents) {  // one host at a time: another one is disconnected at once
       const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
       if (other >= 0) close(other);
     }
@@ -100,7 +100,7 @@ void Line::serve() {
       if (host_ >= 0) {
         const int yes = 1;
         setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-        while (to_host_.size() != 0) to_host_.drop();  // replies to a host that has gone
+        while (to_host_.size() != 0) to_host_.drop();  // replies to the host before
       }
     } else if (host_ >= 0 && wait[1].revents) {
       if ((wait[1].revents & (POLLIN | POLLHUP | POLLERR)) && !read_some()) hang_up();

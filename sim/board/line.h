@@ -1,7 +1,7 @@
-// The host's end of the line: a pty or a TCP port on loopback, served by a thread of its own.
+// The host's end of the line: a pty or a TCP port on loopback, served by its own thread.
 //
-// The simulation only touches two rings, so that it makes no system call; the thread sleeps in
-// poll() until a byte comes from the host or the simulation has rung.
+// The simulation uses two ring buffers and makes no system call; the thread sleeps in poll() until
+// the host sends a byte or the simulation calls ring().
 #pragma once
 
 #include <atomic>
@@ -14,17 +14,17 @@ class Line {
  public:
   static constexpr size_t kPlaces = 1 << 16;
 
-  // "pty" or "tcp"; port 0 takes any that is free. Throws std::system_error.
+  // "pty" or "tcp"; port 0 chooses a free one. Throws std::system_error.
   Line(const std::string& kind, int port);
   ~Line();
   Line(const Line&) = delete;
   Line& operator=(const Line&) = delete;
 
-  // What pyserial opens: a device, or socket://127.0.0.1:PORT.
+  // URL for pyserial: a device, or socket://127.0.0.1:PORT.
   const std::string& url() const { return url_; }
   Ring<kPlaces>& from_host() { return from_host_; }
   Ring<kPlaces>& to_host() { return to_host_; }
-  // Wakes the thread: bytes are in to_host(), or from_host() has room again.
+  // Wakes the thread: to_host() has bytes, or from_host() has room again.
   void ring();
 
  private:
@@ -37,10 +37,10 @@ class Line {
   std::string url_;
   bool pty_;
   int listener_ = -1;  // TCP: waits for a host
-  int far_end_ = -1;   // pty: kept open, so that a host may come and go
-  int host_ = -1;      // where bytes are read and written
+  int far_end_ = -1;   // pty: kept open while hosts open and close it
+  int host_ = -1;      // the host's bytes are read and written here
   int bell_[2] = {-1, -1};
-  bool expects_ = false;  // the host has closed its end, and another one waits for what it sent to be read
+  bool expects_ = false;  // the host has closed; the next one waits until its bytes are read
   std::atomic<bool> rung_{false};
   std::atomic<bool> stop_{false};
   Ring<kPlaces> from_host_, to_host_;

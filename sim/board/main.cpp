@@ -3,11 +3,11 @@
 //   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]
 //         [--host-step N] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
 //
-// Built by lippmann.sim.virtual_board. A board with ByteLink takes bytes as fast as it can; one
-// without has wires, and --step sets the bits a clock in 1 / 65536, --host-step those of its far
-// end where they differ. The ready file, in JSON, tells where to connect; it is there only while
-// the board runs. SIGTERM and SIGINT end the board, SIGUSR1 resets it. The last line on stdout
-// tells in JSON what it did. Exit codes as lippmann's.
+// Built by lippmann.sim.virtual_board. With ByteLink, bytes are transferred as fast as the board
+// accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
+// --host-step that of the host's end when it differs. The ready file (JSON) holds the URL and
+// exists while the board runs. SIGTERM and SIGINT end the board, SIGUSR1 resets it. The last line
+// on stdout is a JSON object of counts. Exit codes are those of the command lippmann.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -80,7 +80,7 @@ Options parse(int count, char** words) {
   return options;
 }
 
-// Written whole under another name first: who waits for the file finds all of it.
+// Written under another name and renamed: a waiting process never reads half a file.
 void announce(const Options& options, const Line& line) {
   const std::string part = options.ready + ".part";
   std::FILE* file = std::fopen(part.c_str(), "w");
@@ -138,7 +138,7 @@ class Board {
     top_.rst_ni = 1;
   }
 
-  // One rising edge; of the falling one, at which nothing happens, the model is only told.
+  // One rising edge. Nothing happens at the falling edge: the model's clock is only set back.
   void clock() {
     top_.clk_i = 1;
     top_.eval();
@@ -161,7 +161,7 @@ class Board {
       top_.in_valid_i = byte >= 0;
       if (byte >= 0) top_.in_data_i = static_cast<uint8_t>(byte);
       top_.out_ready_i = line_.to_host().room() != 0;
-      // The handshakes of this clock are known before it: both depend on registers only.
+      // The handshakes are known before the clock edge: they depend on registers only.
       const bool took = byte >= 0 && top_.in_ready_o;
       if (top_.out_valid_o && top_.out_ready_i) send(top_.out_data_o);
       clock();
@@ -185,7 +185,7 @@ class Board {
   void taken() {
     line_.from_host().drop();
     ++in_;
-    // The line waits when there was no room; it is woken once there is a good deal again.
+    // The thread waits while there is no room; it is woken when half the buffer is free.
     if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
   }
 
@@ -214,7 +214,7 @@ int main(int count, char** words) {
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGPIPE, SIG_IGN);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // never outlives who started it
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends with the process that started it
   std::string ready;
   try {
     const Options options = parse(count, words);

@@ -1,4 +1,4 @@
-// The panel: takes the pixels that the board scans out, and keeps whole frames.
+// The panel: receives the pixels that the board scans out, and writes whole frames.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +7,8 @@
 
 class Screen {
  public:
-  // Frames that differ from the one before go to `folder` as frame-NUMBER.rgb (rows from the top,
-  // R G B bytes), each whole under its name or not there; an empty name keeps none. Throws
+  // A frame that differs from the one before is written to `folder` as frame-NUMBER.rgb (rows from
+  // the top, R G B bytes), whole or not at all; an empty name writes none. Throws
   // std::system_error.
   Screen(int width, int height, std::string folder);
 
@@ -27,7 +27,7 @@ class Screen {
     return end && finish();
   }
   int64_t frames() const { return frames_; }
-  int64_t broken() const { return broken_; }  // frames that had not just their pixels
+  int64_t broken() const { return broken_; }  // frames with too few or too many pixels
 
  private:
   bool finish();

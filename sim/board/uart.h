@@ -1,17 +1,17 @@
-// The host's UART, 8N1, bit by bit: what stands at the far end of the board's two wires.
+// The host's UART (8N1), bit by bit, at the other end of the board's two wires.
 #pragma once
 
 #include <cstdint>
 
 class Uart {
  public:
-  // Bits a clock = step / 2^16, as in rtl/link/uart_tx.sv.
+  // Bits per clock = step / 2^16, as in rtl/link/uart_tx.sv.
   explicit Uart(uint32_t step) : step_(step) {}
 
   // Ready for the next byte.
   bool ready() const { return sending_ == 0; }
   void send(uint8_t byte) { sending_ = 0x600u | byte << 1 | 0u; left_ = 0x10000; }
-  // The level of the wire to the board in the next clock.
+  // Level of the wire to the board in the next clock.
   bool wire() {
     if (sending_ == 0) return true;
     const bool level = sending_ & 1;
@@ -25,7 +25,7 @@ class Uart {
     return level;
   }
 
-  // Takes the level of the wire from the board, once a clock; the byte that ended with it, or -1.
+  // Samples the wire from the board, once a clock; returns the byte that it completes, or -1.
   int take(bool level) {
     if (taken_ == 0) {
       if (level) return -1;
@@ -44,7 +44,7 @@ class Uart {
 
  private:
   uint32_t step_;
-  uint32_t sending_ = 0, left_ = 0;          // bits still to send, the lowest first, and a mark
+  uint32_t sending_ = 0, left_ = 0;          // bits to send, lowest first, and a marker
   uint32_t wait_ = 0;
   uint16_t word_ = 0;
   int taken_ = 0;

@@ -179,7 +179,7 @@ def test_doctor_tells_why_a_port_cannot_be_used(capfd, monkeypatch):
             (model.url, 0, "a board at 115200 baud"),
             ("/dev/ttyNONE", 1, "no such port; plug"),
             (busy, 1, "the port is busy; close the other program"),
-            ("gopher://there", 2, "is no port"),
+            ("gopher://there", 2, "is not a port"),
             ("", 2, "an empty port"),
         ):
             found, out, _ = lippmann(capfd, "doctor", "--port", url, "--json")
@@ -214,7 +214,7 @@ def test_doctor_tells_what_the_rtl_lacks(capfd, monkeypatch, tmp_path):
     for name, check in gone.items():
         assert not check["ok"]
         remedy = f"apt-get install -y {name}" if name in ("perl", "make", "g++") else "make setup"
-        assert re.search(rf"\w+.*; not there: run .*{re.escape(remedy)}$", check["detail"])
+        assert re.search(rf"\w+.*; missing: run .*{re.escape(remedy)}$", check["detail"])
 
 
 def test_true_processes(place):

@@ -71,7 +71,7 @@ def test_the_command(tmp_path, capsys):
     width, height = monitors()[0]
     toml = tmp_path / "d.toml"
     toml.write_text(
-        f"gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\n"
+        f'gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\ntransfer = "linear"\n'
         '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
     )
     path = tmp_path / "i.png"
@@ -82,4 +82,8 @@ def test_the_command(tmp_path, capsys):
     assert run([*words, "--force"]) == 0
     assert json.loads(capsys.readouterr().out)["width"] == width
     assert run(["display", str(path)]) == 2
+    capsys.readouterr()
+    toml.write_text(toml.read_text().replace('"linear"', '"srgb"'))
+    assert run([*words, "--force"]) == 2
+    assert "transfer is linear in the file, srgb in --display" in json.loads(capsys.readouterr().out)["error"]
     assert os.environ["SDL_VIDEODRIVER"] == "dummy"

@@ -12,13 +12,16 @@ import threading
 import time
 import zlib
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import serial
-from lippmann.board.board import BACK, FRONT, Board
+from fault_line import Faults, Proxy
+from lippmann.board.board import Board
 from lippmann.board.check import check_rays
+from lippmann.board.connection import BACK, FRONT
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError, InputError
@@ -26,10 +29,10 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.link import port as port_module
-from lippmann.link.faults import Faults, Proxy
-from lippmann.link.packets import Kind, Status, packed
+from lippmann.link.packets import Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
+from lippmann.registers import BOARD_REGISTERS
 from model_board import OPTICS_BUILD, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator
@@ -141,8 +144,8 @@ def test_a_raster_is_signed_once():
 
 def test_what_present_says():
     with joined() as (model, board):
-        assert board.present(0, 1) == (Status.FRAME_CRC_DIFFERS, 0)
-        assert board.present(7, 1) == (Status.STALE_EPOCH, 7)
+        assert board.present(0, 1) == (ReplyStatus.FRAME_CRC_DIFFERS, 0)
+        assert board.present(7, 1) == (ReplyStatus.STALE_EPOCH, 7)
         assert model.shown == []
         assert board.tiles(BACK).epoch == board.tiles(FRONT).epoch == 0
 
@@ -166,6 +169,35 @@ def test_replies_of_others_are_ignored():
         assert model.executed[2] == 2
 
 
+def test_an_image_is_shown_and_verified():
+    display = display_of("square", "panel", width_px=96, height_px=72)
+    display = replace(display, panel=replace(display.panel, transfer="linear", bits=6))
+    light = generator(SEED, "image").random((72, 96, 3), np.float32)
+    image = SimpleNamespace(radiance=light, display=display, metadata={})
+    levels = np.rint(np.rint(light * 63) * 255 / 63).astype(np.uint8)
+    display_register, frames, panel_crc = (BOARD_REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
+    with joined(identity=int(display.identity, 16)) as (model, board):
+
+        def scan_out(model, _):
+            model.registers[frames] += 1
+            model.registers[panel_crc] = model.last_crc or 0
+
+        model.on_packet = scan_out
+        model.registers[display_register] = 0xFF
+        sent = board.show(image)
+        assert sent.crc == zlib.crc32(levels.tobytes())
+        np.testing.assert_array_equal(model.shown, [levels])
+        board.verify(sent.crc)
+        with pytest.raises(DeviceError, match="stream the frame again"):
+            board.verify(sent.crc ^ 1)
+        model.registers[display_register] = 0x7F
+        with pytest.raises(DeviceError, match="brightness=255"):
+            board.verify(sent.crc ^ 1)
+    with joined() as (model, board), pytest.raises(InputError, match="the panel belongs to"):
+        board.show(image)
+    assert not model.shown
+
+
 # --- boards that cannot be talked to ----------------------------------------------------------------
 
 
@@ -181,7 +213,7 @@ def test_wrong_version():
     ("limits", "message"),
     [
         ((2, None, 1, 96, 72, 32, 3200, 1, 0, 0), "version 2"),
-        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another greeting"),
+        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another HELLO"),
         ((1, None, 1, 0, 72, 32, 3200, 1, 0, 0), "limits"),
         ((1, None, 1, 65535, 65535, 32, 3200, 1, 0, 0), "limits"),
         ((1, None, 1, 96, 72, 64, 3200, 1, 0, 0), "limits"),
@@ -263,7 +295,7 @@ def test_no_such_port():
 def test_nobody_listens():
     with socket.create_server(("127.0.0.1", 0)) as server:
         free = server.getsockname()[1]
-    with pytest.raises(DeviceError, match=r"nobody listens.*board start"):
+    with pytest.raises(DeviceError, match=r"no program listens.*board start"):
         Board.open(f"socket://127.0.0.1:{free}")
 
 
@@ -310,10 +342,10 @@ def test_a_file_is_no_port(tmp_path):
     [
         ("dialout", 0o660, r"join the group that owns it: sudo usermod -aG dialout \$USER"),
         ("dialout", 0o666, r"join the group"),
-        ("dialout", 0o640, r"give it to a group of yours, by a rule of udev such as"),
-        ("dialout", 0o600, r"give it to a group of yours"),
-        ("root", 0o660, r"give it to a group of yours"),
-        (None, 0o660, r"give it to a group of yours"),
+        ("dialout", 0o640, r"give it to one of your groups, with a udev rule such as"),
+        ("dialout", 0o600, r"give it to one of your groups"),
+        ("root", 0o660, r"give it to one of your groups"),
+        (None, 0o660, r"give it to one of your groups"),
     ],
 )
 def test_no_permission(monkeypatch, owner, mode, remedy):
@@ -337,11 +369,11 @@ def test_no_permission(monkeypatch, owner, mode, remedy):
 def test_a_port_that_goes_away():
     with ModelBoard() as model:
         board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
-    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+    with board, pytest.raises(DeviceError, match=r"connection is lost.*plug"):
         board.read(0)
     with ModelBoard(pty=True) as model:
         board = Board.open(model.url, FAST_BAUD, patience_s=5.0)
-    with board, pytest.raises(DeviceError, match=r"line is lost.*plug"):
+    with board, pytest.raises(DeviceError, match=r"connection is lost.*plug"):
         board.read(0)
 
 

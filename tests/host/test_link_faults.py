@@ -7,10 +7,11 @@ import time
 
 import numpy as np
 import pytest
-from lippmann.board.board import SEND_S, Board
+from fault_line import NO_FAULTS, Faults, Mangler, Proxy
+from lippmann.board.board import Board
+from lippmann.board.connection import SEND_S
 from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError
-from lippmann.link.faults import NO_FAULTS, Faults, Mangler, Proxy
 from model_board import ModelBoard
 from scene_cases import generator
 

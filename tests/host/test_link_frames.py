@@ -1,12 +1,16 @@
 """Images for the board: panel values by hand, and refusals before a pixel is read."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from lippmann.board.board import Hello
-from lippmann.board.frames import load_frame
+from lippmann.board.connection import Hello
+from lippmann.board.frames import Target, Tones, image_frame, load_frame
 from lippmann.errors import InputError
 from lippmann.images import write_picture
+from optics_cases import display_of
 from scene_cases import generator
 
 SEED = 4506
@@ -60,12 +64,75 @@ def test_panels_of_other_depths(tmp_path, bits, levels):
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, 60, dtype=np.float16)[None, :, None], (40, 60, 3)).astype(np.float32)
     path = tmp_path / "ramp.exr"
     write_picture(path, ramp, META)
-    frame = load_frame(path, HELLO, "linear", bits)
+    frame = load_frame(path, HELLO, None, Tones("linear", bits))
     steps = np.rint(np.rint(ramp.astype(np.float64) * (levels - 1)) * 255 / (levels - 1))
     np.testing.assert_array_equal(frame, steps)
     # A PNG of that panel comes to the same.
     write_picture(tmp_path / "ramp.png", ramp, META, "linear", min(bits, 8))
-    np.testing.assert_array_equal(load_frame(tmp_path / "ramp.png", HELLO, "linear", bits), steps)
+    np.testing.assert_array_equal(load_frame(tmp_path / "ramp.png", HELLO, None, Tones("linear", bits)), steps)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+@pytest.mark.parametrize(("key", "own", "other"), [("transfer", "linear", "srgb"), ("bits", "6", "8")])
+def test_tones_other_than_the_files_are_refused(tmp_path, suffix, key, own, other):
+    """A file that names its panel's tones: the options may confirm them, and nothing else."""
+    path = tmp_path / f"x{suffix}"
+    tones = {"transfer": "linear", "bits": "6"}
+    write_picture(path, picture(), META | tones, "linear", 6)
+    np.testing.assert_array_equal(load_frame(path, HELLO), load_frame(path, HELLO, "linear", Tones("linear", 6)))
+    wrong = tones | {key: other}
+    with pytest.raises(InputError, match=f"{key} is {own} in the file, {other} in --display") as error:
+        load_frame(path, HELLO, None, Tones(wrong["transfer"], int(wrong["bits"])), force=True)
+    assert "\n" not in str(error.value)
+    if key == "transfer":
+        with pytest.raises(InputError, match="transfer is linear in the file, srgb in --transfer"):
+            load_frame(path, HELLO, "srgb")
+
+
+def test_what_a_file_does_not_name_is_supplied_or_told(tmp_path):
+    """EXR of version 0.1 names no panel, PNG its curve; a display supplies the rest."""
+    light = picture().astype(np.float16).astype(np.float32)
+    light[np.abs(srgb_levels(light) % 1 - 0.5) < 1e-3] = 0
+    write_picture(tmp_path / "old.exr", light, META)
+    write_picture(tmp_path / "old.png", light, META, "linear")
+    notes = []
+    np.testing.assert_array_equal(
+        load_frame(tmp_path / "old.exr", HELLO, note=notes.append), np.rint(srgb_levels(light))
+    )
+    assert [note.partition(": ")[2] for note in notes] == [
+        "taken to be for srgb, 8 bits; name the panel with --display FILE"
+    ]
+    linear = load_frame(tmp_path / "old.exr", HELLO, None, Tones("linear", 6), note=pytest.fail)
+    np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
+    for panel in (None, Tones("linear", 8)):
+        frame = load_frame(tmp_path / "old.png", HELLO, None, panel, note=pytest.fail)
+        np.testing.assert_array_equal(frame, np.rint(light * 255))
+    with pytest.raises(InputError, match="--transfer, linear in --display"):
+        load_frame(tmp_path / "old.exr", HELLO, "srgb", Tones("linear", 6))
+
+
+@pytest.mark.parametrize("bits", ["0", "17", "six", "999999"])
+def test_bits_that_no_panel_has_are_refused(tmp_path, bits):
+    write_picture(tmp_path / "x.exr", picture(), META | {"bits": bits})
+    with pytest.raises(InputError, match="number of bits"):
+        load_frame(tmp_path / "x.exr", HELLO)
+
+
+def test_the_frame_of_an_image_is_what_its_display_asks_for():
+    display = display_of("square", "panel", width_px=60, height_px=40)
+    display = replace(display, panel=replace(display.panel, transfer="linear", bits=6))
+    target = Target(int(display.identity, 16), 60, 40)
+    light = picture()
+    image = SimpleNamespace(radiance=light, display=display, metadata={})
+    np.testing.assert_array_equal(image_frame(image, target), np.rint(np.rint(light * 63) * 255 / 63))
+    with pytest.raises(InputError, match="the panel belongs to"):
+        image_frame(image, HELLO)
+    assert image_frame(image, HELLO, force=True).shape == (40, 60, 3)
+    image.metadata = {"transfer": "srgb", "bits": "6"}
+    with pytest.raises(InputError, match="transfer is srgb in its metadata, linear in its display"):
+        image_frame(image, target)
+    with pytest.raises(InputError, match=r"its shape is \(39, 60, 3\)"):
+        image_frame(SimpleNamespace(radiance=light[1:], display=display, metadata={}), target)
 
 
 def test_images_of_other_displays_are_refused_unless_forced(tmp_path):

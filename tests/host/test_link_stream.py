@@ -7,10 +7,11 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from lippmann.board.board import BACK, FRONT, Board
+from fault_line import Proxy
+from lippmann.board.board import Board
+from lippmann.board.connection import BACK, FRONT
 from lippmann.board.stream import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.link.faults import Proxy
 from lippmann.link.packets import Kind, packed
 from lippmann.link.round_trip import RoundTrip
 from model_board import ModelBoard
@@ -248,7 +249,7 @@ def test_resume_after_a_replug(share):
                     pulled.set()
                     line.unplug()
 
-            with pytest.raises(DeviceError, match=r"line is lost.*plug"):
+            with pytest.raises(DeviceError, match=r"connection is lost.*plug"):
                 send_frame(board, image, pull)
         time.sleep(0.3)
         held = sum(crc != 0 for crc in model.tables[1 - model.front])
@@ -268,7 +269,7 @@ def test_what_a_frame_took_is_summed_over_a_loss_of_the_line():
         written = 0
         with Board.open(line.url, FAST_BAUD) as board:
             before = board.line.written
-            with pytest.raises(NoBoardError, match="line is lost"):
+            with pytest.raises(NoBoardError, match="connection is lost"):
                 send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent)
             written += board.line.written - before
         assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 import qoi
-from lippmann.board.tiles import Coding, Grid, code_tile, frame_crc, raw_tile
+from lippmann.board.tiles import Coding, TileGrid, code_tile, frame_crc, raw_tile
 from model_board import qoi_pixels
 from scene_cases import generator
 
@@ -19,7 +19,7 @@ def qoi_file(data, width, height):
 
 
 def test_tiles_are_clipped_at_the_edges():
-    grid = Grid(70, 33)
+    grid = TileGrid(70, 33)
     image = generator(SEED).integers(0, 256, (33, 70, 3), np.uint8)
     assert (grid.columns, grid.count) == (3, 6)
     np.testing.assert_array_equal(grid.cut(image, 0), image[0:32, 0:32])
@@ -28,7 +28,7 @@ def test_tiles_are_clipped_at_the_edges():
     assert grid.crcs(image)[5] == zlib.crc32(image[32:33, 64:70].tobytes())
     assert frame_crc(image) == zlib.crc32(image.tobytes())
     assert frame_crc(image[:, ::-1]) == zlib.crc32(image[:, ::-1].tobytes())
-    assert [Grid(*size).count for size in ((1, 1), (32, 32), (33, 32), (1920, 1080), (2400, 2400))] == [
+    assert [TileGrid(*size).count for size in ((1, 1), (32, 32), (33, 32), (1920, 1080), (2400, 2400))] == [
         1, 1, 2, 60 * 34, 75 * 75,
     ]  # fmt: skip
 

@@ -5,10 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from fault_line import Proxy
 from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.images import decode, write_picture
-from lippmann.link.faults import Proxy
 from lippmann.registers import BOARD_REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, ModelBoard, RefusedError
 from scene_cases import generator
@@ -120,7 +120,7 @@ def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(pictu
     assert len(logs) == 1
     assert "looking for the board" in logs[0]
     assert "not answered" in end
-    assert "no tile more" in end
+    assert "no tile has arrived" in end
     assert set(model.tile_writes.values()) == {1}
     assert model.shown == []
 
@@ -132,7 +132,7 @@ def test_a_board_that_does_not_come_back_is_waited_for_so_long(picture, capsys):
         begun = time.monotonic()
         assert run(["stream", path, "--port", model.url, "--resume", "1"]) == 1
         assert 1.0 <= time.monotonic() - begun < 10.0
-    assert "waited 1 s; the same command goes on from what it holds" in capsys.readouterr().err
+    assert "waited 1 s; the same command continues the frame" in capsys.readouterr().err
 
 
 def test_another_board_that_comes_back_is_refused(picture, capsys):

@@ -79,7 +79,7 @@ def port(place):
     finally:
         assert asked("board", "stop", "--ready", ready)["pid"] == told["pid"]
     assert not ready.exists()
-    assert "no board" in refused("board", "stop", "--ready", ready)
+    assert "names no board" in refused("board", "stop", "--ready", ready)
 
 
 def values(path):
@@ -149,12 +149,12 @@ def test_rays_are_those_of_the_twin(place, port):
     part = asked(*check, "--region", "100,70,12,10")
     assert (part["rays"], part["equal"]) == (120, True)
     assert part["crc"] != whole["crc"]
-    assert "no window" in refused(*check, "--region", "100,70,13,10")
-    assert "not whole" in refused(*check, "--region", "0,0,1.5,1")
+    assert "not inside" in refused(*check, "--region", "100,70,13,10")
+    assert "non-integer" in refused(*check, "--region", "0,0,1.5,1")
     assert "LEFT,TOP,WIDTH,HEIGHT" in refused(*check, "--region", "0,0,1")
     for far in ("1e300,0,1,1", "0,0,1e300,1", "-1,0,1,1", "0,0,0,1"):
         line = refused(*check, "--region", far)
-        assert "--region: is no window" in line
+        assert "--region: is not inside" in line
         assert len(line) < 150
     other = ROOT / "scenes/displays/vga-square.toml"
     assert "the board drives display" in refused("board", "check", "--display", other, "--port", port)
@@ -168,12 +168,12 @@ def test_rays_are_those_of_the_twin(place, port):
         (("write", "clock", 1), "clock: can only be read"),
         (("write", "display", 1 << 11), "2048: display has no field in some of these bits"),
         (("write", "display", "brightness=256"), "brightness=256: is out of range; give 0 to 255"),
-        (("write", "display", "brightness=x"), "brightness=x: is no whole number"),
+        (("write", "display", "brightness=x"), "brightness=x: is not an integer"),
         (("write", "display", "colour=1"), "display has no field colour"),
-        (("write", "display", "brightness=1", "brightness=2"), "a field is there twice"),
+        (("write", "display", "brightness=1", "brightness=2"), "a field is named twice"),
         (("write", "display", "brightness=1", 2), "give words, or FIELD=VALUE"),
-        (("write", "display", "pattern=7"), "pattern=7: pattern 7 means nothing; choose from 0 off, 1 single_lens"),
-        (("write", "display", 0x6FF), "1791: pattern 6 means nothing"),
+        (("write", "display", "pattern=7"), "pattern=7: pattern 7 is not defined; choose from 0 off, 1 single_lens"),
+        (("write", "display", 0x6FF), "1791: pattern 6 is not defined"),
         (("write", "0x18", -1), "-1: is out of range"),
         (("setup", "--display", ROOT / "scenes/displays/vga-square.toml"), "--force"),
     ],
@@ -218,7 +218,7 @@ def test_no_board_is_a_device_error(place, tmp_path):
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         url = f"socket://127.0.0.1:{nobody.getsockname()[1]}"
-        assert "nobody listens" in refused("stream", place / "own.exr", "--port", url, code=1)
+        assert "no program listens" in refused("stream", place / "own.exr", "--port", url, code=1)
     assert "no such port" in refused("board", "info", "--port", tmp_path / "ttyNONE", code=1)
     assert "pty" in refused(
         "board", "start", "--display", place / "small.toml", "--line", "pty", "--tcp-port", 4000

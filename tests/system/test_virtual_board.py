@@ -15,21 +15,25 @@ import time
 import tty
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from cobs import cobs
-from lippmann.board.board import BACK, FRONT, Board
+from fault_line import NO_FAULTS, Faults, Proxy
+from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
+from lippmann.board.connection import BACK, FRONT
 from lippmann.board.stream import send_frame
-from lippmann.display import load_display
-from lippmann.errors import DeviceError
+from lippmann.cli import run
+from lippmann.display import display_text, load_display
+from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.link.faults import NO_FAULTS, Faults, Proxy
-from lippmann.link.packets import Kind, PacketReader, Status, packed
+from lippmann.images import write_picture
+from lippmann.link.packets import Kind, PacketReader, ReplyStatus, packed
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 
@@ -183,46 +187,46 @@ def ask(board, kind, body, seq=None):
 @pytest.mark.parametrize(
     ("kind", "body", "status"),
     [
-        (0x3F, b"", Status.UNKNOWN_TYPE),
-        (0x3F, bytes(500), Status.UNKNOWN_TYPE),
-        (Kind.HELLO, b"", Status.WRONG_LENGTH),
-        (Kind.HELLO, bytes([1, 0, 0, 0]), Status.WRONG_LENGTH),
-        (Kind.HELLO, bytes([1, 0, 0, 0, 0, 0]), Status.WRONG_LENGTH),
-        (Kind.HELLO, bytes([2, 0, 0, 0, 0]), Status.WRONG_VERSION),
-        (Kind.READ, struct.pack("<HB", 0, 0), Status.WRONG_LENGTH),
-        (Kind.READ, struct.pack("<HB", 0, 65), Status.WRONG_LENGTH),
-        (Kind.READ, struct.pack("<HB", 2, 1), Status.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0x100, 1), Status.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0xFC, 2), Status.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0x400, 1), Status.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0xFFFC, 64), Status.NO_SUCH_ADDRESS),
-        (Kind.WRITE, struct.pack("<H", 0x18), Status.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<HI", 0x18, 1)[:-1], Status.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<H65I", 0x200, *range(65)), Status.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<HI", 0x180, 1), Status.NO_SUCH_ADDRESS),
-        (Kind.WRITE, struct.pack("<HII", 0xFC, 1, 1), Status.NO_SUCH_ADDRESS),
-        (Kind.TILE, struct.pack("<HHB", 1, 0, 0), Status.STALE_EPOCH),
-        (Kind.TILE, struct.pack("<HHB", 1, 0, 0) + bytes(3072), Status.STALE_EPOCH),
-        (Kind.TILE, struct.pack("<HHB", 0, 12, 1) + bytes(3), Status.NO_SUCH_TILE),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0), Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3071), Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3073), Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 3, 0) + bytes(3072), Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 4) + bytes(3), Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 2) + b"\xfd" * 20, Status.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 3) + b"\0", Status.BAD_TILE_DATA),
-        (Kind.PRESENT, struct.pack("<HI", 5, 0), Status.STALE_EPOCH),
-        (Kind.PRESENT, struct.pack("<HI", 0xFFFF, 0), Status.STALE_EPOCH),
-        (Kind.PRESENT, struct.pack("<HI", 0, 12345), Status.FRAME_CRC_DIFFERS),
-        (Kind.PRESENT, struct.pack("<HIB", 0, 0, 0), Status.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 0, 0, 0), Status.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 0, 0, 513), Status.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 2, 0, 1), Status.NO_SUCH_TILE),
-        (Kind.TILES, struct.pack("<BHH", 0, 10, 3), Status.NO_SUCH_TILE),
-        (Kind.TRACE, b"", Status.WRONG_LENGTH),
-        (Kind.TRACE, bytes(20), Status.WRONG_LENGTH),
-        (Kind.TRACE, bytes(16 * 65), Status.WRONG_LENGTH),
-        (Kind.SIGN, b"x", Status.WRONG_LENGTH),
+        (0x3F, b"", ReplyStatus.UNKNOWN_TYPE),
+        (0x3F, bytes(500), ReplyStatus.UNKNOWN_TYPE),
+        (Kind.HELLO, b"", ReplyStatus.WRONG_LENGTH),
+        (Kind.HELLO, bytes([1, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
+        (Kind.HELLO, bytes([1, 0, 0, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
+        (Kind.HELLO, bytes([2, 0, 0, 0, 0]), ReplyStatus.WRONG_VERSION),
+        (Kind.READ, struct.pack("<HB", 0, 0), ReplyStatus.WRONG_LENGTH),
+        (Kind.READ, struct.pack("<HB", 0, 65), ReplyStatus.WRONG_LENGTH),
+        (Kind.READ, struct.pack("<HB", 2, 1), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0x100, 1), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0xFC, 2), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0x400, 1), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.READ, struct.pack("<HB", 0xFFFC, 64), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.WRITE, struct.pack("<H", 0x18), ReplyStatus.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<HI", 0x18, 1)[:-1], ReplyStatus.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<H65I", 0x200, *range(65)), ReplyStatus.WRONG_LENGTH),
+        (Kind.WRITE, struct.pack("<HI", 0x180, 1), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.WRITE, struct.pack("<HII", 0xFC, 1, 1), ReplyStatus.NO_SUCH_ADDRESS),
+        (Kind.TILE, struct.pack("<HHB", 1, 0, 0), ReplyStatus.STALE_EPOCH),
+        (Kind.TILE, struct.pack("<HHB", 1, 0, 0) + bytes(3072), ReplyStatus.STALE_EPOCH),
+        (Kind.TILE, struct.pack("<HHB", 0, 12, 1) + bytes(3), ReplyStatus.NO_SUCH_TILE),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0), ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3071), ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3073), ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 3, 0) + bytes(3072), ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 4) + bytes(3), ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 2) + b"\xfd" * 20, ReplyStatus.BAD_TILE_DATA),
+        (Kind.TILE, struct.pack("<HHB", 0, 0, 3) + b"\0", ReplyStatus.BAD_TILE_DATA),
+        (Kind.PRESENT, struct.pack("<HI", 5, 0), ReplyStatus.STALE_EPOCH),
+        (Kind.PRESENT, struct.pack("<HI", 0xFFFF, 0), ReplyStatus.STALE_EPOCH),
+        (Kind.PRESENT, struct.pack("<HI", 0, 12345), ReplyStatus.FRAME_CRC_DIFFERS),
+        (Kind.PRESENT, struct.pack("<HIB", 0, 0, 0), ReplyStatus.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 0, 0, 0), ReplyStatus.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 0, 0, 513), ReplyStatus.WRONG_LENGTH),
+        (Kind.TILES, struct.pack("<BHH", 2, 0, 1), ReplyStatus.NO_SUCH_TILE),
+        (Kind.TILES, struct.pack("<BHH", 0, 10, 3), ReplyStatus.NO_SUCH_TILE),
+        (Kind.TRACE, b"", ReplyStatus.WRONG_LENGTH),
+        (Kind.TRACE, bytes(20), ReplyStatus.WRONG_LENGTH),
+        (Kind.TRACE, bytes(16 * 65), ReplyStatus.WRONG_LENGTH),
+        (Kind.SIGN, b"x", ReplyStatus.WRONG_LENGTH),
     ],
 )  # fmt: skip
 def test_bad_requests_are_refused_and_change_nothing(shared, kind, body, status):
@@ -231,7 +235,7 @@ def test_bad_requests_are_refused_and_change_nothing(shared, kind, body, status)
         assert ask(board, kind, body) == (status, b"")
         assert board.read(0x18) == display
         assert board.read(BOARD_REGISTERS["epoch"].address) == [0]
-        if kind == Kind.TILE and status == Status.BAD_TILE_DATA:
+        if kind == Kind.TILE and status == ReplyStatus.BAD_TILE_DATA:
             tile = struct.unpack("<H", body[2:4])[0]
             assert board.tiles(BACK).crcs[tile] == 0
 
@@ -260,7 +264,7 @@ def test_packets_that_are_not_good_are_counted_and_not_answered(virtual):
         # Each count was read by five good packets itself.
         assert change.tolist() == [5, 1, 1, 1, 1]
         # The longest that is good.
-        assert ask(board, Kind.TILE, bytes(3193), 8)[0] == Status.BAD_TILE_DATA
+        assert ask(board, Kind.TILE, bytes(3193), 8)[0] == ReplyStatus.BAD_TILE_DATA
 
 
 def test_a_write_is_executed_once(quick):
@@ -282,7 +286,7 @@ def test_a_write_is_all_or_nothing(quick):
     with Board.open(quick.url) as board:
         board.write(BOARD_REGISTERS["display"].address, [0x80, 5])
         words = [1] * 30
-        assert ask(board, Kind.WRITE, struct.pack("<H30I", 0xE0, *words))[0] == Status.NO_SUCH_ADDRESS
+        assert ask(board, Kind.WRITE, struct.pack("<H30I", 0xE0, *words))[0] == ReplyStatus.NO_SUCH_ADDRESS
         assert board.read(BOARD_REGISTERS["display"].address, 2) == [0x80, 5]
 
 
@@ -293,7 +297,7 @@ def test_a_repeated_present_does_nothing(quick):
         body = struct.pack("<HI", 0, sent.crc)
         assert ask(board, Kind.PRESENT, body) == (0, struct.pack("<H", 1))
         assert board.read(BOARD_REGISTERS["epoch"].address) == [1]
-        assert ask(board, Kind.PRESENT, struct.pack("<HI", 0, sent.crc ^ 1))[0] == Status.STALE_EPOCH
+        assert ask(board, Kind.PRESENT, struct.pack("<HI", 0, sent.crc ^ 1))[0] == ReplyStatus.STALE_EPOCH
     assert_only(quick.folder, [image])
 
 
@@ -312,6 +316,58 @@ def test_brightness_and_patterns_leave_the_frame_alone(quick):
         board.write(address, [0xFF])
         wait_for(quick.folder, image)
         assert board.tiles(FRONT).crcs.tolist() == board.info.grid.crcs(image).tolist()
+
+
+def levels_by_hand(light, transfer, bits):
+    """Levels of a panel by its curve, 0 to 2^bits - 1, in double and not rounded."""
+    light = light.astype(np.float64)
+    curve = {
+        "linear": light,
+        "srgb": np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055),
+        "gamma2.2": light ** (1 / 2.2),
+    }
+    return curve[transfer] * (2**bits - 1)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+@pytest.mark.parametrize(("transfer", "bits"), [("linear", 8), ("srgb", 6), ("gamma2.2", 6), ("linear", 6)])
+def test_the_panel_gets_the_tones_that_the_display_asks_for(looped, tmp_path, capsys, transfer, bits, suffix):
+    """From a file by the command, and from an image in Python: 0 bytes differ, and a wrong curve is refused."""
+    display = small()
+    display = dataclasses.replace(display, panel=dataclasses.replace(display.panel, transfer=transfer, bits=bits))
+    # Half floats, which an EXR holds exactly; none so near a half level that float32 may round it the other way.
+    light = np.random.default_rng([SEED, bits]).random((HEIGHT, WIDTH, 3)).astype(np.float16).astype(np.float32)
+    light[np.abs(levels_by_hand(light, transfer, bits) % 1 - 0.5) < 1e-3] = 0
+    wanted = np.rint(np.rint(levels_by_hand(light, transfer, bits)) * 255 / (2**bits - 1)).astype(np.uint8)
+    path = tmp_path / f"image{suffix}"
+    metadata = {"identity": display.identity, "transfer": transfer, "bits": str(bits)}
+    write_picture(path, light, metadata, transfer, bits)
+    (tmp_path / "display.toml").write_text(display_text(display))
+    stream = ["stream", str(path), "--port", looped.url]
+    assert run([*stream, "--display", str(tmp_path / "display.toml"), "--verify", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"][0]["verified"]
+    wait_for(looped.folder, wanted)
+    other = next(curve for curve in ("srgb", "linear") if curve != transfer)
+    assert run([*stream, "--transfer", other]) == 2
+    line = capsys.readouterr().err
+    assert f"transfer is {transfer} in the file, {other} in --transfer" in line
+    image = SimpleNamespace(radiance=light, display=display, metadata=metadata)
+    with Board.open(looped.url) as board:
+        assert board.show(image).unchanged
+        assert board.panel_crc() == zlib.crc32(wanted.tobytes())
+        image.metadata = metadata | {"bits": "7"}
+        with pytest.raises(InputError, match=f"bits is 7 in its metadata, {bits} in its display"):
+            board.show(image)
+    assert captured(looped.folder)[-1] == wanted.tobytes()
+
+
+@pytest.fixture(scope="module")
+def looped(tmp_path_factory):
+    """One board for the images of several displays that differ in their tones only."""
+    folder = tmp_path_factory.mktemp("frames")
+    with virtual_board.running(small(), capture=folder) as board:
+        board.folder = folder
+        yield board
 
 
 #: Chances a byte or a packet, such that a frame of this size meets several of them.
@@ -402,8 +458,8 @@ def test_bits_at_a_wrong_rate_harm_nothing(tmp_path, port, host_baud):
 def test_the_whole_loop():
     image = random_image(15)
     loop = run_on_virtual_board(small(), image, (5, 60), (10, 20))
-    np.testing.assert_array_equal(loop.scanned, image)
-    assert loop.shown_crc == loop.sent.crc == zlib.crc32(image.tobytes())
+    np.testing.assert_array_equal(loop.panel_frame, image)
+    assert loop.panel_crc == loop.sent.crc == zlib.crc32(image.tobytes())
     assert (loop.check.rays, loop.check.equal) == (56 * 11, True)
     assert loop.clocks > 0
 
@@ -545,7 +601,7 @@ def test_a_host_that_goes_makes_way_for_the_next(quick):
 
 def test_only_one_host_at_a_time(quick):
     with Board.open(quick.url) as board:
-        with pytest.raises(DeviceError, match=r"hung up.*another program"):
+        with pytest.raises(DeviceError, match=r"closed the connection.*other program"):
             Board.open(quick.url)
         assert board.read(0) == [0x4C495042]
 

@@ -1,1 +1,1 @@
-"""A board with a panel: protocol, streaming, checks; the same calls for a real board and the virtual one."""
+"""A board with a panel: protocol, streaming and checks, the same for real boards and the virtual board."""

@@ -1,4 +1,4 @@
-"""Does a board trace the rays that the integer twin traces? The CRC-32 of a region's rays, from both."""
+"""Comparison of a board's rays with those of the integer twin: the CRC-32 of a region's rays from both."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.board.board import Board
+from lippmann.board.connection import Connection
 from lippmann.display import Display
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
 
-#: Rays that the twin traces at once.
+#: Most rays that the twin traces at once.
 CHUNK_RAYS = 1 << 20
 
 
@@ -32,8 +32,8 @@ class Check:
         return self.board_crc == self.twin_crc
 
 
-def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
-    """Set the board's optics up for a display and compare the chief rays of a region's pixels.
+def check_rays(board: Connection, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
+    """Write a display's optics into the board and compare the chief rays of a region's pixels.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     Raises
     ------
     InputError
-        For a region off the panel, or a display that the board's optics cannot hold.
+        For a region off the panel, or a display that the board's optics do not support.
     DeviceError
         When the board does not answer.
     """

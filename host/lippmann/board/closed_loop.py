@@ -1,4 +1,4 @@
-"""The loop on the virtual board: its rays checked, a frame streamed to it, and what then leaves for the panel."""
+"""The closed loop on the virtual board: rays are checked, a frame is streamed, and the scanned-out frame is kept."""
 
 from __future__ import annotations
 
@@ -11,38 +11,37 @@ import numpy as np
 
 from lippmann.board.board import Board
 from lippmann.board.check import Check, check_rays
-from lippmann.board.displayed import shown_crc
 from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display import Display
 from lippmann.sim import virtual_board
 
-#: A simulated board with its video running shares the machine: replies may take long.
+#: Longest silence of a simulated board with its video running, s: it shares the machine.
 PATIENCE_S = 300.0
 
 
 @dataclass(frozen=True)
 class Loop:
-    """What the virtual board did.
+    """Results of the closed loop.
 
     Attributes
     ----------
     check
-        A region's rays against the twin's.
+        Comparison of a region's rays with the twin's.
     sent
-        What streaming the frame took.
-    shown_crc
-        CRC-32 of the frame that left for the panel, as the board says.
-    scanned
-        (height, width, 3) uint8, the frame that left for the panel.
+        Tiles, bytes and seconds of the transfer.
+    panel_crc
+        CRC-32 of the scanned-out frame, as the board reports it.
+    panel_frame
+        (height, width, 3) uint8, the scanned-out frame.
     clocks
-        Clocks that were simulated.
+        Simulated clocks.
     """
 
     check: Check
     sent: Sent
-    shown_crc: int
-    scanned: Pixels
+    panel_crc: int
+    panel_frame: Pixels
     clocks: int
 
 
@@ -54,25 +53,25 @@ def run_on_virtual_board(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Loop:
-    """Start a virtual board for a display, compare a region's rays, stream a frame, and take what is scanned out.
+    """Start a virtual board for a display, compare a region's rays, stream a frame, and keep the scanned-out frame.
 
     Parameters
     ----------
     frame
-        (height, width, 3) uint8, the panel's values.
+        (height, width, 3) uint8, panel values.
     columns, rows
         First and last of the region whose rays are compared.
     progress
-        Called as tiles arrive.
+        Called with (tiles done, tiles of the frame).
     say
-        Told what is being done.
+        Called with a sentence before each long step.
 
     Raises
     ------
     DeviceError
-        When the board fails, or the panel does not show a frame in time.
+        When the board fails, or scans out no frame in time.
     InputError
-        For a display that the board's optics cannot hold.
+        For a display that the board's optics do not support.
     MissingLibraryError
         When a tool is missing.
     """
@@ -83,9 +82,9 @@ def run_on_virtual_board(
             with Board.open(virtual.url, patience_s=PATIENCE_S) as board:
                 check = check_rays(board, display, columns, rows)
                 sent = send_frame(board, frame, progress)
-                shown = shown_crc(board)
+                crc = board.panel_crc()
         finally:
             done = virtual.stop()
         last = max(Path(folder).glob("frame-*.rgb"))
-        scanned = np.frombuffer(last.read_bytes(), np.uint8).reshape(frame.shape)
-    return Loop(check, sent, shown, scanned, done["clocks"])
+        panel_frame = np.frombuffer(last.read_bytes(), np.uint8).reshape(frame.shape)
+    return Loop(check, sent, crc, panel_frame, done["clocks"])

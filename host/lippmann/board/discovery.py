@@ -1,34 +1,34 @@
-"""Search of boards: every port is asked who is there."""
+"""Search for boards: HELLO is sent to serial ports, and a board replies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from lippmann.board.board import Board, Hello
+from lippmann.board.board import Board
+from lippmann.board.connection import Hello
 from lippmann.errors import DeviceError
-from lippmann.link.port import DEFAULT_BAUD, ports
+from lippmann.link.port import DEFAULT_BAUD, adapter_ports, ports
 
-#: How long a port may be silent, s.
+#: Longest silence of a port in a search, s.
 SEARCH_PATIENCE_S = 1.0
-
 #: Baud rates that boards are set to.
 COMMON_BAUDS = (115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 6_000_000, 12_000_000)
 
 
 class Found(NamedTuple):
-    """A board's port, and what it says of itself."""
+    """A board's port, and its reply to HELLO."""
 
     url: str
     hello: Hello
 
 
 def find_boards(
-    urls: Iterable[str] | None = None, baud: int = DEFAULT_BAUD, patience_s: float = SEARCH_PATIENCE_S
+    urls: Iterable[str], baud: int = DEFAULT_BAUD, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[Found], list[DeviceError]]:
-    """Ask each port (this machine's, unless named); return the boards, and why the other ports are none."""
+    """Send HELLO to each port; return the boards, and the errors of the other ports."""
     found, others = [], []
-    for url in ports() if urls is None else urls:
+    for url in urls:
         try:
             with Board.open(url, baud, patience_s) as board:
                 found.append(Found(url, board.info))
@@ -38,23 +38,44 @@ def find_boards(
 
 
 def find_board(
-    urls: Iterable[str] | None = None, baud: int = DEFAULT_BAUD, patience_s: float = SEARCH_PATIENCE_S
+    urls: Iterable[str] | None = None,
+    baud: int = DEFAULT_BAUD,
+    patience_s: float = SEARCH_PATIENCE_S,
+    allowed: Callable[[list[str]], bool] = lambda urls: False,
 ) -> Found:
     """Return the one board that answers.
+
+    A search writes to ports, and a device that is not a board may act on the bytes. So it writes to known USB adapters
+    (`lippmann.link.port.ADAPTER_VENDORS`), and to other ports only with permission.
+
+    Parameters
+    ----------
+    urls
+        Ports to try; None: this machine's.
+    allowed
+        Called with this machine's other ports when no board answers on a known adapter; returns whether to try them.
 
     Raises
     ------
     DeviceError
-        When none or more than one answers.
+        When no board or more than one answers.
     """
-    found, others = find_boards(urls, baud, patience_s)
+    known = adapter_ports() if urls is None else list(urls)
+    rest = [url for url in ports() if url not in known] if urls is None else []
+    found, others = find_boards(known, baud, patience_s)
+    if not found and rest and allowed(rest):
+        found, more = find_boards(rest, baud, patience_s)
+        others += more
+        rest = []
     if len(found) == 1:
         return found[0]
     if found:
         names = ", ".join(board.url for board in found)
         raise DeviceError(f"{len(found)} boards answer ({names}); name one with --port")
-    seen = f"of {len(others)} ports none answers ({others[0]})" if others else "this machine has no serial port"
-    raise DeviceError(f"no board: {seen}; plug one in, start a virtual one (lippmann board start), or name its --port")
+    what = f"of {len(others)} ports none answers ({others[0]})" if others else "this machine has no serial port"
+    if rest:
+        what = f"{f'{what}; ' if others else ''}not tried, for they may be other devices: {', '.join(rest)}"
+    raise DeviceError(f"no board: {what}; name its port with --port, or start a virtual board (lippmann board start)")
 
 
 def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: float = SEARCH_PATIENCE_S) -> int | None:
@@ -63,9 +84,6 @@ def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: flo
     Raises
     ------
     InputError
-        For a URL that cannot be.
+        For an invalid URL.
     """
-    for baud in bauds:
-        if find_boards([url], baud, patience_s)[0]:
-            return baud
-    return None
+    return next((baud for baud in bauds if find_boards([url], baud, patience_s)[0]), None)

@@ -1,43 +1,116 @@
-"""Images for the board: panel values of a picture that was rendered for this display."""
+"""Frames for a panel: images encoded as panel values, after a check that they belong to this panel."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from lippmann.board.board import Hello
+from lippmann.board.connection import Hello
 from lippmann.board.tiles import Pixels
-from lippmann.display import Transfer
+from lippmann.display import Display, Panel, Transfer
 from lippmann.errors import input_error
-from lippmann.images import SUFFIXES, encode, read_picture
+from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encode, read_picture
+
+#: Bits of a colour on the link: a panel with more bits gets these.
+LINK_BITS = 8
 
 
 class Target(NamedTuple):
-    """Where an image is to be shown without a board: the display's identity, and the panel's size in px."""
+    """Identity of a display, and the size of its panel in pixels."""
 
     identity: int
     width: int
     height: int
 
 
+class Tones(NamedTuple):
+    """Transfer curve and bits of a panel."""
+
+    transfer: str = "srgb"
+    bits: int = 8
+
+
+class IntegralImage(Protocol):
+    """An image for a display: radiance (height, width, 3) float32, linear."""
+
+    @property
+    def radiance(self) -> npt.NDArray[np.float32]:
+        """The panel's light, linear."""
+
+    @property
+    def display(self) -> Display:
+        """The display that the image was made for."""
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Keys of the image's file."""
+
+
+def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pixels:
+    """Encode linear radiance (height, width, 3) with a panel's transfer curve and quantise it to the panel's bits.
+
+    Returns
+    -------
+    (height, width, 3) uint8; the 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
+    """
+    levels = (1 << min(panel.bits, LINK_BITS)) - 1
+    return np.rint(np.rint(encode(radiance, panel.transfer) * levels) * (255 / levels)).astype(np.uint8)
+
+
+def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
+    """Return the frame (height, width, 3) uint8 that an image's display asks for.
+
+    Parameters
+    ----------
+    target
+        Identity and size of the board's display.
+    force
+        Accept an image for another display of the same size.
+
+    Raises
+    ------
+    InputError
+        For an image of another display, size, transfer curve or number of bits.
+    """
+    display = image.display
+    name = f"image for display '{display.name}'"
+    _check_identity(name, display.identity, target, force)
+    shape = (target.height, target.width, 3)
+    if image.radiance.shape != shape:
+        raise input_error(name, f"its shape is {image.radiance.shape}, the panel's is {shape}", "render it again")
+    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(display.panel)))
+    return panel_values(image.radiance, display.panel)
+
+
 def load_frame(
-    path: str | Path, target: Hello | Target, transfer: Transfer = "srgb", bits: int = 8, force: bool = False
+    path: str | Path,
+    target: Hello | Target,
+    transfer: Transfer | None = None,
+    panel: Panel | Tones | None = None,
+    force: bool = False,
+    note: Callable[[str], None] = lambda text: None,
 ) -> Pixels:
-    """Read an image as the panel's values.
+    """Read an image file as a frame for a panel.
+
+    The file's metadata name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or supply what
+    the file does not name. What nothing names is sRGB and 8 bits. A PNG without metadata holds sRGB values.
 
     Parameters
     ----------
     path
         .exr or .tif with linear radiance, .png with panel values.
     target
-        The board, or what else names the panel's size and the display's identity.
-    transfer, bits
-        The panel's curve and depth; the link carries 8 bits, deeper panels get those.
+        Identity and size of the board's display.
+    transfer, panel
+        The panel's properties from `--transfer` and `--display`.
     force
-        Take an image that was rendered for another display, or names none.
+        Accept an image of another display, or one that names none.
+    note
+        Called with a sentence about values that are assumed.
 
     Returns
     -------
@@ -46,29 +119,64 @@ def load_frame(
     Raises
     ------
     InputError
-        When the file is missing, no picture, broken, of another size, or of another display. Size and display are
-        checked before any pixel is read.
+        When the file is missing, broken, not an image, or made for another display, size, transfer curve or number of
+        bits. The header is checked before pixels are read.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
-    identity = f"{target.identity:016x}"
+    agreed: dict[str, Any] = {}
 
     def accept(metadata: Mapping[str, str]) -> None:
-        own = metadata.get("identity")
-        if own != identity and not force:
-            what = f"was rendered for display {own}" if own else "names no display"
-            raise input_error(
-                str(path),
-                f"{what}, the panel belongs to {identity}",
-                "render it for this display, or stream it with --force",
-            )
+        _check_identity(str(path), metadata.get("identity"), target, force)
+        file = "the file", _tones_in(str(path), metadata, suffix in ENCODED_SUFFIXES)
+        option = "--transfer", {} if transfer is None else {"transfer": transfer}
+        display = "--display", {} if panel is None else _tones_of(panel)
+        agreed.update(_agreed(str(path), file, option, display))
 
     picture = read_picture(path, (target.width, target.height), accept)
-    return panel_values(picture.radiance, transfer, bits)
+    tones = Tones(**agreed)
+    # An encoded file without bits has its values quantised already.
+    if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
+        note(f"{path}: taken to be for {tones.transfer}, {tones.bits} bits; name the panel with --display FILE")
+    return panel_values(picture.radiance, tones)
 
 
-def panel_values(radiance: np.ndarray[tuple[int, ...], np.dtype[np.float32]], transfer: Transfer, bits: int) -> Pixels:
-    """Return linear radiance (height, width, 3) as values of 8 bits; a panel of fewer bits has its levels spread."""
-    levels = (1 << min(bits, 8)) - 1
-    return np.rint(np.rint(encode(radiance, transfer) * levels) * (255 / levels)).astype(np.uint8)
+def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
+    """Refuse an image of another display."""
+    wanted = f"{target.identity:016x}"
+    if identity != wanted and not force:
+        what = f"was rendered for display {identity}" if identity else "names no display"
+        remedy = "render it for this display, or stream it with --force (force=True in Python)"
+        raise input_error(name, f"{what}, the panel belongs to {wanted}", remedy)
+
+
+def _tones_of(panel: Panel | Tones) -> dict[str, Any]:
+    return {"transfer": panel.transfer, "bits": panel.bits}
+
+
+def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str, Any]:
+    """Return the transfer curve and the bits of the panel that an image's metadata name.
+
+    Version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
+    """
+    bits = metadata.get("bits")
+    if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
+        raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")
+    known: dict[str, Any] = {} if bits is None else {"bits": int(bits)}
+    if "transfer" in metadata and (encoded or bits):
+        known["transfer"] = metadata["transfer"]
+    return known
+
+
+def _agreed(name: str, *sources: tuple[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the tones that several sources name; refuse two that differ."""
+    agreed: dict[str, tuple[Any, str]] = {}
+    for source, tones in sources:
+        for key, value in tones.items():
+            known, first = agreed.setdefault(key, (value, source))
+            if known != value:
+                what = f"{key} is {known} in {first}, {value} in {source}"
+                raise input_error(name, what, "name the display that the image was made for, or render it again")
+    return {key: value for key, (value, _) in agreed.items()}

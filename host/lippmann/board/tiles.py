@@ -1,4 +1,4 @@
-"""Tiles: a frame in squares of 32 pixels, each under its own CRC and in its cheapest coding."""
+"""Tiles: squares of 32 x 32 pixels of a frame, each with a CRC-32 of its own and in its shortest coding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import qoi
 
 #: Side of a tile in pixels.
 TILE = 32
-#: Bytes of QOI's header, and of its end marker; the link carries neither.
+#: Bytes of QOI's header and of its end marker, which the link leaves out.
 QOI_HEADER, QOI_END = 14, 8
 
 Pixels = npt.NDArray[np.uint8]
@@ -21,7 +21,7 @@ Crcs = npt.NDArray[np.uint32]
 
 
 class Coding(IntEnum):
-    """How a tile's pixels are written."""
+    """Coding of a tile's pixels."""
 
     RAW = 0
     SOLID = 1
@@ -37,46 +37,46 @@ class Coded(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Grid:
-    """The tiles of a frame of width x height pixels, row by row; those at the right and lower edge are clipped."""
+class TileGrid:
+    """Tiles of a frame of width x height pixels, row by row; those at the right and lower edges are clipped."""
 
     width: int
     height: int
 
     @property
     def columns(self) -> int:
-        """Tiles side by side."""
+        """Number of tiles in a row."""
         return -(-self.width // TILE)
 
     @property
     def count(self) -> int:
-        """All tiles."""
+        """Number of tiles in the frame."""
         return self.columns * -(-self.height // TILE)
 
-    def cut(self, image: Pixels, tile: int) -> Pixels:
-        """Return a tile's pixels (rows, columns, 3) of an image (height, width, 3)."""
+    def cut(self, frame: Pixels, tile: int) -> Pixels:
+        """Return the pixels (rows, columns, 3) of a tile in a frame (height, width, 3)."""
         row, column = divmod(tile, self.columns)
         y, x = row * TILE, column * TILE
-        return np.ascontiguousarray(image[y : y + TILE, x : x + TILE])
+        return np.ascontiguousarray(frame[y : y + TILE, x : x + TILE])
 
-    def crcs(self, image: Pixels) -> Crcs:
-        """Return the CRC-32 of each tile (count,) of an image (height, width, 3): rows top to bottom, R G B."""
-        return np.array([frame_crc(self.cut(image, tile)) for tile in range(self.count)], np.uint32)
+    def crcs(self, frame: Pixels) -> Crcs:
+        """Return the CRC-32 of each tile (count,) in a frame (height, width, 3): rows top to bottom, R G B."""
+        return np.array([frame_crc(self.cut(frame, tile)) for tile in range(self.count)], np.uint32)
 
 
-def frame_crc(image: Pixels) -> int:
-    """Return the CRC-32 of an image (height, width, 3): rows top to bottom, R G B."""
-    return zlib.crc32(np.ascontiguousarray(image).data)
+def frame_crc(frame: Pixels) -> int:
+    """Return the CRC-32 of a frame (height, width, 3): rows top to bottom, R G B."""
+    return zlib.crc32(np.ascontiguousarray(frame).data)
 
 
 def code_tile(pixels: Pixels) -> Coded:
     """Return the shortest of raw, solid and QOI for a tile (rows, columns, 3)."""
-    ways = [raw_tile(pixels), Coded(Coding.QOI, qoi.encode(pixels)[QOI_HEADER:-QOI_END])]
+    codings = [raw_tile(pixels), Coded(Coding.QOI, qoi.encode(pixels)[QOI_HEADER:-QOI_END])]
     if (pixels == pixels[0, 0]).all():
-        ways.append(Coded(Coding.SOLID, pixels[0, 0].tobytes()))
-    return min(ways, key=lambda way: len(way.data))
+        codings.append(Coded(Coding.SOLID, pixels[0, 0].tobytes()))
+    return min(codings, key=lambda coded: len(coded.data))
 
 
 def raw_tile(pixels: Pixels) -> Coded:
-    """Return a tile (rows, columns, 3) with its pixels as they are."""
+    """Return the raw coding of a tile (rows, columns, 3): its bytes."""
     return Coded(Coding.RAW, pixels.tobytes())

@@ -158,7 +158,7 @@ def _radiances(folder: Path, film: Film, display: Display) -> Iterator[Image]:
 def _write_panel(folder: Path, film: Film, display: Display, path: str) -> None:
     """Write the panel's values as a video."""
     panel = display.panel
-    frames = (panel_values(radiance, panel.transfer, panel.bits) for radiance in _radiances(folder, film, display))
+    frames = (panel_values(radiance, panel) for radiance in _radiances(folder, film, display))
     write_video(path, frames, panel.width_px, panel.height_px, film.frames_per_second)
 
 

@@ -1,25 +1,28 @@
-"""`lippmann board`: start a virtual board, ask a board what it is, read and write its registers."""
+"""`lippmann board`: start a virtual board, query a board, and read and write its registers."""
 
 from __future__ import annotations
 
 import click
 
-from lippmann.board.board import OPTICS_BASE, Board
 from lippmann.board.check import check_rays
-from lippmann.cli.options.common import Vector, display_option, json_option
-from lippmann.cli.options.port import baud_option, chosen_port, port_option
+from lippmann.board.connection import OPTICS_BASE
+from lippmann.cli.options.common import Vector, display_option
+from lippmann.cli.options.port import board_options, check_board, opened_board
 from lippmann.cli.output import emit
 from lippmann.cli.virtual_board import start_command, stop_command
-from lippmann.display import Display, Panel, load_display
+from lippmann.display import Panel, load_display
 from lippmann.errors import InputError, device_error, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field, Register
 
+#: A whole register.
+WORD = Field(0, 32)
+
 
 @click.group("board")
 def command() -> None:
-    """A board: start a virtual one, or talk to any.
+    """Start a virtual board, or use any board.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml
     """
@@ -30,15 +33,13 @@ command.add_command(stop_command)
 
 
 @command.command("info")
-@port_option
-@baud_option
-@json_option
+@board_options
 def info_command(port: str | None, baud: int, as_json: bool) -> None:
-    """Ask a board what it is, what it shows, and what it dropped.
+    """Print a board's identity, panel, scanned-out frame and error counters.
 
     Example: lippmann board info --port socket://127.0.0.1:4000
     """
-    with Board.open(chosen_port(port, baud), baud) as board:
+    with opened_board(port, baud) as board:
         hello = board.info
         registers = {name: board.read(register.address)[0] for name, register in BOARD_REGISTERS.items()}
         result = {
@@ -67,19 +68,17 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
 
 @command.command("setup")
 @display_option
-@port_option
-@baud_option
-@click.option("--force", is_flag=True, help="Whatever display the board says that it drives.")
-@json_option
+@click.option("--force", is_flag=True, help="Also when the board drives another display.")
+@board_options
 def setup_command(display_path: str, port: str | None, baud: int, force: bool, as_json: bool) -> None:
-    """Write a display's optics into the board, for its rays and its test patterns.
+    """Write a display's optics into the board, for its rays and test patterns.
 
     Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
     display = load_display(display_path)
-    with Board.open(chosen_port(port, baud), baud) as board:
+    with opened_board(port, baud) as board:
         if not force:
-            _same_display(board, display, display_path, ", or set it up with --force")
+            check_board(board, display, display_path, ", or set it up with --force")
         build = board.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         board.write_all([*writes, write("control", apply=1)])
@@ -89,73 +88,59 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
 
 @command.command("check")
 @display_option
-@port_option
-@baud_option
-@click.option("--region", type=Vector(4, "LEFT,TOP,WIDTH,HEIGHT"), help="Pixels whose rays are compared; else all.")
-@json_option
+@click.option("--region", type=Vector(4, "LEFT,TOP,WIDTH,HEIGHT"), help="Pixels to compare; default: all.")
+@board_options
 def check_command(
     display_path: str, port: str | None, baud: int, region: tuple[float, ...] | None, as_json: bool
 ) -> None:
-    """Compare the rays that the board traces, word by word, with those of the integer twin.
+    """Compare the board's rays with those of the integer twin, word by word.
 
-    The board answers with one CRC-32 for all rays of the region, so a whole panel is checked over a slow line.
+    The board returns one CRC-32 for all rays, so a slow line is enough for a whole panel.
 
     Example: lippmann board check --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
     display = load_display(display_path)
     panel = display.panel
     left, top, width, height = _window(region, panel) if region else (0, 0, panel.width_px, panel.height_px)
-    with Board.open(chosen_port(port, baud), baud) as board:
-        _same_display(board, display, display_path, "")
+    with opened_board(port, baud) as board:
+        check_board(board, display, display_path)
         check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
         url = board.line.url
     if not check.equal:
         raise device_error(
             url,
-            f"the board's rays are not the twin's (CRC-32 {check.board_crc:08x}, not {check.twin_crc:08x})",
-            "do not trust its pictures; compare single rays with lippmann trace --engine twin",
+            f"the board's rays differ from the twin's (CRC-32 {check.board_crc:08x}, not {check.twin_crc:08x})",
+            "update the board; compare single rays with lippmann trace --engine twin",
         )
     result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
-    emit(result, as_json, lambda: click.echo(f"{url}: {check.rays} rays are the twin's (CRC-32 {result['crc']})"))
+    emit(result, as_json, lambda: click.echo(f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})"))
 
 
 def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
-    """Return a region's numbers, which must be whole, and on the panel."""
+    """Return a region as integers; refuse one that is not on the panel."""
     left, top, width, height = region
     size = panel.width_px, panel.height_px
+    what = None
     if not (0 <= left <= left + width - 1 < size[0] and 0 <= top <= top + height - 1 < size[1]):
-        raise input_error(
-            "--region", f"is no window of a panel of {size[0]} x {size[1]} pixels", "give LEFT,TOP,WIDTH,HEIGHT"
-        )
-    if any(number != int(number) for number in region):
-        raise input_error("--region", "a number is not whole", "give pixels: LEFT,TOP,WIDTH,HEIGHT")
+        what = f"is not inside a panel of {size[0]} x {size[1]} pixels"
+    elif any(number != int(number) for number in region):
+        what = "contains a non-integer"
+    if what:
+        raise input_error("--region", what, "give pixels: LEFT,TOP,WIDTH,HEIGHT")
     return tuple(map(int, region))
-
-
-def _same_display(board: Board, display: Display, path: str, otherwise: str) -> None:
-    """Refuse a board that drives another display."""
-    own = f"{board.info.identity:016x}"
-    if own != display.identity:
-        raise input_error(
-            board.line.url,
-            f"the board drives display {own}, {path} is {display.identity}",
-            f"name its display file{otherwise}",
-        )
 
 
 @command.command("read")
 @click.argument("register")
 @click.argument("count", type=click.IntRange(1, 64), default=1)
-@port_option
-@baud_option
-@json_option
+@board_options
 def read_command(register: str, count: int, port: str | None, baud: int, as_json: bool) -> None:
-    """Read a register, by its name or its address (0x200 and on: the optics, as optics.NAME).
+    """Read registers from a name or an address; names of the optics block begin with `optics.` (address 0x200).
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
     address, known = _register(register)
-    with Board.open(chosen_port(port, baud), baud) as board:
+    with opened_board(port, baud) as board:
         words = board.read(address, count)
     fields = {} if known is None or count > 1 else {name: f.value(words[0]) for name, f in known.fields.items()}
     result = {"address": address, "words": words, "fields": fields}
@@ -172,21 +157,19 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
 @command.command("write")
 @click.argument("register")
 @click.argument("values", nargs=-1, required=True)
-@port_option
-@baud_option
-@json_option
+@board_options
 def write_command(register: str, values: tuple[str, ...], port: str | None, baud: int, as_json: bool) -> None:
-    """Write words from a register on, or FIELD=VALUE fields of one, whose others stay.
+    """Write words from a register, or some fields of one register as FIELD=VALUE.
 
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """
     address, known = _register(register)
     by_field = ["=" in value for value in values]
     if any(by_field) and (not all(by_field) or known is None):
-        raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register that is named")
+        raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
     if known is not None and "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
-    numbers = [] if any(by_field) else [_number(value, value, 32, False) for value in values]
+    numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if known is not None and len(numbers) == 1:
         if numbers[0] & ~sum(field.mask for field in known.fields.values()):
             raise input_error(
@@ -194,7 +177,7 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
             )
         for name, field in known.fields.items():
             _check_named(values[0], name, field, numbers[0])
-    with Board.open(chosen_port(port, baud), baud) as board:
+    with opened_board(port, baud) as board:
         if known is not None and any(by_field):
             numbers = [_changed(register, known, values, board.read(address)[0])]
         board.write(address, numbers)
@@ -203,7 +186,7 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
 
 
 def _register(name: str) -> tuple[int, Register | None]:
-    """Return a register's address, and what is known of it."""
+    """Return a register's address, and its description where it has a name."""
     maps = {**BOARD_REGISTERS, **{f"optics.{key}": value for key, value in OPTICS_REGISTERS.items()}}
     if name in maps:
         known = maps[name]
@@ -216,35 +199,34 @@ def _register(name: str) -> tuple[int, Register | None]:
 
 
 def _check_named(said: str, name: str, field: Field, word: int) -> None:
-    """Refuse a word whose field holds a value that means nothing; `said` is what the user wrote."""
+    """Refuse a word with an undefined value in a field; `said` is the user's text."""
     value = (word & field.mask) >> field.low
     if field.names and value not in dict(field.names):
         listed = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
-        raise input_error(said, f"{name} {value} means nothing", f"choose from {listed}")
+        raise input_error(said, f"{name} {value} is not defined", f"choose from {listed}")
 
 
-def _number(said: str, text: str, width: int, signed: bool) -> int:
-    """Return a number as the bits of a field; `said` is what the user wrote."""
+def _number(said: str, text: str, field: Field) -> int:
+    """Return the register word of a number in a field; `said` is the user's text."""
     try:
         number = int(text, 0)
     except ValueError:
-        raise input_error(said, "is no whole number", "give one such as 12 or 0x1F") from None
-    low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
+        raise input_error(said, "is not an integer", "give one such as 12 or 0x1F") from None
+    low, high = field.limits
     if not low <= number <= high:
         raise input_error(said, "is out of range", f"give {low} to {high}")
-    return number & ((1 << width) - 1)
+    return field.bits(number)
 
 
 def _changed(register: str, known: Register, values: tuple[str, ...], word: int) -> int:
     """Return a register's word with some of its fields changed."""
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
-        raise InputError(f"{' '.join(values)}: a field is there twice; name each once")
-    for value in values:
-        name, _, number = value.partition("=")
+        raise InputError(f"{' '.join(values)}: a field is named twice; name each once")
+    for name, value in zip(names, values, strict=True):
         if name not in known.fields:
             raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
         field = known.fields[name]
-        word = word & ~field.mask | _number(value, number, field.width, field.signed) << field.low
+        word = word & ~field.mask | _number(value, value.partition("=")[2], field)
         _check_named(value, name, field, word)
     return word

@@ -64,13 +64,13 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
     metadata = image_metadata(display, "exact", settings, SCENE)
     write_picture(out / "fish.exr", rendered.radiance, metadata)
 
-    frame = panel_values(rendered.radiance, panel.transfer, panel.bits)
+    frame = panel_values(rendered.radiance, panel)
     columns, rows = _middle(panel.width_px), _middle(panel.height_px)
     with progress_bar("stream", quiet=as_json) as progress:
         loop = run_on_virtual_board(display, frame, columns, rows, progress, log)
-    differ = int((loop.scanned != frame).sum())
+    differ = int((loop.panel_frame != frame).sum())
     # From here on only what left for the panel is looked at.
-    scanned = decode(loop.scanned / np.float32(255.0), panel.transfer).astype(np.float32)
+    scanned = decode(loop.panel_frame / np.float32(255.0), panel.transfer).astype(np.float32)
     write_picture(out / "panel.png", scanned, metadata, panel.transfer, panel.bits)
 
     directs, decibels = _looked_at(scene, display, scanned, out, as_json)
@@ -87,13 +87,13 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
         "resends": loop.sent.resends,
         "bytes": frame.size,
         "bytes_differ": differ,
-        "crc_equal": loop.shown_crc == loop.sent.crc,
+        "crc_equal": loop.panel_crc == loop.sent.crc,
         "clocks": loop.clocks,
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
     }
     with replacing(out / "demo.json") as partial:
         partial.write_text(json.dumps(result, indent=2) + "\n")
-    if not (loop.check.equal and differ == 0 and loop.shown_crc == loop.sent.crc):
+    if not (loop.check.equal and differ == 0 and loop.panel_crc == loop.sent.crc):
         raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
 
     def text() -> None:

@@ -1,8 +1,9 @@
-"""`lippmann doctor`: what this machine has and lacks for the work."""
+"""`lippmann doctor`: check of this machine's libraries, tools and ports."""
 
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import sys
 from typing import Any
 
@@ -13,43 +14,25 @@ from lippmann.board.discovery import baud_of_board
 from lippmann.cli.options.common import json_option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, LippmannError, MissingLibraryError
-from lippmann.link.port import port_trouble, ports
+from lippmann.link.port import adapter_ports, port_trouble, ports
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
 from lippmann.rendering.renderer import free_memory_mb
 from lippmann.sim.tools import RTL_TOOLS
 from lippmann.variant import mitsuba, start_mitsuba
 
-PACKAGES = (
-    "numpy",
-    "mitsuba",
-    "drjit",
-    "OpenImageIO",
-    "click",
-    "rich",
-    "pillow",
-    "pyserial",
-    "cobs",
-    "qoi",
-    "pygame-ce",
-    "scipy",
-    "imageio-ffmpeg",
-)
-
-NO_ANSWER = "it opens, but no board answers at any rate; check the board's power and the cable"
+NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
 
 
 @click.command("doctor")
-@click.option("--port", metavar="URL", help="Ask this port for a board at each common baud rate (a second each).")
+@click.option("--port", metavar="URL", help="Look for a board at this port, at each common baud rate (a second each).")
 @json_option
 @click.pass_context
 def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
     """Check libraries, rendering, the RTL's tools and serial ports; exit 3 when something needed is missing.
 
-    With --port, exit 1 when no board is there that answers.
-
-    Rendering and observing need none of the RTL's tools: without them only what simulates, synthesises or proves it
-    fails, `trace --engine rtl` and the virtual board among it.
+    With --port, exit 1 when no board answers there. The RTL's tools are needed for simulation (`trace --engine rtl`,
+    the virtual board), synthesis and proofs only.
 
     Example: lippmann doctor
     """
@@ -59,7 +42,7 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
         checks.append({"check": name, "ok": good, "needed": needed, "detail": detail})
 
     check("python", sys.version_info >= (3, 11), sys.version.split()[0])
-    for package in PACKAGES:
+    for package in _packages():
         try:
             check(package, True, importlib.metadata.version(package))
         except importlib.metadata.PackageNotFoundError:
@@ -75,10 +58,13 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
     check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
     for tool in (*RTL_TOOLS, POVRAY):
         at = tool.find()
-        check(tool.name, at is not None, f"{tool.purpose}; {at or f'not there: {tool.remedy}'}", needed=False)
+        check(tool.name, at is not None, f"{tool.purpose}; {at or f'missing: {tool.remedy}'}", needed=False)
+    adapters = adapter_ports()
     for url in ports():
-        trouble = port_trouble(url)
-        check(url, trouble is None, "serial port, may be opened" if trouble is None else str(trouble), needed=False)
+        # Opening a port moves its control lines, which resets some devices.
+        trouble = port_trouble(url) if url in adapters else None
+        detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
+        check(url, trouble is None, str(trouble or detail), needed=False)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
         trouble = port_trouble(port)
@@ -95,3 +81,9 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
 
     emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, text)
     ctx.exit(code)
+
+
+def _packages() -> list[str]:
+    """Return the packages that Lippmann requires, as its own metadata name them, and Dr.Jit, which Mitsuba brings."""
+    required = importlib.metadata.requires("lippmann") or []
+    return ["drjit", *(re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line)]

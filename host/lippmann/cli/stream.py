@@ -1,4 +1,4 @@
-"""`lippmann stream`: bring images to a board's panel, whole and unchanged, or not at all."""
+"""`lippmann stream`: show images on a board's panel."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from typing import Any, get_args
 
 import click
 
-from lippmann.board.board import Board, Hello
-from lippmann.board.displayed import shown_crc
+from lippmann.board.board import Board
+from lippmann.board.connection import Hello
 from lippmann.board.frames import load_frame
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.options.common import Finite, json_option
-from lippmann.cli.options.port import baud_option, chosen_port, port_option
+from lippmann.cli.options.port import baud_option, check_board, chosen_port, port_option
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Transfer
-from lippmann.errors import DeviceError, NoBoardError, device_error
-from lippmann.registers import BOARD_REGISTERS
+from lippmann.display import Transfer, load_display
+from lippmann.errors import DeviceError, NoBoardError
 
-#: Seconds between attempts to find a lost board again.
+#: Pause between attempts to find a lost board again, s.
 RETRY_S = 0.5
 
 
@@ -28,38 +27,50 @@ RETRY_S = 0.5
 @port_option
 @baud_option
 @click.option(
-    "--transfer", type=click.Choice(get_args(Transfer)), default="srgb", show_default=True, help="The panel's curve."
+    "--display", "display_path", metavar="FILE", help="The board's display: its curve and bits must be the image's."
 )
+@click.option(
+    "--transfer", type=click.Choice(get_args(Transfer)),
+    help="The panel's curve; must be the image's. Default: the image's, or srgb if it names none.",
+)  # fmt: skip
 @click.option("--force", is_flag=True, help="Stream an image that was rendered for another display, or names none.")
 @click.option(
     "--resume", "resume_s", type=Finite(0.0), default=0.0, metavar="SECONDS",
-    help="When the line is lost, wait so long for the board and go on from what it holds.",
+    help="When the connection is lost, wait for the board and continue with the tiles that it lacks.",
 )  # fmt: skip
-@click.option("--verify", is_flag=True, help="Ask the board for the CRC-32 of the frame that left for the panel.")
+@click.option("--verify", is_flag=True, help="Compare the CRC-32 of the scanned-out frame with the image's.")
 @json_option
 def command(
     images: tuple[str, ...],
     port: str | None,
     baud: int,
-    transfer: Transfer,
+    display_path: str | None,
+    transfer: Transfer | None,
     force: bool,
     resume_s: float,
     verify: bool,
     as_json: bool,
 ) -> None:
-    """Stream an image, or an animation of several, to the panel of a board.
+    """Stream an image, or an animation of several images, to the panel of a board.
 
-    The panel shows a frame when all of it has arrived and its CRC-32 is right, and until then the one before. What the
-    board holds already is not sent: after an interruption the same command goes on where it stopped.
+    The panel shows a frame when all of it has arrived and its CRC-32 is right; until then it keeps the frame before.
+    Tiles that the board holds are not sent: after an interruption, run the same command again.
 
     Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
     """
+    display = None if display_path is None else load_display(display_path)
     url = chosen_port(port, baud)
     board = _opened(url, baud, resume_s)
     try:
         hello = board.info
-        # All are read before the first is sent: a bad one shows nothing.
-        frames = [load_frame(image, hello, transfer, force=force) for image in images]
+        if display is not None and not force:
+            check_board(board, display, str(display_path), ", or stream with --force")
+        panel = None if display is None else display.panel
+        # All files are read before the first frame is sent: when one is refused, nothing changes on the panel.
+        notes: list[str] = []
+        frames = [load_frame(image, hello, transfer, panel, force, notes.append) for image in images]
+        if notes:
+            log(notes[0] + (f" (and {len(notes) - 1} other images)" if notes[1:] else ""))
         results = []
         for image, frame in zip(images, frames, strict=True):
             sent = Sent()
@@ -70,19 +81,21 @@ def command(
                     try:
                         send_frame(board, frame, progress, sent=sent)
                         if verify:
-                            result["verified"] = _verified(board, sent)
+                            board.verify(sent.crc)
+                            result["verified"] = True
                         break
                     except NoBoardError as error:
                         if not resume_s:
                             raise
                         if len(sent.arrived) == arrived:
-                            # It would be lost at the same place for ever.
-                            raise NoBoardError(f"{error} (lost before, and no tile more has arrived since)") from None
+                            # Without progress it would be lost again and again.
+                            raise NoBoardError(f"{error} (lost twice, and no tile has arrived in between)") from None
                         arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
                         board = _again(url, baud, hello, resume_s)
-            results.append({"image": image, **_told(sent), **result})
+            rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
+            results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **result})
     finally:
         board.close()
 
@@ -94,14 +107,14 @@ def command(
 
 
 def _opened(url: str, baud: int, seconds: float) -> Board:
-    """Open a board, waiting so long for it.
+    """Open a board; try again for some seconds.
 
     Raises
     ------
     NoBoardError
-        When it does not answer in time.
+        When no board answers in time.
     DeviceError
-        When it is one that cannot be talked to.
+        When the board has another protocol.
     """
     until = time.monotonic() + seconds
     while True:
@@ -111,20 +124,12 @@ def _opened(url: str, baud: int, seconds: float) -> Board:
             if time.monotonic() >= until:
                 if not seconds:
                     raise
-                raise NoBoardError(
-                    f"{error} (waited {seconds:g} s; the same command goes on from what it holds)"
-                ) from None
+                raise NoBoardError(f"{error} (waited {seconds:g} s; the same command continues the frame)") from None
         time.sleep(RETRY_S)
 
 
 def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
-    """Open the board again once it answers; it must drive the same display.
-
-    Raises
-    ------
-    DeviceError
-        When it does not answer in time, or another one does.
-    """
+    """Open the board again; it must drive the same display. Raises as `_opened`."""
     board = _opened(url, baud, seconds)
     try:
         board.must_be(hello)
@@ -134,30 +139,8 @@ def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
     return board
 
 
-def _verified(board: Board, sent: Sent) -> bool:
-    """Compare the CRC-32 of what left for the panel with that of the frame.
-
-    Raises
-    ------
-    DeviceError
-        When they differ, or the panel stands still.
-    """
-    shown = shown_crc(board)
-    if shown == sent.crc:
-        return True
-    what = f"the panel shows CRC-32 {shown:08x}, sent was {sent.crc:08x}"
-    if board.read(BOARD_REGISTERS["display"].address)[0] != BOARD_REGISTERS["display"].fields["brightness"].reset:
-        raise device_error(
-            board.line.url, what, "set brightness=255 pattern=0 to verify (lippmann board write display)"
-        )
-    raise device_error(board.line.url, what, "stream the frame again")
-
-
-def _told(sent: Sent) -> dict[str, Any]:
-    return {**asdict(sent), "crc": f"{sent.crc:08x}", "bytes_per_second": sent.rate, "overhead": sent.overhead}
-
-
 def _line(result: dict[str, Any]) -> str:
+    """Return a frame's result as one line."""
     if result["unchanged"]:
         text = "shown already"
     else:

@@ -21,9 +21,12 @@ from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
 from lippmann.fixed.words import COMPACT, FRACTIONS
 from lippmann.images import replacing
+from lippmann.sim import virtual_board
 
-#: Seconds between two looks at a board that runs, and that it has to end.
-LOOK_S, STOP_SECONDS = 0.1, 10.0
+#: Pause between two checks of a running board, s.
+CHECK_S = 0.1
+#: Longest time to write the last captured frames, after the simulator has ended, s.
+CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
 ERRORS: dict[int, type[LippmannError]] = {
     kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
@@ -32,22 +35,24 @@ ERRORS: dict[int, type[LippmannError]] = {
 
 @click.command("start")
 @display_option
-@click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="How it is reached.")
-@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: any that is free.")
-@click.option("--baud", type=click.IntRange(1), help="A UART's wires of this rate, clock by clock; else bytes at once.")
+@click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="Kind of port.")
+@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: a free one.")
+@click.option("--baud", type=click.IntRange(1), help="Simulate a UART of this rate; default: a line without a rate.")
 @click.option(
     "--fraction-bits", type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]), default=COMPACT, show_default=True,
     help="Word length of its optics.",
 )  # fmt: skip
-@click.option("--capture", metavar="FOLDER", help="Keep every new frame that is scanned out, as PNG.")
-@click.option("--ready", metavar="FILE", help="JSON file that tells where to connect, while the board runs.")
-@click.option("--trace", metavar="FILE.fst", help="Waveforms, of the clocks --trace-clocks.")
-@click.option("--background", is_flag=True, help="Leave it running, and return once it can be reached; needs --ready.")
+@click.option("--capture", metavar="FOLDER", help="Write every new frame that is scanned out, as PNG.")
+@click.option("--ready", metavar="FILE", help="Write the board's URL to this JSON file, while the board runs.")
+@click.option("--trace", metavar="FILE.fst", help="Write waveforms of the clocks --trace-clocks.")
+@click.option("--background", is_flag=True, help="Return when the board is ready, and let it run; needs --ready.")
 @click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
 @json_option
+@click.pass_context
 def start_command(
+    ctx: click.Context,
     display_path: str,
-    line: Any,
+    line: virtual_board.Port,
     tcp_port: int,
     baud: int | None,
     fraction_bits: int,
@@ -62,49 +67,47 @@ def start_command(
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """
-    from lippmann.sim import virtual_board
-
     if line == "pty" and tcp_port:
-        raise input_error("--tcp-port", "a pty has no port", "leave it out, or take --line tcp")
+        raise input_error("--tcp-port", "a pty has no port number", "leave it out, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:
         raise input_error(
-            "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} are none", "give the first one first"
+            "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
         )
     display = load_display(display_path)
-    folder = None if capture is None else Path(capture)
-    _check_places(folder, ready, trace)
-    log("starting the board; it is compiled where it is not yet (half a minute) ...")
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends it as Ctrl-C does
+    folder, file = capture and Path(capture), ready and Path(ready)
+    _check_places(capture, ready, trace)
+    log("starting the board; the first start compiles it (half a minute) ...")
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # SIGTERM ends it as Ctrl-C does
     if background:
-        if ready is None:
-            raise InputError("--background needs --ready FILE, by which `lippmann board stop` finds the board")
-        _in_background(Path(ready), as_json)
+        if not file:
+            raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
+        _in_background(ctx, file, as_json)
         return
     board = virtual_board.start(
-        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder,
-        trace=None if trace is None else Path(trace), trace_clocks=trace_clocks,
+        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder or None,
+        trace=Path(trace) if trace else None, trace_clocks=trace_clocks,
     )  # fmt: skip
-    told = {
+    result = {
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
         "width": display.panel.width_px, "height": display.panel.height_px, "line": "bits" if baud else "bytes",
     }  # fmt: skip
     done: dict[str, Any] = {}
     with contextlib.ExitStack() as end:
-        if ready is not None:
-            end.callback(_forget, Path(ready))
-        if folder is not None:
+        if file:
+            end.callback(_remove_ready, file)
+        if folder:
             end.callback(virtual_board.keep_as_png, folder, display)
         end.callback(lambda: done.update(board.stop()))
         try:
-            if ready is not None:
-                with replacing(Path(ready)) as partial:
-                    partial.write_text(json.dumps(told) + "\n")
-            emit(told, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
+            if file:
+                with replacing(file) as partial:
+                    partial.write_text(json.dumps(result) + "\n")
+            emit(result, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
             sys.stdout.flush()
             while board.process.poll() is None:
-                if folder is not None:
+                if folder:
                     virtual_board.keep_as_png(folder, display)
-                time.sleep(LOOK_S)
+                time.sleep(CHECK_S)
         except KeyboardInterrupt:
             interrupts.clear()  # the usual end of this command
     log(
@@ -113,90 +116,98 @@ def start_command(
     )
 
 
-def _check_places(capture: Path | None, ready: str | None, trace: str | None) -> None:
-    """Refuse folders that are not there or cannot be written to, and a ready file whose board runs."""
+def _check_places(capture: str | None, ready: str | None, trace: str | None) -> None:
+    """Refuse missing or read-only folders, and the ready file of a running board."""
     places = {"--capture": capture, "--ready": ready and Path(ready).parent, "--trace": trace and Path(trace).parent}
     for option, place in places.items():
         if place and not Path(place).is_dir():
             raise input_error(option, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
             raise input_error(option, f"{place} cannot be written to", "choose another folder or change permissions")
-    if ready is not None and (other := _running(Path(ready))) is not None:
-        raise input_error("--ready", f"{ready} tells of a board that runs ({other[1]})", "end it, or name another file")
+    if ready and (other := _running(Path(ready))) is not None:
+        raise input_error("--ready", f"{ready} belongs to a board that runs ({other[1]})", "end it, or name a new file")
 
 
-def _in_background(ready: Path, as_json: bool) -> None:
-    """Run the same command without --background in a session of its own; return when its ready file is there."""
+def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
+    """Run the same command without --background in a session of its own; return when its ready file exists."""
     ready.unlink(missing_ok=True)
-    said = _log_of(ready)
-    if (failure := _failure(said)) is not None:
+    output = _log_of(ready)
+    if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    # In JSON an error comes with its exit code, and is the last line.
-    words = [word for word in sys.argv[1:] if word not in ("--background", "--json")] + ["--json"]
-    with said.open("wb") as told:
+    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words(ctx)]
+    with output.open("wb") as log_file:
         process = subprocess.Popen(
-            [sys.executable, "-m", "lippmann", *words], stdin=subprocess.DEVNULL, stdout=told, stderr=told,
-            start_new_session=True,
-        )  # fmt: skip
+            words, stdin=subprocess.DEVNULL, stdout=log_file, stderr=log_file, start_new_session=True
+        )
     try:
         while not ready.exists():
             if process.poll() is not None:
-                failure = _failure(said) or DeviceError(f"the board ended without a word ({process.returncode})")
-                said.unlink()
+                failure = _failure(output) or DeviceError(f"the board ended without a message ({process.returncode})")
+                output.unlink()
                 raise failure
-            time.sleep(LOOK_S)
+            time.sleep(CHECK_S)
     except KeyboardInterrupt:
-        os.killpg(process.pid, signal.SIGTERM)  # a session of its own: compilers and all
+        os.killpg(process.pid, signal.SIGTERM)  # its compilers too: they are in the same session
         process.wait()
-        said.unlink()
+        output.unlink()
         raise
     result = json.loads(ready.read_text())
     emit(result, as_json, lambda: click.echo(f"{result['url']} (lippmann board stop --ready {ready} ends it)"))
 
 
+def _option_words(ctx: click.Context) -> list[str]:
+    """Return a command's parsed options as words; with --json, so that an error is the last line of the log."""
+    words = []
+    for option in ctx.command.params:
+        value = ctx.params.get(option.name or "")
+        if value is not None and not isinstance(value, bool):
+            words += [option.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
+    return [*words, "--json"]
+
+
 def _log_of(ready: Path) -> Path:
-    """Return where a board in the background writes what it has to say."""
+    """Return the log file of a board in the background."""
     return Path(f"{ready}.log")
 
 
-def _failure(said: Path) -> LippmannError | None:
-    """Return the error that the last line of a board's log tells; None where there is none."""
+def _failure(output: Path) -> LippmannError | None:
+    """Return the error in the last line of a board's log, or None."""
     try:
-        told = json.loads(said.read_text(errors="replace").splitlines()[-1])
-        return ERRORS.get(told["exit_code"], DeviceError)(told["error"])
+        last = json.loads(output.read_text(errors="replace").splitlines()[-1])
+        return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
     except (OSError, ValueError, LookupError, TypeError):
         return None
 
 
-def _forget(ready: Path) -> None:
+def _remove_ready(ready: Path) -> None:
     """Remove this process's ready file."""
-    if (told := _told(ready)) is not None and told[0] == os.getpid():
+    if (content := _content(ready)) is not None and content[0] == os.getpid():
         ready.unlink(missing_ok=True)
 
 
-def _told(ready: Path) -> tuple[int, str] | None:
-    """Return process and URL that a ready file tells; None when it tells of no board."""
+def _content(ready: Path) -> tuple[int, str] | None:
+    """Return the process and the URL in a ready file; None when it is not one."""
     try:
-        told = json.loads(ready.read_text())
-        return int(told["pid"]), str(told["url"])
+        content = json.loads(ready.read_text())
+        return int(content["pid"]), str(content["url"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def _running(ready: Path) -> tuple[int, str] | None:
-    """Return the same of a board that runs: its process is one of this command."""
-    told = _told(ready)
-    if told is None:
+    """Return the process and the URL in a ready file, when the process runs this command."""
+    content = _content(ready)
+    if content is None:
         return None
     try:
-        words = Path(f"/proc/{told[0]}/cmdline").read_bytes().split(b"\0")
+        words = Path(f"/proc/{content[0]}/cmdline").read_bytes().split(b"\0")
     except OSError:
         return None
-    return told if b"board" in words and b"start" in words else None
+    return content if b"board" in words and b"start" in words else None
 
 
 @click.command("stop")
-@click.option("--ready", required=True, metavar="FILE", help="The file that the board was started with.")
+@click.option("--ready", required=True, metavar="FILE", help="The --ready file of the board's start.")
 @json_option
 def stop_command(ready: str, as_json: bool) -> None:
     """End a virtual board that runs in the background.
@@ -204,26 +215,28 @@ def stop_command(ready: str, as_json: bool) -> None:
     Example: lippmann board stop --ready out/board.json
     """
     path = Path(ready)
-    said = _log_of(path)
-    told = _told(path)
-    failure = _failure(said)
-    if told is None and failure is None:
-        raise input_error(ready, "tells of no board", "give the --ready file of `lippmann board start`")
+    output = _log_of(path)
+    content = _content(path)
+    failure = _failure(output)
+    if content is None and failure is None:
+        raise input_error(ready, "names no board", "give the --ready file of `lippmann board start`")
     running = _running(path)
     if running is None:
-        if told is not None:
+        if content is not None:
             path.unlink(missing_ok=True)
         if failure is None:
-            raise DeviceError(f"{ready}: its board had ended already and did not say why; the file is removed")
+            raise DeviceError(f"{ready}: its board had ended already, without a message; the file is removed")
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
     pid, url = running
     os.kill(pid, signal.SIGINT)
-    until = time.monotonic() + STOP_SECONDS
+    # The board first waits for its simulator, then writes its last frames.
+    seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
+    until = time.monotonic() + seconds
     while _running(path) is not None:
         if time.monotonic() > until:
-            raise DeviceError(f"{url}: the board does not end within {STOP_SECONDS:g} s; kill process {pid}")
-        time.sleep(LOOK_S)
-    if (failure := _failure(said)) is not None:
+            raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
+        time.sleep(CHECK_S)
+    if (failure := _failure(output)) is not None:
         raise failure
-    said.unlink(missing_ok=True)
+    output.unlink(missing_ok=True)
     emit({"url": url, "pid": pid}, as_json, lambda: click.echo(f"{url}: ended"))

@@ -1,4 +1,4 @@
-"""Packets of the link: type, sequence number, body and CRC-32, stuffed by COBS, with a zero byte behind each."""
+"""Packets of the link: type, sequence number, body and CRC-32, encoded by COBS and ended by a zero byte."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Version of the protocol that this host speaks.
+#: Version of the protocol.
 VERSION = 1
-#: Longest packet in bytes, before COBS, with its CRC.
+#: Longest packet with its CRC, bytes before COBS.
 MAX_PACKET = 3200
-#: Longest packet behind COBS: one byte more for each 254 begun.
+#: Longest packet after COBS, which adds one byte for each 254 or fewer.
 MAX_STUFFED = MAX_PACKET + -(-MAX_PACKET // 254)
-#: Ends a packet, and is in none.
+#: Ends a packet; COBS leaves no such byte inside.
 DELIMITER = b"\0"
-#: Set in a reply's type.
+#: Bit that is set in the type of a reply.
 REPLY = 0x80
 
 HEADER = struct.Struct("<BH")
 CRC = struct.Struct("<I")
-#: Shortest packet: one without a body.
+#: Shortest packet, without a body.
 MIN_PACKET = HEADER.size + CRC.size
 
 
@@ -41,8 +41,8 @@ class Kind(IntEnum):
     SIGN = 8
 
 
-class Status(IntEnum):
-    """First byte of a reply's body."""
+class ReplyStatus(IntEnum):
+    """First byte of a reply's body: the outcome of the request."""
 
     OK = 0
     UNKNOWN_TYPE = 1
@@ -57,7 +57,7 @@ class Status(IntEnum):
 
 
 class Packet(NamedTuple):
-    """A good packet: its type with the reply's bit, sequence number (16 bits), body."""
+    """A valid packet: its type with the reply bit, sequence number (16 bits), body."""
 
     kind: int
     seq: int
@@ -75,7 +75,7 @@ class Fault(StrEnum):
 
 @dataclass
 class Counts:
-    """What a reader has seen: bytes, good packets, and packets dropped by their fault."""
+    """Counts of a reader: bytes, valid packets, and dropped packets by fault."""
 
     bytes: int = 0
     accepted: int = 0
@@ -83,7 +83,7 @@ class Counts:
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return a packet as it goes over the line, its delimiter behind it.
+    """Return the bytes of a packet on the line, with its delimiter.
 
     Raises
     ------
@@ -98,9 +98,9 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 
 
 class PacketReader:
-    """Makes packets of any bytes: drops what is no good packet, and goes on behind the next delimiter.
+    """Finds packets in any bytes; drops an invalid packet and continues after the next delimiter.
 
-    Holds no more than the longest packet.
+    Keeps no more bytes than the longest packet has.
     """
 
     def __init__(self) -> None:
@@ -109,20 +109,20 @@ class PacketReader:
         self._overlong = False
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take the next bytes of the line; return the good packets that end in them."""
+        """Read the next bytes of the line; return the valid packets that end in them."""
         self.counts.bytes += len(data)
         packets = []
-        *ended, begun = data.split(DELIMITER)
+        *ended, unfinished = data.split(DELIMITER)
         for part in ended:
             self._hold(part)
             packet = self._end()
             if packet is not None:
                 packets.append(packet)
-        self._hold(begun)
+        self._hold(unfinished)
         return packets
 
     def _hold(self, part: bytes) -> None:
-        """Keep a part of a packet, unless the packet is too long already."""
+        """Keep a part of a packet, unless the packet is too long."""
         self._overlong = self._overlong or len(self._held) + len(part) > MAX_STUFFED
         if self._overlong:
             self._held.clear()
@@ -130,7 +130,7 @@ class PacketReader:
             self._held += part
 
     def _end(self) -> Packet | None:
-        """Return the packet that a delimiter ended, if it is a good one."""
+        """Return the packet that ends here, if it is valid."""
         found = Fault.LONG if self._overlong else _parsed(bytes(self._held)) if self._held else None
         self._held.clear()
         self._overlong = False
@@ -142,7 +142,7 @@ class PacketReader:
 
 
 def _parsed(stuffed: bytes) -> Packet | Fault:
-    """Return the packet that COBS made these bytes of, or what is wrong with them."""
+    """Return the packet that COBS encoded as these bytes, or its fault."""
     try:
         data = bytes(cobs.decode(stuffed))
     except cobs.DecodeError:

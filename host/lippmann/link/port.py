@@ -1,4 +1,4 @@
-"""Ports: whatever pyserial opens by a URL (a device, a pty, socket://), and packets over it."""
+"""Serial ports and sockets that pyserial opens by a URL, and packets over them."""
 
 from __future__ import annotations
 
@@ -11,70 +11,72 @@ import socket
 import stat
 import time
 from collections import deque
-from types import TracebackType
 
 import serial
 from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 from lippmann.link.packets import DELIMITER, Packet, PacketReader
 
-#: Bits on the line for each byte: start, eight, stop.
+#: Bits on the line for each byte: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
-#: Longest pause between two looks at a port that cannot be waited on, s.
+#: Pause before a port without a file number is polled again, s.
 POLL_S = 0.001
-#: Good packets held for the caller; of a flood the oldest go.
+#: Received packets that are kept for the caller; when more come, the oldest are dropped.
 MAX_WAITING = 1024
 READ_BYTES = 65536
+#: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
+ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
-    """Open a port for this program alone; reads and writes of it do not block.
+    """Open a port for this program alone; its reads and writes do not block.
 
     Parameters
     ----------
     url
-        Whatever pyserial's `serial_for_url` takes.
+        A device, a pty, or another URL of pyserial's `serial_for_url`.
     baud
-        Bits a second; a socket takes no notice.
+        Bits a second; a socket ignores it.
 
     Raises
     ------
     InputError
-        For a URL or a baud rate that cannot be.
+        For an invalid URL or baud rate.
     NoBoardError
-        When the port is missing, busy, forbidden, refused, or none.
+        When the port does not exist, is busy, needs a permission, or refuses the connection.
     DeviceError
-        When it does not run at this rate.
+        When the port does not support the baud rate.
     """
     if not url:
         raise InputError("an empty port; give a device, or socket://HOST:PORT")
     if baud <= 0:
-        raise InputError(f"a baud rate of {baud} cannot be; give a positive one, such as {DEFAULT_BAUD}")
+        raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:
         port = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=0, exclusive=True)
     except serial.SerialException as error:
         raise _refusal(url, error) from None
     except (ValueError, TypeError, NotImplementedError) as error:
         if "baud" in str(error):
-            raise device_error(url, f"the port does not run at {baud} baud", "choose another rate") from None
-        raise input_error(url, f"is no port ({error})", "give a device, or socket://HOST:PORT") from None
+            raise device_error(url, f"the port does not support {baud} baud", "choose another rate") from None
+        raise input_error(url, f"is not a port ({error})", "give a device, or socket://HOST:PORT") from None
     if url.startswith("socket://"):
-        # A short packet is not to wait for the one before to be acknowledged.
+        # Send a short packet at once, before the one before it is acknowledged.
         with socket.fromfd(port.fileno(), socket.AF_INET, socket.SOCK_STREAM) as same:
             same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return port
 
 
 def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputError:
-    """Say why a port did not open, and what helps."""
-    # pyserial keeps a socket's own error as the context of its exception only.
+    """Return the error of a port that did not open: the cause and the remedy."""
+    # pyserial keeps a socket's own error only as the context of its exception.
     cause: BaseException | None = error
     while isinstance(cause, serial.SerialException) and cause.errno is None:
         cause = cause.__context__
     if isinstance(cause, TypeError | ValueError | KeyError):
-        return input_error(url, "is no address", "give socket://HOST:PORT")
+        return input_error(url, "is not an address", "give socket://HOST:PORT")
     if isinstance(cause, socket.gaierror):
         return no_board_error(url, "no such host", "check the name, or use 127.0.0.1")
     if isinstance(cause, TimeoutError):
@@ -90,34 +92,44 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
         errno.EPERM: forbidden,
         errno.EBUSY: busy,
         errno.EAGAIN: busy,
-        errno.ECONNREFUSED: ("nobody listens there", "start the virtual board: lippmann board start"),
+        errno.ECONNREFUSED: ("no program listens there", "start the virtual board: lippmann board start"),
     }
     what, remedy = known.get(
         cause.errno or 0 if isinstance(cause, OSError) else 0,
-        (f"is no port that can be used ({error})", "give a serial device, a pty, or socket://HOST:PORT"),
+        (f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"),
     )
     return no_board_error(url, what, remedy)
 
 
 def _permission(path: str) -> str:
-    """Return how to get permission for a device: through its group, where that may read and write it."""
+    """Return how to get permission for a device: join its group, when the group may read and write it."""
     with contextlib.suppress(OSError, KeyError):
         found = os.stat(path)
         allowed = stat.S_IRGRP | stat.S_IWGRP
         if found.st_gid != 0 and found.st_mode & allowed == allowed:
             group = grp.getgrgid(found.st_gid).gr_name
             return f"join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
-    return 'give it to a group of yours, by a rule of udev such as GROUP="dialout", MODE="0660"'
+    return 'give it to one of your groups, with a udev rule such as GROUP="dialout", MODE="0660"'
 
 
 def ports() -> list[str]:
-    """Return this machine's serial ports, those on USB first."""
-    found = sorted(list_ports.comports(), key=lambda port: (port.vid is None, port.device))
-    return [port.device for port in found]
+    """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
+    return [port.device for port in _sorted_ports()]
+
+
+def adapter_ports() -> list[str]:
+    """Return the serial ports whose USB vendor makes the adapters on FPGA boards."""
+    return [port.device for port in _sorted_ports() if port.vid in ADAPTER_VENDORS]
+
+
+def _sorted_ports() -> list[ListPortInfo]:
+    return sorted(
+        list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
+    )
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
-    """Return why a port cannot be opened, and what helps; None when it can."""
+    """Return the error of a port that cannot be opened; None when it can."""
     try:
         open_port(url).close()
     except (DeviceError, InputError) as error:
@@ -126,16 +138,18 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 
 
 class Line:
-    """Packets over an open port. One thread at a time; while it writes it reads, so neither side waits in vain.
+    """Packets over an open port, for one thread.
+
+    It reads while it writes: two sides that only write would block each other.
 
     Attributes
     ----------
     url, baud
-        As opened.
+        The port's.
     reader
-        Its `counts` tell what came.
+        The packet reader; its `counts` hold the bytes and packets received.
     written
-        Bytes given to the port.
+        Bytes written to the port.
     """
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
@@ -145,7 +159,7 @@ class Line:
         self.written = 0
         self._port = open_port(url, baud)
         self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
-        # What the board may have heard before is ended.
+        # A delimiter goes before the first packet: it ends a packet that another program left unfinished.
         self._broken = True
         try:
             self._fileno: int | None = self._port.fileno()
@@ -156,14 +170,12 @@ class Line:
     def __enter__(self) -> Line:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Give the port back."""
-        # pyserial forgets a socket that its peer has closed, and leaves it open.
+        """Close the port."""
+        # pyserial does not close a socket that its peer has closed.
         connection = getattr(self._port, "_socket", None)
         self._port.close()
         if connection is not None:
@@ -171,20 +183,20 @@ class Line:
 
     @property
     def waiting(self) -> int:
-        """Packets that came and were not yet received."""
+        """Packets that have arrived and that `receive` has not returned yet."""
         return len(self._waiting)
 
     def seconds(self, count: int) -> float:
-        """Return how long some bytes take on the line, s."""
+        """Return how long `count` bytes take on the line, s."""
         return count * BITS_A_BYTE / self.baud
 
     def send(self, packet: bytes, patience_s: float) -> bool:
-        """Write a packet whole; return False when the line took nothing for `patience_s`.
+        """Write a whole packet; return False when the port accepted no byte for `patience_s`.
 
         Raises
         ------
         NoBoardError
-            When the line is lost.
+            When the connection is lost.
         """
         if self._broken:
             packet = DELIMITER + packet
@@ -206,12 +218,12 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next good packet, or None when none came for `wait_s`.
+        """Return the next valid packet, or None when none arrives within `wait_s`.
 
         Raises
         ------
         NoBoardError
-            When the line is lost.
+            When the connection is lost.
         """
         end = time.monotonic() + wait_s
         while not self._waiting:
@@ -222,7 +234,7 @@ class Line:
         return self._waiting.popleft()
 
     def _wait(self, wait_s: float, write: bool) -> bool:
-        """Take what came; return whether the port takes bytes. Ends with either, or after `wait_s`."""
+        """Read what has arrived; return whether the port accepts bytes. Waits at most `wait_s` for either."""
         if self._fileno is None:
             if not self._port.in_waiting and not write:
                 time.sleep(min(wait_s, POLL_S))
@@ -234,7 +246,7 @@ class Line:
         return bool(writable)
 
     def _take(self) -> None:
-        """Read what is there."""
+        """Read what has arrived."""
         try:
             data = self._port.read(READ_BYTES if self._fileno is not None else self._port.in_waiting)
         except (serial.SerialException, OSError, TypeError) as error:
@@ -244,6 +256,6 @@ class Line:
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith("socket://") and not self.reader.counts.bytes:
             return no_board_error(
-                self.url, "it hung up before it said anything", "close another program that talks to the board"
+                self.url, "it closed the connection at once", "close the other program that uses the board"
             )
-        return no_board_error(self.url, f"the line is lost ({error})", "plug the board in again; what it holds is kept")
+        return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps its tiles")

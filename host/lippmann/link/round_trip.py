@@ -1,4 +1,4 @@
-"""How long to wait for a reply: the estimate of TCP (RFC 6298), with a gentler back-off."""
+"""Time-out of a reply: the estimate of TCP (RFC 6298), with a smaller back-off."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from __future__ import annotations
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: What a time-out grows by with each silence. TCP doubles it, for there a loss tells of too much traffic; here it
-#: tells of noise, and patience is better spent on more tries.
+#: Factor of a time-out after each missing reply. TCP doubles it, as losses there mean congestion; here they mean
+#: noise, and more attempts are better than longer ones.
 GROWTH = 1.5
 
 
 class RoundTrip:
-    """Smoothed round-trip time and its deviation; the time-out follows them and grows with each silence."""
+    """Smoothed round-trip time and its deviation, and the time-out that follows from them."""
 
     def __init__(self) -> None:
         self._smoothed: float | None = None
@@ -20,7 +20,7 @@ class RoundTrip:
         self.time_out_s = FIRST_S
 
     def sample(self, seconds: float) -> None:
-        """Take the time from a request to its reply."""
+        """Add a measured time from a request to its reply, s."""
         if self._smoothed is None:
             self._smoothed = seconds
             self._deviation = seconds / 2.0
@@ -30,15 +30,15 @@ class RoundTrip:
         self.time_out_s = self._estimate()
 
     def back_off(self) -> None:
-        """Take note of a time-out."""
+        """Lengthen the time-out after a missing reply."""
         self.time_out_s = min(GROWTH * self.time_out_s, LONGEST_S)
 
     def ease(self) -> None:
-        """Take note of a reply after a time-out, which may answer any of several sends and so tells no time."""
+        """Shorten the time-out after the reply to a repeated request, which cannot be timed."""
         self.time_out_s = max(self.time_out_s / GROWTH, self._estimate())
 
     def _estimate(self) -> float:
-        """Return the time-out that the samples suggest."""
+        """Return the time-out of the samples."""
         if self._smoothed is None:
             return FIRST_S
         return min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.board.board import Board
-from lippmann.board.displayed import shown_crc
 from lippmann.board.stream import send_frame
 from lippmann.display import Display
 from lippmann.registers import BOARD_REGISTERS
@@ -93,7 +92,7 @@ def bench_frames(display: Display, seed: int) -> Iterator[WholeFrame]:
             try:
                 with Board.open(virtual.url, patience_s=60.0) as board:
                     sent = send_frame(board, image)
-                    shown = shown_crc(board)
+                    shown = board.panel_crc()
             finally:
                 done = virtual.stop()
             last = max(Path(folder).glob("frame-*.rgb"))

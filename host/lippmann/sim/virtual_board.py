@@ -1,8 +1,7 @@
 """The virtual board: the board's RTL under Verilator (sim/board), on a pty or on TCP.
 
-It is compiled once for each panel, build of the optics and kind of line, and kept under build/sim/. A board with a byte
-line takes bytes as fast as it can; one with a bit line has a UART's two wires, and its far end speaks 8N1 at the baud
-rate, clock by clock.
+It is compiled once for each panel, optics build and kind of line, and kept under build/sim/. A byte line transfers
+bytes as fast as the board accepts them; a bit line simulates the two wires of a UART (8N1), clock by clock.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -32,16 +31,15 @@ from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 Port = Literal["pty", "tcp"]
 
-#: Clock of the board, Hz: that of 1920 x 1080 at 60 frames a second.
+#: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
-#: Fewest clocks that a bit of the line takes (rtl/link/uart_rx.sv samples it three times).
+#: Fewest clocks of a bit on the line (rtl/link/uart_rx.sv samples it three times).
 CLOCKS_OF_A_BIT = 8
-#: Seconds that a board has to start.
-START_SECONDS = 20.0
+#: Longest time until a simulator is ready, and until it has ended, s.
+START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(NamedTuple):
     """Video timing, pixels and lines: front porch, sync, back porch."""
 
     h_front: int
@@ -64,37 +62,44 @@ def timing(width: int, height: int) -> Timing:
 
 
 class CaptureError(LippmannError):
-    """A frame that was scanned out could not be written."""
+    """A scanned-out frame could not be written."""
 
     exit_code = 3
 
 
 @dataclass
 class RunningBoard:
-    """A virtual board that runs: where to connect, and its process."""
+    """A running virtual board: the URL of its port, and its process."""
 
     url: str
     process: subprocess.Popen[str]
 
     def reset(self) -> None:
-        """Reset the board, as its button would: what it received is forgotten."""
+        """Press the board's reset button: it forgets the frames that it received."""
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
-        """End the board; return what it did: clocks, seconds, bytes, frames.
+        """End the board; return its counts of clocks, seconds, bytes and frames.
 
         Raises
         ------
         DeviceError
-            When it had failed.
+            When it failed, or did not end within `STOP_SECONDS` and was killed.
         CaptureError
-            When it could not keep a frame.
+            When it could not write a frame.
         """
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        out, err = self.process.communicate(timeout=START_SECONDS)
+        try:
+            out, err = self.process.communicate(timeout=STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            raise DeviceError(
+                f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
+            ) from None
         if self.process.returncode == CaptureError.exit_code:
-            raise CaptureError(f"a frame cannot be kept ({err.strip()}); free space, or make the folder again")
+            raise CaptureError(f"a frame cannot be written ({err.strip()}); free space, or make the folder again")
         if self.process.returncode:
             why = err.strip() or f"signal {-self.process.returncode}"
             raise DeviceError(f"the virtual board failed ({why}); start it again")
@@ -103,12 +108,12 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
-    """Return the bits a clock in 1 / 65536 of a bit line.
+    """Return the bits per clock of a bit line, in 1 / 65536.
 
     Raises
     ------
     InputError
-        For a rate that the clock is too slow or too fast for.
+        For a baud rate that is too high or too low for the clock.
     """
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
@@ -117,7 +122,7 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
 
 
 def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:
-    """Return the build of the optics on a display's board."""
+    """Return the optics build of a display's board."""
     return Build.of(display, "exact", fraction_bits, aims=False)
 
 
@@ -135,35 +140,35 @@ def start(
     trace: Path | None = None,
     trace_clocks: tuple[int, int] = (0, 1_000_000),
 ) -> RunningBoard:
-    """Start a virtual board for a display, and wait until it can be reached.
+    """Start a virtual board for a display, and wait until its port is open.
 
     Parameters
     ----------
     display
-        Its panel and its array.
+        The display; its panel sets the frame size, its array the optics.
     port, tcp_port
-        A pty, or TCP on loopback at a port (0: any that is free).
+        A pty, or TCP on loopback with this port number (0: a free one).
     baud
-        A bit line of this rate; None: a byte line.
+        A bit line of this baud rate; None: a byte line.
     host_baud
-        Rate of a bit line's far end, where it is another: a cable with a wrong setting.
+        Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
     clock_hz
-        Clock that the board says it has, and that the rate is made from.
+        Frequency of the board's clock, from which the baud rate is divided.
     fraction_bits
         Word length of its optics.
     capture
-        An existing folder for the frames that are scanned out.
+        An existing folder for the scanned-out frames.
     ready
-        JSON file that tells where to connect while it runs.
+        JSON file with the URL, which exists while the board runs.
     trace, trace_clocks
-        Waveforms (.fst) from a clock to another.
+        File for waveforms (.fst), and its first and last clock.
 
     Raises
     ------
     DeviceError
-        When it ends at once, such as for a port that is taken.
+        When the board ends at once, such as for a port that is in use.
     InputError
-        For a rate that it cannot have.
+        For a baud rate that does not fit the clock.
     """
     step = 0 if baud is None else step_of(baud, clock_hz)
     program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
@@ -192,7 +197,7 @@ def start(
 
 
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:
-    """Return the URL that the ready file tells."""
+    """Wait for the ready file; return its URL."""
     until = time.monotonic() + START_SECONDS
     while time.monotonic() < until:
         if ready.exists():
@@ -207,35 +212,35 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
 
 @contextlib.contextmanager
 def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
-    """Run a virtual board for the length of a with block; options as `start` takes them."""
+    """Run a virtual board during a `with` block; options as for `start`."""
     board = start(display, **options)
     try:
         yield board
     finally:
-        if board.process.stdout and not board.process.stdout.closed:  # not yet asked what it did
+        if board.process.stdout and not board.process.stdout.closed:  # not stopped yet
             with contextlib.suppress(LippmannError):
                 board.stop()
 
 
 def keep_as_png(folder: Path, display: Display) -> list[Path]:
-    """Turn the captured frames of a folder (frame-NUMBER.rgb) into PNG files that `lippmann observe` takes.
+    """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
 
     Raises
     ------
     CaptureError
-        When one cannot be written; the captured frame stays.
+        When a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
     made = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(shape):
-            continue  # another board's, which it could not keep
+            continue  # left by a board with another panel
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
         made.append(raw.with_suffix(".png"))
         try:
-            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer)
+            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
         except InputError as error:
             raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
@@ -243,14 +248,14 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 
 
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
-    """Return the program of a board, compiled unless it is there.
+    """Return the program of a board, compiled at first use.
 
     Raises
     ------
     MissingLibraryError
         When a tool is missing.
     RtlError
-        When Verilator or the compiler refuses.
+        When the RTL does not compile.
     """
     top = repository()
     files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]

@@ -1,26 +1,63 @@
-"""What the commands share that talk to a board: port and baud rate."""
+"""Options of the commands that use a board: its port and its baud rate."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+
 import click
 
+from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
+from lippmann.cli.options.common import json_option
+from lippmann.display import Display
+from lippmann.errors import input_error
 from lippmann.link.port import DEFAULT_BAUD
 
 port_option = click.option(
     "--port",
     metavar="URL",
-    help="The board's port: a device, a pty, or socket://HOST:PORT; when left out, every port is asked.",
+    help="The board's port: a device, a pty, or socket://HOST:PORT. Default: the USB serial adapter where a board is.",
 )
 baud_option = click.option("--baud", type=click.IntRange(1), default=DEFAULT_BAUD, show_default=True)
 
 
+def board_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of a command that sends one query to a board: --port, --baud, --json."""
+    return port_option(baud_option(json_option(command)))
+
+
 def chosen_port(port: str | None, baud: int) -> str:
-    """Return the port named, or that of the one board that answers.
+    """Return the port named, or that of the one board found.
 
     Raises
     ------
     DeviceError
-        When none is named and not just one answers.
+        When no port is named, and no board or more than one answers.
     """
-    return find_board(baud=baud).url if port is None else port
+    return find_board(baud=baud, allowed=_confirmed).url if port is None else port
+
+
+def opened_board(port: str | None, baud: int) -> Board:
+    """Open the board at a port, or the one board found. Raises as `chosen_port` and `Board.open`."""
+    return Board.open(chosen_port(port, baud), baud)
+
+
+def _confirmed(urls: list[str]) -> bool:
+    """Ask on the terminal whether to write to ports that may be other devices; without a terminal, do not."""
+    question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}, too? Other devices may react to it"
+    return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
+
+
+def check_board(board: Board, display: Display, path: str, otherwise: str = "") -> None:
+    """Refuse a board that drives another display than the file `path`; `otherwise` ends the remedy.
+
+    Raises
+    ------
+    InputError
+        When the identities differ.
+    """
+    own = f"{board.info.identity:016x}"
+    if own != display.identity:
+        what = f"the board drives display {own}, {path} is {display.identity}"
+        raise input_error(board.line.url, what, f"name its display file{otherwise}")

@@ -1,4 +1,4 @@
-"""The fault line: a seeded proxy between host and board that does to bytes what cables, adapters and drivers do."""
+"""A line with faults: a seeded proxy between host and board that damages bytes as cables, adapters and drivers do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
-
 from lippmann.errors import DeviceError
 from lippmann.link.packets import DELIMITER, MAX_STUFFED
 from lippmann.link.port import BITS_A_BYTE, open_port
@@ -22,33 +21,33 @@ from lippmann.link.port import BITS_A_BYTE, open_port
 #: Longest chunk that is passed on at once: bytes, and time on a paced line in s.
 CHUNK_BYTES = 4096
 CHUNK_S = 0.002
-#: How long the proxy waits before it looks whether it is to end, s.
+#: Pause between two checks whether the proxy is to end, s.
 LOOK_S = 0.05
-#: A paced line that lags behind more than this has been held up, and does not catch up, s.
+#: Longest lag that a paced line makes up for, s.
 MAX_LAG_S = 0.25
 
 
 @dataclass(frozen=True)
 class Faults:
-    """Chances of faults in one direction; without any the line is good.
+    """Probabilities of faults in one direction.
 
     Attributes
     ----------
     flip, drop, insert, duplicate, garble
-        For each byte: one bit turned, the byte lost, a random one behind it, the byte twice, a random one instead
-        (garble = 1 is a wrong baud rate).
+        Per byte: one bit is inverted, the byte is lost, followed by a random byte, sent twice, or replaced by a random
+        byte (garble = 1 simulates a wrong baud rate).
     reorder, cut
-        For each byte: from here on two runs of `run` bytes change places, or one is lost.
+        Per byte: the next two runs of `run` bytes change places, or the next run is lost.
     stall
-        For each byte: the line rests for `stall_s`.
+        Per byte: the line stops for `stall_s`.
     lose, repeat, swap
-        For each packet: lost whole, sent twice, sent behind the next.
+        Per packet: it is lost, sent twice, or sent after the next one.
     run
         Bytes of a run.
     stall_s
-        Length of a stall, s.
+        Duration of a stall, s.
     delay_s
-        Time that each chunk takes longer, s.
+        Delay of each chunk, s.
     """
 
     flip: float = 0.0
@@ -67,15 +66,15 @@ class Faults:
     delay_s: float = 0.0
 
 
-#: The line is good.
+#: A line without faults.
 NO_FAULTS = Faults()
 
 
 class Mangler:
-    """Puts faults into the bytes of one direction.
+    """Puts faults into the bytes of one direction; `done` counts the faults of each kind.
 
-    Every kind draws from a generator of its own, one number for each byte or packet: what happens depends on the seed
-    and on what is sent, not on how it comes in chunks. `done` counts the faults of each kind.
+    Each kind has its own random generator and draws one number per byte or packet, so the faults depend on the seed and
+    on the bytes, not on the size of the chunks.
     """
 
     def __init__(self, seed: int, direction: int) -> None:
@@ -87,7 +86,7 @@ class Mangler:
         self._cutting = 0
 
     def __call__(self, data: bytes, faults: Faults) -> tuple[bytes, float]:
-        """Return what becomes of some bytes, and for how long the line rests before them, s."""
+        """Return bytes with faults, and the pause before them, s."""
         data = self._packets(data, faults)
         if faults == NO_FAULTS:
             self._cutting = 0
@@ -126,7 +125,7 @@ class Mangler:
 
     def _values(self, kind: str, count: int) -> npt.NDArray[np.uint8]:
         """Return random bytes."""
-        # Narrower numbers would be drawn several at once, and the rest of a draw forgotten.
+        # Narrow integers are drawn several at once, which would depend on the chunks.
         return self._generator(kind + " values").integers(0, 256, count).astype(np.uint8)
 
     def _cut(self, count: int, faults: Faults) -> npt.NDArray[np.bool_]:
@@ -139,7 +138,7 @@ class Mangler:
         return lost
 
     def _packets(self, data: bytes, faults: Faults) -> bytes:
-        """Lose, repeat and swap whole packets; what is held is given out once there is no such fault."""
+        """Lose, repeat and swap whole packets; without such faults, return all bytes, held ones first."""
         if not (faults.lose or faults.repeat or faults.swap):
             out = self._behind + bytes(self._packet) + data
             self._packet.clear()
@@ -162,10 +161,10 @@ class Mangler:
 
 
 class Proxy:
-    """A line with faults: the host opens `url`, what it says goes to the board at `board_url` and back.
+    """A line with faults between `url`, which the host opens, and the board at `board_url`.
 
-    Over TCP each of the host's connections makes one to the board; over a pty there is one for good. `down` (to the
-    board) and `up` may be set at any time.
+    On TCP each connection of the host opens one to the board; on a pty the connection stays open. `down` (to the board)
+    and `up` may be set at any time.
 
     Parameters
     ----------
@@ -176,7 +175,7 @@ class Proxy:
     down, up
         Faults of the two directions.
     baud
-        Paces both directions, 10 bits a byte; None for as fast as it goes.
+        Limits the rate of both directions, 10 bits a byte; None: no limit.
     pty
         A pty for the host instead of TCP on the loopback interface.
     """
@@ -195,7 +194,7 @@ class Proxy:
         self.baud = baud
         self._board_url = board_url
         self._manglers = Mangler(seed, 0), Mangler(seed, 1)
-        #: How many faults of each kind were done to what went down and what came up.
+        #: Numbers of faults of each kind, down and up.
         self.done = self._manglers[0].done, self._manglers[1].done
         self._ended = threading.Event()
         self._unplugged = threading.Event()
@@ -203,7 +202,7 @@ class Proxy:
             master, slave = os.openpty()
             os.set_blocking(master, False)
             self.url = os.ttyname(slave)
-            # The slave stays open here, so that the host may come and go.
+            # The slave stays open here while hosts open and close it.
             self._thread = threading.Thread(target=self._serve_pty, args=(master, slave), daemon=True)
         else:
             listener = socket.create_server(("127.0.0.1", 0))
@@ -220,11 +219,11 @@ class Proxy:
         self.close()
 
     def restore(self) -> None:
-        """The line is good again."""
+        """Remove all faults."""
         self.down = self.up = NO_FAULTS
 
     def unplug(self) -> None:
-        """End the host's connection; the next one works."""
+        """Close the host's connection; it may connect again."""
         self._unplugged.set()
 
     def close(self) -> None:
@@ -256,7 +255,7 @@ class Proxy:
             os.close(slave)
 
     def _connect(self, host: int) -> None:
-        """Join the host to the board until either ends."""
+        """Connect the host to the board until either closes."""
         try:
             port = open_port(self._board_url)
         except DeviceError:
@@ -273,15 +272,15 @@ class Proxy:
             port.close()
 
     def _carry(self, source: int, target: int, direction: int, gone: threading.Event) -> None:
-        """Carry bytes one way until a side is gone."""
+        """Copy bytes in one direction until a side has closed."""
         due = time.monotonic()
-        # A side that is gone ends both ways.
+        # A side that has closed ends both directions.
         with contextlib.suppress(OSError):
             while not self._over(gone):
                 ready = select.select([source], [], [], 0.0)[0]
                 if not ready:
                     ready = select.select([source], [], [], LOOK_S)[0]
-                    # The line was idle: what comes now has not been held up.
+                    # The line was idle: no lag to make up for.
                     due = max(due, time.monotonic())
                     if not ready:
                         continue
@@ -301,7 +300,7 @@ class Proxy:
         gone.set()
 
     def _write(self, target: int, data: bytes, gone: threading.Event) -> None:
-        """Write all bytes, as the target takes them."""
+        """Write all bytes, as fast as the target accepts them."""
         while data and not self._over(gone):
             if select.select([], [target], [], LOOK_S)[1]:
                 with contextlib.suppress(BlockingIOError):

@@ -1,0 +1,146 @@
+"""Starting, ending and finding boards: what the host does when a process or a port does not behave."""
+
+import json
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+from lippmann.board import discovery
+from lippmann.cli import doctor, run
+from lippmann.cli import virtual_board as command
+from lippmann.errors import DeviceError
+from lippmann.link import port as port_module
+from lippmann.sim import virtual_board
+from lippmann.sim.virtual_board import RunningBoard
+
+DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True); time.sleep(60)"
+
+
+@pytest.fixture
+def deaf():
+    """A process that ignores SIGTERM."""
+    process = subprocess.Popen([sys.executable, "-c", DEAF], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_board_that_does_not_end_is_killed_and_reported(deaf, monkeypatch):
+    monkeypatch.setattr(virtual_board, "STOP_SECONDS", 0.2, raising=False)
+    monkeypatch.setattr(virtual_board, "START_SECONDS", 0.2)
+    with pytest.raises(DeviceError, match=r"did not end within 0.2 s and was killed"):
+        RunningBoard("socket://127.0.0.1:1", deaf).stop()
+    assert deaf.poll() is not None
+
+
+@pytest.mark.parametrize(("seconds", "code"), [(25.0, 0), (60.0, 1)])
+def test_board_stop_waits_as_long_as_the_board_may_take(seconds, code, tmp_path, monkeypatch, capsys):
+    """The board's process has 20 s for the simulator, and then writes its last frames."""
+    ready = tmp_path / "board.json"
+    ready.write_text('{"pid": 999999999, "url": "socket://127.0.0.1:1"}')
+    now = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda wait: now.__setitem__(0, now[0] + wait))
+    monkeypatch.setattr(command, "time", clock)
+    monkeypatch.setattr(command.os, "kill", lambda pid, number: None)
+    monkeypatch.setattr(command, "_running", lambda path: (999999999, "url") if now[0] < seconds else None)
+    assert run(["board", "stop", "--ready", str(ready)]) == code
+    assert ("does not end" in capsys.readouterr().err) == bool(code)
+
+
+def test_a_board_in_the_background_gets_the_parsed_options(tmp_path, monkeypatch):
+    """Not the words of this process: a program may call the command, and options may be abbreviated or joined."""
+    (tmp_path / "small.toml").write_text(
+        "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 600\n"
+        '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
+    )
+    ready = tmp_path / "board.json"
+    called = []
+
+    def popen(words, **_):
+        called.append(words)
+        ready.write_text('{"pid": 1, "url": "socket://127.0.0.1:1"}')
+        return SimpleNamespace(poll=lambda: None)
+
+    monkeypatch.setattr(sys, "argv", ["notebook", "--something", "--else"])
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    words = ["--background", f"--ready={ready}", "--trace-clocks", "5", "9", "--tcp-port=7", "--json"]
+    assert run(["board", "start", f"--display={tmp_path / 'small.toml'}", *words]) == 0
+    assert called[0][:5] == [sys.executable, "-m", "lippmann", "board", "start"]
+    given = " ".join(called[0][5:])
+    for part in (f"--display {tmp_path / 'small.toml'}", f"--ready {ready}", "--trace-clocks 5 9", "--tcp-port 7"):
+        assert part in given
+    assert "--background" not in given
+    assert given.endswith("--json")
+
+
+# --- the search of ports ------------------------------------------------------------------------------
+
+FTDI = SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403)
+ARDUINO = SimpleNamespace(device="/dev/ttyACM0", vid=0x2341)
+MODEM = SimpleNamespace(device="/dev/ttyS0", vid=None)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """The ports that a search opens; none answers."""
+    opened = []
+
+    def refuse(url, *_):
+        opened.append(url)
+        raise DeviceError(f"{url}: nothing answers; check it")
+
+    monkeypatch.setattr(discovery.Board, "open", refuse)
+    return opened
+
+
+def found(monkeypatch, *ports):
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: list(ports))
+
+
+def test_only_known_adapters_are_asked(asked, monkeypatch, capsys):
+    found(monkeypatch, MODEM, ARDUINO, FTDI)
+    assert run(["board", "info"]) == 1
+    assert asked == ["/dev/ttyUSB0"]
+    line = capsys.readouterr().err
+    assert "--port" in line
+    assert "/dev/ttyACM0" in line
+
+
+def test_other_ports_are_not_written_to_without_a_terminal(asked, monkeypatch, capsys):
+    found(monkeypatch, MODEM, ARDUINO)
+    assert run(["board", "info"]) == 1
+    assert asked == []
+    line = capsys.readouterr().err
+    assert "/dev/ttyACM0" in line
+    assert "--port" in line
+
+
+@pytest.mark.parametrize(("answer", "urls"), [("y", ["/dev/ttyACM0", "/dev/ttyS0"]), ("n", [])])
+def test_a_person_is_asked_before_other_ports_are(answer, urls, asked, monkeypatch):
+    found(monkeypatch, MODEM, ARDUINO)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    questions = []
+    monkeypatch.setattr("click.confirm", lambda text, **_: questions.append(text) or answer == "y")
+    assert run(["board", "info"]) == 1
+    assert asked == urls
+    assert len(questions) == 1
+    assert "/dev/ttyACM0" in questions[0]
+
+
+def test_doctor_opens_known_adapters_only(monkeypatch, capsys):
+    """Opening a port moves its control lines, which resets some devices."""
+    found(monkeypatch, ARDUINO, FTDI)
+    opened = []
+    monkeypatch.setattr(doctor, "port_trouble", opened.append)
+    run(["doctor", "--json"])
+    assert opened == ["/dev/ttyUSB0"]
+    checks = {check["check"]: check["detail"] for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert "not opened" in checks["/dev/ttyACM0"]
+
+
+def test_a_port_that_is_named_is_used(asked, monkeypatch):
+    found(monkeypatch, MODEM)
+    assert run(["board", "info", "--port", "/dev/ttyS0"]) == 1
+    assert asked == ["/dev/ttyS0"]
