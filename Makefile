@@ -35,7 +35,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 # test-full, draw anew each time and print the seed.
 test: export LIPPMANN_SEED ?= 1908
 test: lint ## lint, then the tests that take minutes at most (JOBS=2)
-	$(BIN)/pytest -n $(JOBS) -m "not full"
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not full"
 
 test-full: lint ## lint, then every test
 	$(BIN)/pytest -n $(JOBS)

@@ -1,4 +1,4 @@
-"""Ends a run of the RTL's tests with the table of their functional coverage.
+"""Runs slow files first, and ends a run of the RTL's tests with the table of their functional coverage.
 
 Here, not beside those tests: pytest calls these hooks in the conftest files of its first arguments only.
 """
@@ -12,11 +12,27 @@ sys.path.insert(0, str(Path(__file__).with_name("rtl")))
 
 import rtl_coverage
 
+#: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
+#: is made once; a long one at the end would leave the other workers idle. The run ends with the slowest tests.
+FIRST = (
+    "test_virtual_board.py", "test_report_command.py", "test_board_commands.py", "test_renderer.py", "test_docs.py",
+    "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
+    "test_povray_optics.py", "test_hard_regress.py", "test_formal.py", "test_povray_scene.py", "test_link_faults.py",
+    "test_fit.py", "test_fixed_error.py", "test_hard_cases.py", "test_golden_exact.py", "test_ray_pipeline.py",
+    "test_hard_registers.py", "test_choose.py", "test_capture_depth.py", "test_dispatcher.py", "test_tile_writer.py",
+    "test_uart_rx.py", "test_aim.py",
+)  # fmt: skip
+
 
 def pytest_sessionstart(session):
     # xdist's workers share the folder; their controller clears it before they start.
     if not hasattr(session.config, "workerinput"):
         rtl_coverage.clear()
+
+
+def pytest_collection_modifyitems(items):
+    places = {name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(FIRST)))
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -5,8 +5,10 @@ comment with a file name (`# mine.toml`) is that file. A command stands in a ```
 reason why it is not; the pages in `SLOW` are run by `make test-full`.
 """
 
+import contextlib
 import csv
 import importlib.util
+import io
 import itertools
 import json
 import os
@@ -36,6 +38,8 @@ PROGRAMS = ("README.md",)
 INDENTED = re.compile(
     r"^    ((?:lippmann|make|python3?|pip|git|cd|source|dask|mitsuba|povray|pytest|sudo|export)(?: .*)?)$", re.M
 )
+#: The page whose commands run as a reader's, each in a process of its own.
+PROCESSES = "docs/how-to/own-scene.md"
 #: Commands that last until they are ended, which happens at the end of their page.
 SERVERS = ("dask scheduler ", "dask worker ")
 #: What a target of the Makefile is, where only that can be run beside other tests; the Makefile is asked.
@@ -241,6 +245,19 @@ def reader_folder(folder):
     return folder
 
 
+def called(line, folder, environment, alone):
+    """Run a command line in a folder: its exit code and its messages. Most commands run in this process."""
+    line = line.split(" #")[0].strip()
+    if alone or not line.startswith("lippmann ") or "--background" in line or re.search(r"[|<>&;$*~]", line):
+        command = ["/bin/sh", "-c", line]
+        done = subprocess.run(command, check=False, cwd=folder, env=environment, capture_output=True, text=True)
+        return done.returncode, done.stderr
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run(shlex.split(line)[1:])
+    return code, err.getvalue()
+
+
 def run_page(page, folder):
     """Write a page's files and run its commands, in the page's order."""
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
@@ -265,9 +282,8 @@ def run_page(page, folder):
                     with (folder / "server.log").open("ab") as said:
                         servers.append(subprocess.Popen(words, cwd=folder, env=environment, stdout=said, stderr=said))
                     continue
-                command = ["/bin/sh", "-c", SAME.get(line, line)]
-                done = subprocess.run(command, check=False, cwd=folder, env=environment, capture_output=True, text=True)
-                assert done.returncode == 0, f"{line}\n{done.stderr}"
+                code, said = called(SAME.get(line, line), folder, environment, alone=name_of(page) == PROCESSES)
+                assert code == 0, f"{line}\n{said}"
     finally:
         for server in servers:
             server.terminate()

@@ -1,5 +1,7 @@
 """`lippmann board` and `lippmann stream` as a person uses them: one board in the background, and bad input."""
 
+import contextlib
+import io
 import json
 import os
 import signal
@@ -22,23 +24,31 @@ WIDTH, HEIGHT = 112, 80  # as the board of test_virtual_board, compiled once
 
 
 def lippmann(*words):
-    """Run the command: exit code, stdout, stderr."""
+    """Run the command in this process: exit code, stdout, stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run([str(word) for word in words])
+    return code, out.getvalue(), err.getvalue()
+
+
+def process(*words):
+    """Run the command as a person does, in a process of its own: exit code, stdout, stderr."""
     done = subprocess.run(
         [sys.executable, "-m", "lippmann", *map(str, words)], capture_output=True, text=True, check=False, timeout=300
     )
     return done.returncode, done.stdout, done.stderr
 
 
-def asked(*words):
+def asked(*words, by=lippmann):
     """Run what must succeed; what it says in JSON."""
-    code, out, err = lippmann(*words, "--json")
+    code, out, err = by(*words, "--json")
     assert code == 0, err
     return json.loads(out)
 
 
-def refused(*words, code=2):
+def refused(*words, code=2, by=lippmann):
     """Run what must be refused, in one line; that line."""
-    found, out, err = lippmann(*words)
+    found, out, err = by(*words)
     assert (found, out) == (code, ""), err
     lines = [line for line in err.splitlines() if line.startswith("lippmann: ")]
     assert len(lines) == 1, err
@@ -71,15 +81,15 @@ def port(place):
     (place / "screen").mkdir()
     ready = place / "board.json"
     start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
-    told = asked(*start, "--capture", place / "screen")
+    told = asked(*start, "--capture", place / "screen", by=process)
     assert told == json.loads(ready.read_text())
     try:
-        assert "runs" in refused(*start)
+        assert "runs" in refused(*start, by=process)
         yield told["url"]
     finally:
-        assert asked("board", "stop", "--ready", ready)["pid"] == told["pid"]
+        assert asked("board", "stop", "--ready", ready, by=process)["pid"] == told["pid"]
     assert not ready.exists()
-    assert "names no board" in refused("board", "stop", "--ready", ready)
+    assert "names no board" in refused("board", "stop", "--ready", ready, by=process)
 
 
 def values(path):
@@ -90,11 +100,11 @@ def values(path):
 def test_a_frame_is_streamed_verified_and_captured(place, port):
     for name in ("own.exr", "second.exr"):
         wanted = values(place / name)
-        frame = asked("stream", place / name, "--port", port, "--verify")["frames"][0]
+        frame = asked("stream", place / name, "--port", port, "--verify", by=process)["frames"][0]
         assert frame["crc"] == f"{zlib.crc32(wanted.tobytes()):08x}"
         assert frame["verified"]
         assert (frame["tiles"], frame["unchanged"]) == (12, False)
-    info = asked("board", "info", "--port", port)
+    info = asked("board", "info", "--port", port, by=process)
     assert info["panel"] == {"width": WIDTH, "height": HEIGHT}
     assert info["shown_crc"] == frame["crc"]
     again = asked("stream", place / "second.exr", "--port", port)["frames"][0]
@@ -262,7 +272,7 @@ def test_what_ended_a_board_in_the_background_is_told(place, tmp_path):
     ready = tmp_path / "board.json"
     start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
     for _ in range(2):
-        code, out, err = lippmann(*start, "--json")
+        code, out, err = process(*start, "--json")
         assert code == 0, err
         pid = json.loads(out)["pid"]
         (board,) = children(pid)
@@ -280,7 +290,7 @@ def test_a_frame_that_cannot_be_kept_ends_a_board_in_the_background_and_is_told(
     # What stands in the way of the first frame's PNG.
     (folder / "frame-00000001.png").mkdir(parents=True)
     start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
-    code, out, told = lippmann(*start, "--capture", folder, "--json")
+    code, out, told = process(*start, "--capture", folder, "--json")
     if code == 0:  # it ended after it could be reached
         wait_until(lambda: not alive(json.loads(out)["pid"]))
         code, _, told = lippmann("board", "stop", "--ready", ready)
