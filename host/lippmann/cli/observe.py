@@ -9,13 +9,21 @@ import click
 import numpy as np
 
 from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
-from lippmann.cli.options.common import Finite, Vector, device_option, display_option, json_option, seed_option
+from lippmann.cli.options.common import (
+    Finite,
+    Vector,
+    device_option,
+    display_option,
+    json_option,
+    model_option,
+    seed_option,
+)
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
 from lippmann.observer import Eye, check_identity, observe, whole_window
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import Model
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
 from lippmann.variant import start_mitsuba
 
@@ -49,7 +57,7 @@ MAX_VIEW_PX = 16384
 )
 @click.option("--pupil", type=Finite(), default=0.0, show_default=True, help="Diameter of the pupil, mm.")
 @click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
-@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@model_option
 @click.option("--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen.")
 @click.option(
     "--rotation-error", type=Finite(), default=0.0, show_default=True, help="Array turned by so many degrees."

@@ -8,12 +8,11 @@ from typing import cast
 
 import click
 
-from lippmann.cli.options.common import Finite, display_option, json_option
+from lippmann.cli.options.common import Finite, display_option, fraction_bits_option, json_option, model_option
 from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.errors import input_error
-from lippmann.fixed.words import FRACTIONS, WIDEST
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import Model
 
 #: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
 FOUND_WRONG = 4
@@ -23,14 +22,8 @@ FOUND_WRONG = 4
 @display_option
 @click.option("--rays", "rays_path", required=True, metavar="FILE", help="Rays to judge: .npz, .csv or .mem.")
 @click.option("--inputs", "inputs_path", metavar="FILE", help="Inputs of a .mem; by default inputs.mem beside it.")
-@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
-@click.option(
-    "--fraction-bits",
-    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
-    default=WIDEST,
-    show_default=True,
-    help="Word length of a .csv or .mem.",
-)
+@model_option
+@fraction_bits_option("a .csv or .mem")
 @click.option(
     "--tolerance-urad",
     type=Finite(),

@@ -13,15 +13,21 @@ import numpy as np
 import numpy.typing as npt
 from click.core import ParameterSource
 
-from lippmann.cli.options.common import device_option, display_option, json_option, seed_option
+from lippmann.cli.options.common import (
+    device_option,
+    display_option,
+    fraction_bits_option,
+    json_option,
+    model_option,
+    seed_option,
+)
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.errors import input_error
-from lippmann.fixed.words import FRACTIONS, WIDEST
 from lippmann.images import check_output, replacing
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Status
+from lippmann.optics.rays import ENGINES, Engine, Floats, Model, Status
 from lippmann.optics.sampling import square_to_cell
 
 #: Most rays of one call: they fit in memory.
@@ -33,7 +39,7 @@ ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm"
 @click.command("trace")
 @display_option
 @click.option("--engine", type=click.Choice(ENGINES), default="golden", show_default=True)
-@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+@model_option
 @click.option(
     "--pixels",
     required=True,
@@ -48,13 +54,7 @@ ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm"
     show_default=True,
     help="Chief rays, or random points over the lenslet's cell.",
 )
-@click.option(
-    "--fraction-bits",
-    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
-    default=WIDEST,
-    show_default=True,
-    help="Word length of the engines twin and rtl.",
-)
+@fraction_bits_option("the engines twin and rtl")
 @click.option("--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass.")
 @seed_option
 @device_option

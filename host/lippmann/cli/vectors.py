@@ -8,25 +8,18 @@ from typing import cast
 
 import click
 
-from lippmann.cli.options.common import display_option, json_option, seed_option
+from lippmann.cli.options.common import display_option, fraction_bits_option, json_option, model_option, seed_option
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
-from lippmann.fixed.words import FRACTIONS, WIDEST
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import Model
 from lippmann.provenance import provenance
 
 
 @click.command("vectors")
 @display_option
 @click.option("--case", default="all", show_default=True, help="Name of a hard case, or all.")
-@click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
-@click.option(
-    "--fraction-bits",
-    type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
-    default=WIDEST,
-    show_default=True,
-    help="Word length of the fixed-point files.",
-)
+@model_option
+@fraction_bits_option("the fixed-point files")
 @click.option(
     "--count",
     type=click.IntRange(1, 10_000),

@@ -18,14 +18,17 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
 from lippmann.cli import run
+from lippmann.cli.output import log
 from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
 from lippmann.errors import LippmannError
 from lippmann.images import check_output
@@ -66,10 +69,8 @@ def faults_of(path: Path, file: str) -> list[Fault]:
     """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
     text = path.read_text()
     source = text.encode()
-    finder = _Finder(source)
-    finder.visit(ast.parse(text))
     lines, found = text.split("\n"), []
-    for begin, end, new in sorted(set(finder.edits)):
+    for begin, end, new in sorted(set(_Program(source).edits(ast.parse(text)))):
         first, last = source.count(b"\n", 0, begin), source.count(b"\n", 0, end)
         was = "\n".join(lines[first : last + 1])
         start = len("\n".join(lines[:first]).encode()) + (first > 0)
@@ -87,122 +88,92 @@ def differs(fault: Fault, text: str) -> bool:
         return False
 
 
-class _Finder(ast.NodeVisitor):
-    """Collects the edits of a file."""
+class _Program:
+    """A Python program as bytes, in which syntax trees say where their parts are."""
 
     def __init__(self, source: bytes) -> None:
         self.source = source
         self.starts = [0, *(match.end() for match in re.finditer(b"\n", source))]
-        self.edits: list[Edit] = []
 
-    def span(self, node: ast.AST) -> tuple[int, int]:
-        """Return where a node begins and ends, bytes."""
-        begin = self.starts[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
-        return begin, self.starts[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
+    def span(self, node: Any) -> tuple[int, int]:
+        """Return where a node begins and ends."""
+        begin = self.starts[node.lineno - 1] + node.col_offset
+        return begin, self.starts[node.end_lineno - 1] + node.end_col_offset
 
     def text(self, node: ast.AST) -> str:
         """Return a node's source."""
         begin, end = self.span(node)
         return self.source[begin:end].decode()
 
-    def operator(self, left: ast.AST, op: ast.AST, right: ast.AST) -> None:
-        """Swap the operator between two nodes."""
-        was, now = SWAPS[type(op)]
-        begin, end = self.span(left)[1], self.span(right)[0]
-        place = re.search(re.escape(was).replace(r"\ ", r"\s+").encode(), self.source[begin:end])
-        if place:
-            self.edits.append((begin + place.start(), begin + place.end(), now))
+    def edits(self, node: ast.AST) -> Iterator[Edit]:
+        """Yield the edits of a node and of the nodes below it."""
+        yield from self._operators(node)
+        for text in self._replacements(node):
+            yield *self.span(node), text
+        if isinstance(node, ast.Call) and not _is_cast(node):
+            yield from self._swapped(node.args)
+        if isinstance(node, ast.If | ast.While | ast.IfExp) and self.text(node.test) != "TYPE_CHECKING":
+            yield *self.span(node.test), f"not ({self.text(node.test)})"
+        for child in _below(node):
+            yield from self.edits(child)
 
-    def replace(self, node: ast.AST, text: str) -> None:
-        """Put a text in a node's place."""
-        self.edits.append((*self.span(node), text))
+    def _operators(self, node: ast.AST) -> Iterator[Edit]:
+        """Yield swaps of a node's own operators."""
+        places: list[tuple[ast.AST, ast.AST, ast.AST]] = []  # left, operator, right
+        match node:
+            case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
+                places = [(left, op, right)]
+            case ast.Compare(left=left, ops=ops, comparators=right):
+                places = list(zip([left, *right], ops, right, strict=False))
+            case ast.BoolOp(op=op, values=values):
+                places = [(left, op, right) for left, right in pairwise(values)]
+        for before, operator, after in places:
+            was, now = SWAPS.get(type(operator), ("", ""))
+            begin, end = self.span(before)[1], self.span(after)[0]
+            found = re.search(re.escape(was).replace(r"\ ", r"\s+").encode(), self.source[begin:end])
+            if was and found:
+                yield begin + found.start(), begin + found.end(), now
 
-    def visit_BinOp(self, node: ast.BinOp) -> None:
-        """Swap the operator."""
-        if type(node.op) in SWAPS:
-            self.operator(node.left, node.op, node.right)
-        self.generic_visit(node)
+    def _replacements(self, node: ast.AST) -> Iterator[str]:
+        """Yield other texts for a node: a dropped statement, sign or `not`, another number."""
+        match node:
+            case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
+                yield "pass"
+            case ast.UnaryOp(operand=operand):
+                yield self.text(operand)
+            case ast.Constant(value=bool(value)):
+                yield str(not value)
+            case ast.Constant(value=int(value)):
+                yield str(value + 1)
+            case ast.Constant(value=float(value)):
+                yield repr(1.1 * value or 1.0)
 
-    def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        """Swap the operator; drop the statement."""
-        if type(node.op) in SWAPS:
-            self.operator(node.target, node.op, node.value)
-        self.replace(node, "pass")
-        self.generic_visit(node)
-
-    def visit_Compare(self, node: ast.Compare) -> None:
-        """Swap each comparison."""
-        for left, op, right in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
-            self.operator(left, op, right)
-        self.generic_visit(node)
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        """Swap each `and` or `or`."""
-        for left, right in zip(node.values, node.values[1:], strict=False):
-            self.operator(left, node.op, right)
-        self.generic_visit(node)
-
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
-        """Drop the sign or the `not`."""
-        self.replace(node, self.text(node.operand))
-        self.generic_visit(node)
-
-    def visit_Constant(self, node: ast.Constant) -> None:
-        """Change a number; texts stay."""
-        if isinstance(node.value, bool):
-            self.replace(node, str(not node.value))
-        elif isinstance(node.value, int):
-            self.replace(node, str(node.value + 1))
-        elif isinstance(node.value, float):
-            self.replace(node, repr(1.1 * node.value or 1.0))
-
-    def visit_Call(self, node: ast.Call) -> None:
-        """Swap neighbouring arguments; a cast has no effect."""
-        if isinstance(node.func, ast.Name) and node.func.id == "cast":
-            self.visit(node.args[1])
-            return
-        for one, two in zip(node.args, node.args[1:], strict=False):
+    def _swapped(self, arguments: list[ast.expr]) -> Iterator[Edit]:
+        """Yield swaps of neighbouring arguments."""
+        for one, two in pairwise(arguments):
             if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
                 (begin, end), (start, stop) = self.span(one), self.span(two)
-                between = self.source[end:start].decode()
-                self.edits.append((begin, stop, f"{self.text(two)}{between}{self.text(one)}"))
-        self.generic_visit(node)
+                yield begin, stop, f"{self.text(two)}{self.source[end:start].decode()}{self.text(one)}"
 
-    def visit_Expr(self, node: ast.Expr) -> None:
-        """Drop a call; docstrings stay."""
-        if isinstance(node.value, ast.Call):
-            self.replace(node, "pass")
-            self.generic_visit(node)
 
-    def visit_Raise(self, node: ast.Raise) -> None:
-        """Drop the statement; the text of an error stays."""
-        self.replace(node, "pass")
+def _is_cast(node: ast.Call) -> bool:
+    return isinstance(node.func, ast.Name) and node.func.id == "cast"
 
-    def negate(self, node: ast.If | ast.While | ast.IfExp) -> None:
-        """Negate the condition; what type checkers alone read stays."""
-        if self.text(node.test) != "TYPE_CHECKING":
-            self.replace(node.test, f"not ({self.text(node.test)})")
-            self.generic_visit(node)
 
-    visit_If = visit_While = visit_IfExp = negate  # noqa: N815
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
-        """Leave formatted texts alone: Python 3.11 does not say where their parts are."""
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """Visit the value, not the annotation."""
-        if node.value is not None:
-            self.visit(node.value)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        """Visit defaults and body, not decorators and annotations."""
-        for part in (*node.args.defaults, *filter(None, node.args.kw_defaults), *node.body):
-            self.visit(part)
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        """Visit the body."""
-        for part in node.body:
-            self.visit(part)
+def _below(node: ast.AST) -> Iterable[ast.AST]:
+    """Return the nodes below one that may have faults: no annotations, decorators, or texts of errors."""
+    match node:
+        case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):  # 3.11 does not place the parts of f-strings
+            return ()
+        case ast.AnnAssign(value=ast.AST() as value):
+            return (value,)
+        case ast.FunctionDef(args=arguments, body=body):
+            return *arguments.defaults, *filter(None, arguments.kw_defaults), *body
+        case ast.ClassDef(body=body):
+            return body
+        case ast.Call() if _is_cast(node):
+            return (node.args[1],)
+    return ast.iter_child_nodes(node)
 
 
 # ---- which tests reach a file ----
@@ -274,6 +245,7 @@ class Scratch:
         self.folder = folder
         self.jobs = jobs
         self.sound: set[str] = set()  # tests that pass without a fault
+        self.left_out: list[str] = []  # tests that fail without one
         copy_checkout(folder)
 
     def put(self, file: str, text: str) -> None:
@@ -288,22 +260,30 @@ class Scratch:
         text = (self.folder / fault.file).read_text()
         if not differs(fault, text):
             return "refused"
-        first, others = order_tests(self.folder, fault.file)
-        self.put(fault.file, fault.changed(text))
+        stages = (*order_tests(self.folder, fault.file), _last(fault.file))
         try:
-            for stage in (first, others, _last(fault.file)):
-                failed = self.failed(stage) if stage else None
+            for tests in stages:
+                failed = self.caught_by(tests, fault.file, text, fault.changed(text))
                 if failed is not None:
-                    break
+                    return f"caught by {failed or 'a crash or a time-out'}"
+            return "survived"
         finally:
             self.put(fault.file, text)
-        if failed is None:
-            return "survived"
-        if failed and failed not in self.sound:
-            if self.failed([failed]) is not None:
-                raise LippmannError(f"{failed} fails without a fault; mend it first")
-            self.sound.add(failed)
-        return f"caught by {failed or 'a crash or a time-out'}"
+
+    def caught_by(self, tests: list[str], file: str, text: str, faulty: str) -> str | None:
+        """Return the first test that fails with the faulty text of a file and passes without; None if there is none."""
+        while tests:
+            self.put(file, faulty)
+            failed = self.failed(tests)
+            if not failed or failed in self.sound:
+                return failed
+            self.put(file, text)
+            if self.failed([failed]) is None:
+                self.sound.add(failed)
+                return failed
+            log(f"{failed} fails without a fault, too: left out from here on")
+            self.left_out.append(failed)
+        return None
 
     def failed(self, tests: list[str]) -> str | None:
         """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
@@ -314,6 +294,7 @@ class Scratch:
             sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", "--tb=no", "-o", f"cache_dir={cache}",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
             *(["-n", str(self.jobs)] if self.jobs > 1 and len(tests) > 1 else []), *tests,
+            *(word for test in self.left_out for word in ("--deselect", test)),
         ]  # fmt: skip
         environment = {"LIPPMANN_SEED": "1908", **os.environ, "PYTHONPATH": str(self.folder / "host")}
         with subprocess.Popen(
@@ -327,9 +308,9 @@ class Scratch:
                 if isinstance(error, subprocess.TimeoutExpired):
                     return ""
                 raise
-        if process.returncode == 0:
+        if process.returncode in (0, 5):  # 5: every test is left out
             return None
-        if process.returncode in (4, 5):  # wrong call, no tests
+        if process.returncode == 4:  # wrong call
             raise LippmannError(f"pytest does not run in the copy: {said.strip().splitlines()[-1]}")
         return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
 
@@ -368,6 +349,10 @@ def main(count: int, seed: int, jobs: int, report: str) -> None:
     )
     command = f"make mutation-host (--count {count} --seed {seed})"
     more = f"\n## Survivors\n{diffs}" if survivors else ""
+    if scratch.left_out:
+        more += (
+            f"\nLeft out, because they fail without a fault: {', '.join(f'`{test}`' for test in scratch.left_out)}.\n"
+        )
     click.echo(write_faults(Path(report), "host_mutation", "Faults in the host", text, rows, command, more))
 
 

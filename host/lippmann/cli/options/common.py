@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import click
+
+from lippmann.fixed.words import FRACTIONS, WIDEST
+from lippmann.optics.rays import MODELS
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class Vector(click.ParamType[tuple[float, ...]]):
@@ -71,6 +77,20 @@ device_option = click.option(
     type=click.Choice(["auto", "llvm", "cuda"]),
     help="Where the fast engine and Mitsuba run.",
 )
+
+
+def fraction_bits_option(what: str) -> Callable[[Command], Command]:
+    """Return the option --fraction-bits; `what` names the things whose word length it is."""
+    return click.option(
+        "--fraction-bits",
+        type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
+        default=WIDEST,
+        show_default=True,
+        help=f"Word length of {what}.",
+    )
+
+
+model_option = click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
 seed_option = click.option(
     "--seed", default=0, show_default=True, type=click.IntRange(0, 2**32 - 1), help="Random seed."
 )
