@@ -48,8 +48,8 @@ package link_pkg;
 
   typedef logic [31:0][31:0] crc_rows_t;
 
-  /// After a number of steps, each bit of the state is the parity of some bits of the old state: this
-  /// returns which. Parities are shallow logic; 24 or 32 single steps would be a long chain.
+  /// After a number of steps, each bit of the state is the parity of some bits of the old state:
+  /// this returns which. Parities are shallow logic; 24 or 32 single steps would be a long chain.
   function automatic crc_rows_t crc_rows(int steps);
     for (int from = 0; from < 32; from++) begin
       logic [31:0] state;
