@@ -72,7 +72,10 @@ def values(keys: Any) -> dict[str, Any]:
 
 @cache
 def schema(form: Any) -> Schema:
-    """Return the JSON Schema of a declared table, without references."""
+    """Return the JSON Schema of a declared file, without references.
+
+    Keys that are not declared are refused, save at the top of a class with `other_tables = True`.
+    """
     whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Any) -> Any:
@@ -100,8 +103,7 @@ def schema(form: Any) -> Schema:
                 node["allOf"] = choices
         return node
 
-    result: Schema = plain({"$ref": whole["$ref"]})
-    return result
+    return {**plain({"$ref": whole["$ref"]}), "additionalProperties": getattr(form, "other_tables", False)}
 
 
 def rivals(table: Schema) -> list[tuple[list[str], bool]]:
@@ -155,7 +157,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
         for unknown in value if isinstance(value, dict) and "properties" in node else ():
-            if unknown not in node["properties"]:
+            if unknown not in node["properties"] and not node["additionalProperties"]:
                 raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", _hint(top, node, name, unknown))
     for name, (value, node) in nodes.items():
         for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():

@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// A board: from the serial line to the panel, and the ray-lenslet optics behind it.
+/// A board: serial line, panel, and the ray-lenslet optics.
 ///
 ///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> frame_store -> scan_out
 ///                                              |  |  |
@@ -8,9 +8,9 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
-/// ByteLink = 1 takes bytes in place of wires: a USB FIFO, or a simulation that is in a hurry.
-/// docs/reference/protocol.md tells what is said, docs/reference/board-registers.md what can be
-/// set.
+/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
+/// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
+/// registers.
 module board #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -33,11 +33,11 @@ module board #(
   input  logic        rst_ni,
   input  logic [63:0] identity_i,   // hash of panel and array
 
-  input  logic [15:0] step_i,       // bits a clock of the UART, in 1 / 65536
+  input  logic [15:0] step_i,       // UART: bits per clock, times 65536
   input  logic        rx_i,
   output logic        tx_o,
 
-  input  logic        in_valid_i,   // with ByteLink
+  input  logic        in_valid_i,   // used with ByteLink
   output logic        in_ready_o,
   input  logic [7:0]  in_data_i,
   output logic        out_valid_o,
@@ -211,7 +211,7 @@ module board #(
     .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
     .copy_at_o(copy_at), .copy_rgb_i(second_rgb)
   );
-  // A tile holds nothing from its start until it ended well.
+  // The table's entry of a tile is invalid from its start until it ended without an error.
   tile_table #(.Width(Width), .Height(Height)) i_tile_table (
     .clk_i, .rst_ni, .busy_o(table_busy),
     .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
@@ -232,7 +232,7 @@ module board #(
     .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
     .swap_o(swap), .swapped_i(swapped)
   );
-  // A tile is never copied while a frame is checked: one request at a time.
+  // Requests are executed one at a time, so a tile is never copied while a frame is checked.
   frame_store #(.Width(Width), .Height(Height)) i_frame_store (
     .clk_i, .write_i(write), .write_buffer_i(write_buffer), .write_at_i(write_at),
     .write_rgb_i(write_rgb), .a_buffer_i(front), .a_at_i(show_at), .a_rgb_o(show_rgb),

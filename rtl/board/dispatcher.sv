@@ -1,15 +1,15 @@
 `default_nettype none
 
-/// Takes requests, has them executed, and replies: one request at a time, one reply to each.
+/// Receives requests, has them executed, and replies: one request at a time, one reply to each.
 ///
-/// Packets come and go as streams of bytes without their CRC (docs/reference/protocol.md). Nothing
-/// is executed before its packet has passed its CRC: packet_fifo gives out whole good ones only.
-/// Words of a WRITE and rays of a TRACE are collected before the first is used, so that a request
-/// of a wrong length does nothing, and a WRITE to words that cannot be written neither. WRITE and
-/// SIGN are executed once, in the order of their numbers (modulo 65536): the one executed last is
-/// only answered again, an older one is refused.
+/// Packets are streams of bytes without their CRC (docs/reference/protocol.md). No request is
+/// executed before its packet has passed the CRC: packet_fifo passes on whole, correct packets
+/// only. The words of a WRITE and the rays of a TRACE are collected before the first is used, so
+/// that a request of a wrong length has no effect, and neither has a WRITE to words that cannot be
+/// written. WRITE and SIGN are executed once, in the order of their numbers (modulo 65536). If the
+/// last one comes again, only its reply is sent again; an older one is refused.
 ///
-/// A request is read a byte a clock. Replies begin when it is executed.
+/// A request is read at one byte a clock. Its reply starts when it is executed.
 module dispatcher #(
   parameter int Width = 640,            // of the panel, in pixels
   parameter int Height = 480,
@@ -47,12 +47,12 @@ module dispatcher #(
   input  logic              tile_ready_i,
   input  logic              tile_done_i,
   input  logic              tile_ok_i,
-  output logic              stale_o,         // a TILE or PRESENT of another epoch
+  output logic              stale_o,         // TILE or PRESENT of another epoch
   output logic              tile_bad_o,
-  input  logic              table_busy_i,    // being cleared after reset: no request is taken
-  output logic              table_front_o,   // which buffer's entry is read
+  input  logic              table_busy_i,    // cleared after reset: no request is accepted
+  output logic              table_front_o,   // buffer whose entry is read
   output logic [15:0]       table_at_o,
-  input  logic [31:0]       table_crc_i,     // 3 clocks or less behind table_at_o
+  input  logic [31:0]       table_crc_i,     // at most 3 clocks after table_at_o
 
   // ---- frames: presenter ----
   output logic              present_start_o,
@@ -65,7 +65,7 @@ module dispatcher #(
   output logic              ray_valid_o,
   input  logic              ray_ready_i,
   output logic [3:0][31:0]  ray_o,           // u, v, a, b
-  output logic              trace_o,         // exit rays come here, else to the signature
+  output logic              trace_o,         // exit rays go here, else to the signature
   input  logic              exit_valid_i,
   output logic              exit_ready_o,
   input  logic [8:0][31:0]  exit_i,
@@ -79,7 +79,7 @@ module dispatcher #(
   localparam int Columns = (Width + 31) / 32;
   localparam int Tiles = Columns * ((Height + 31) / 32);
   localparam logic [7:0] ProtocolVersion = 8'd1;
-  localparam int ReplyBytes = 34;  // of the longest reply but for its words: HELLO's
+  localparam int ReplyBytes = 34;  // of the longest reply without words, that of HELLO
   localparam logic [9:0] AtOptics = 10'h200;
   localparam logic [9:0] AtBuild = AtOptics + 10'h008, AtControl = AtOptics + 10'h00C;
   localparam logic [9:0] AtStatus = AtOptics + 10'h010, AtSource = AtOptics + 10'h014;
@@ -92,7 +92,7 @@ module dispatcher #(
     Words
   } state_e;
   state_e state_q, refused;
-  // A request that is refused is read to its end.
+  // A refused request is read to its end.
   assign refused = in_last_i ? Answer : Swallow;
 
   // ---- the request: type, number, arguments ----
@@ -117,9 +117,9 @@ module dispatcher #(
     endcase
   endfunction
 
-  // The arguments, once they are all there.
+  // The arguments, once all have been received.
   logic [15:0] first, second;  // the first two words of 16 bits
-  logic [31:0] long_word;      // bytes 1 to 4, or behind the first two
+  logic [31:0] long_word;      // bytes 1 to 4, or those after the first two
   assign first = arguments_q[1:0];
   assign second = arguments_q[3:2];
   assign long_word = type_q == RequestPresent ? arguments_q[5:2] : arguments_q[4:1];
@@ -128,9 +128,9 @@ module dispatcher #(
   logic [31:0] words[256];
   logic [23:0] collected_q;  // the word's bytes so far
   logic [31:0] word_q;
-  logic [8:0] words_q;       // how many words are collected
-  logic [1:0] byte_q;        // of the word that comes
-  logic [8:0] at_q;          // number of the word in use; of a table's entry
+  logic [8:0] words_q;       // number of collected words
+  logic [1:0] byte_q;        // byte of the word being received
+  logic [8:0] at_q;          // index of the word in use, or of a table's entry
   logic collect_word;
   assign collect_word = state_q == AtWords && take && byte_q == 2'd3 && !words_q[8];
   always_ff @(posedge clk_i) begin
@@ -139,15 +139,15 @@ module dispatcher #(
     word_q <= words[at_q[7:0]];
   end
 
-  // ---- what was executed last ----
-  // It is forgotten before so many numbers have gone by that newer ones would seem older.
+  // ---- the number executed last ----
+  // It expires before the numbers wrap so far that newer ones would seem older.
   logic executed_q;
   request_e executed_type_q;
   logic [15:0] executed_number_q, newest_q, newest, after;
   logic forget;
   status_e executed_status_q;
   logic [31:0] nonce_q;         // of the session
-  logic once, repeated, older;  // at most once; said again; said before the one executed last
+  logic once, repeated, older;  // executed at most once; the last one again; older than it
   assign once = type_q == RequestWrite || type_q == RequestSign;
   assign after = number_q - executed_number_q;
   assign repeated = executed_q && executed_type_q == type_q && after == '0;
@@ -159,7 +159,7 @@ module dispatcher #(
   end
 
   // ---- ranges ----
-  // A range of registers is there when it begins and ends in one block.
+  // A range of registers is valid if it begins and ends in one block.
   logic [8:0] count;
   logic [16:0] behind;
   logic aligned, in_board, in_optics, addresses_ok, length_ok, tiles_ok;
@@ -188,8 +188,8 @@ module dispatcher #(
   logic load, load_last, reply_busy;
   logic [8*ReplyBytes-1:0] reply;
   logic [$clog2(ReplyBytes+1)-1:0] reply_bytes;
-  logic [31:0] stream_word_q;  // of a reply's words
-  logic [9:0] left_q;          // words of the reply still to come
+  logic [31:0] stream_word_q;  // word of a reply
+  logic [9:0] left_q;          // remaining words of the reply
   logic [31:0] build_q;
   logic [31:0] head;
   assign head = {status_q, number_q, ReplyBit | type_q};
@@ -238,7 +238,7 @@ module dispatcher #(
     .last_o(out_last_o)
   );
 
-  // ---- to the others ----
+  // ---- outputs to other modules ----
   assign tile_o = second;
   assign tile_coding_o = arguments_q[4];
   assign tile_valid_o = state_q == AtTile && in_valid_i;
@@ -248,12 +248,12 @@ module dispatcher #(
   assign present_crc_o = long_word;
   assign ray_valid_o = state_q == RayOffer;
   assign trace_o = type_q == RequestTrace;
-  logic [3:0] exit_word_q;   // of a traced ray, sent or being sent
+  logic [3:0] exit_word_q;   // word of a traced ray: sent, or being sent
   logic [8:0][31:0] exit_q;
   assign exit_ready_o = state_q == RayWait;
 
-  // ---- what happens when ----
-  logic [1:0] pause_q;  // clocks until a memory has answered
+  // ---- states ----
+  logic [1:0] pause_q;  // clocks until a memory's answer
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= AtType;
@@ -276,7 +276,7 @@ module dispatcher #(
       if (pause_q != '0) pause_q <= pause_q - 1'b1;
 
       case (state_q)
-        // ---- the request comes in ----
+        // ---- receiving the request ----
         AtType: if (take) begin
           type_q <= request_e'(in_data_i);
           status_q <= StatusOk;
@@ -335,7 +335,7 @@ module dispatcher #(
         AtWords: if (take) begin
           byte_q <= byte_q + 1'b1;
           if (collect_word) words_q <= words_q + 1'b1;
-          if (words_q[8] || (in_last_i && byte_q != 2'd3)) begin  // no room, or no whole word
+          if (words_q[8] || (in_last_i && byte_q != 2'd3)) begin  // no room, or an incomplete word
             status_q <= StatusLength;
             state_q <= refused;
           end else if (in_last_i) begin
@@ -345,7 +345,7 @@ module dispatcher #(
         AtTile: if (take && in_last_i) state_q <= TileWait;
         Swallow: if (take && in_last_i) state_q <= Answer;
 
-        // ---- it is executed ----
+        // ---- executing it ----
         Execute: begin
           state_q <= Answer;
           if (!length_ok) begin
@@ -441,7 +441,7 @@ module dispatcher #(
           state_q <= StatusWait;
         end
         StatusWait: if (bus_done_i) begin
-          if (bus_word_i[0]) begin  // busy: the optics are not yet taken over
+          if (bus_word_i[0]) begin  // busy: the new optics are not yet in effect
             state_q <= StatusAsk;
           end else if (type_q == RequestTrace) begin
             state_q <= Answer;
@@ -452,8 +452,8 @@ module dispatcher #(
           end
         end
         SignWait: if (bus_done_i) begin
-          // The status is asked again and again: a frame that was refused gives no rays. The reply
-          // waits for the last answer, which the next request would take for its own.
+          // The status is polled, since a refused frame gives no rays. The reply waits for the last
+          // answer of the bus, which the next request would otherwise take for its own.
           if (!bus_write_o && (sign_done_i || bus_word_i[2])) begin
             if (!sign_done_i) status_q <= StatusOptics;
             state_q <= Answer;
@@ -490,7 +490,7 @@ module dispatcher #(
           state_q <= ReadWait;
         end
         ReadWait: if (bus_done_i) begin
-          stream_word_q <= bus_error_i ? '0 : bus_word_i;  // where nothing is, 0
+          stream_word_q <= bus_error_i ? '0 : bus_word_i;  // 0 at an address without a register
           state_q <= Words;
         end
         TableWait: if (pause_q == '0) begin
@@ -508,7 +508,7 @@ module dispatcher #(
         RayWait: if (exit_valid_i) begin
           {exit_q, stream_word_q} <= {32'd0, exit_i};
           exit_word_q <= 4'd9;
-          // The words of the rays in front of this one are sent: 9 are left, and those behind.
+          // The words of earlier rays are sent; this ray's 9 and those of later rays are left.
           left_q <= at_q == words_q ? 10'd9 : 10'd10;
           state_q <= Words;
         end

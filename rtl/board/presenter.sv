@@ -1,11 +1,11 @@
 `default_nettype none
 
-/// Shows the back buffer, once and only when all of it is right.
+/// Shows the back buffer, if all of it is correct.
 ///
-/// start_i with the epoch and the CRC-32 of a frame asks. When the epoch is the board's the back
-/// buffer is read and its CRC-32 compared; only if it is the same the buffers are swapped, at the
-/// next vertical sync, and the epoch counts up. A request for the frame that was just shown is a
-/// repeated one, whose reply was lost: well, and nothing happens. done_o comes with the status.
+/// start_i requests a frame, given its epoch and CRC-32. If the epoch is the board's, the back
+/// buffer's CRC-32 is computed and compared. If they are equal, the buffers are swapped at the next
+/// vertical sync, and the epoch is incremented. A request for the frame just shown is a repetition
+/// after a lost reply: it succeeds without a swap. done_o is a pulse, valid with the status.
 module presenter (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -17,7 +17,7 @@ module presenter (
   output link_pkg::status_e status_o,
 
   output logic [15:0]       epoch_o,
-  output logic              failed_o,        // the CRC differed
+  output logic              failed_o,        // the CRC differs
 
   output logic              check_start_o,   // to frame_check
   input  logic              check_done_i,

@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// CRC-32 of a frame's exit rays: a whole frame is compared over a slow line by one word.
+/// CRC-32 of a frame's exit rays: one word represents a whole frame on a slow line.
 ///
-/// Each ray is nine words of 32 bits, word 0 in the lowest bits, taken low byte first; a ray takes
-/// nine clocks. start_i begins anew, without a ray that is taken in its clock; done_o from the end
-/// of the frame's last ray until the next start.
+/// Each ray is nine words of 32 bits, word 0 in the lowest bits, low byte first; a ray takes nine
+/// clocks. start_i restarts the CRC; a ray accepted in the same clock is not included. done_o is
+/// high from the end of the frame's last ray until the next start.
 module ray_signature (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -19,9 +19,9 @@ module ray_signature (
 );
   import link_pkg::*;
 
-  logic [7:0][31:0] rest_q;  // words behind the one in hand
+  logic [7:0][31:0] rest_q;  // words after the current one
   logic [31:0] word_q, crc_q;
-  logic [3:0] words_q;       // in hand and behind it
+  logic [3:0] words_q;       // the current word and those after it
   logic last_q;
   assign ray_ready_o = words_q <= 4'd1;
   assign crc_o = ~crc_q;

@@ -1,18 +1,18 @@
 `default_nettype none
 
-/// One access to a register, the board's own or the optics block's, at a time.
+/// Access to the registers of the board and of the optics block, one at a time.
 ///
-/// start_i with write_i, at_i (byte address, a multiple of 4) and word_i asks; done_o, a pulse,
-/// answers two or more clocks later, with word_o of a read and error_o where no register takes the
-/// access. The next access begins with that pulse at the earliest. Addresses:
+/// start_i requests an access with write_i, at_i (byte address, a multiple of 4) and word_i. done_o
+/// is a pulse two or more clocks later, valid with word_o of a read, and with error_o if no
+/// register allows the access. The next access may start with that pulse. Addresses:
 ///
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
 ///
-/// and nothing between them.
+/// Other addresses are empty.
 ///
-/// The board's registers are asked over PeakRDL's plain port (request and acknowledge), the optics
-/// over APB4.
+/// The board's registers have PeakRDL's pass-through port (request and acknowledge), the optics
+/// block APB4.
 module register_bus (
   input  logic        clk_i,
   input  logic        rst_ni,

@@ -2,8 +2,8 @@
 
 /// Sends up to Bytes bytes of a register as a stream, the lowest first.
 ///
-/// load_i, heeded while busy_o is low, gives bytes_i, how many of them, and whether the last is
-/// that of its packet.
+/// load_i loads bytes_i and their number, and whether the last byte ends its packet. It is ignored
+/// while busy_o is high.
 module reply_writer #(
   parameter int Bytes = 34
 ) (

@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// Takes COBS frames, each with its 0x00 behind, apart: a beat for each byte of a packet, then one
+/// Decodes COBS frames, each ended by 0x00: one beat for each byte of a packet, then an end beat
 /// without data.
 ///
-/// Each byte in gives one beat or none, a clock later: a code stands for the zero in front of its
-/// group, and 0x00 for the end. Frames without a byte give nothing.
+/// Each input byte gives at most one beat, a clock later: a code byte gives the zero before its
+/// group, 0x00 gives the end. Empty frames give nothing.
 module cobs_decoder (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -15,12 +15,12 @@ module cobs_decoder (
   input  logic       out_ready_i,
   output logic [7:0] out_data_o,
   output logic       out_end_o,   // the packet is over; no data
-  output logic       out_bad_o    // with end: its last group was cut short
+  output logic       out_bad_o    // with end: the last group is too short
 );
 
   logic begun_q;       // a code was seen
-  logic zero_q;        // a zero stands between this group and the next
-  logic [7:0] left_q;  // bytes of the group still to come
+  logic zero_q;        // a zero is between this group and the next
+  logic [7:0] left_q;  // remaining bytes of the group
   logic take, code, finish;
   assign in_ready_o = !out_valid_o || out_ready_i;
   assign take = in_valid_i && in_ready_o;

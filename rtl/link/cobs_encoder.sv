@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// Makes a COBS frame of a packet, the 0x00 behind it included.
+/// Encodes a packet as a COBS frame, with the 0x00 at its end.
 ///
-/// A group's code is its length, so a group goes out when all of it is in. Two banks, one filled
-/// while the other is sent: a byte out each clock while groups are alike, one in two clocks at
-/// worst. The first is out 3 clocks after its group's end came in.
+/// A group's code is its length, so a group is sent only after all of it was received. Of two
+/// banks, one is filled while the other is sent: one byte a clock if groups have the same length,
+/// at worst one in two clocks. The first byte is sent 3 clocks after the group's last was received.
 module cobs_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -19,18 +19,18 @@ module cobs_encoder (
 
   localparam logic [7:0] Longest = 8'd254;  // bytes of a group
 
-  // Two banks, each with a group's bytes from place 1 on. What is written is not read in the same
-  // clock, so that synthesis need not care what would be read then.
+  // Two banks, each with a group's bytes from address 1 on. An address is never written and read in
+  // the same clock, so that synthesis need not define the result.
   (* no_rw_check *) logic [7:0] bytes[512];
   logic [1:0] full_q;
-  logic [1:0] final_q;       // the packet's last group
+  logic [1:0] final_q;       // last group of the packet
   logic [1:0][7:0] count_q;  // bytes
 
   // ---- fill ----
   logic fill_q;        // the bank
-  logic [7:0] held_q;  // bytes in it
+  logic [7:0] held_q;  // number of bytes in it
   logic [7:0] next;
-  logic empty_q;       // the packet ended with a zero: an empty group comes behind it
+  logic empty_q;       // the packet ended with a zero: an empty group follows
   logic take, zero, close;
   assign in_ready_o = !full_q[fill_q] && !empty_q;
   assign take = in_valid_i && in_ready_o;
@@ -46,10 +46,10 @@ module cobs_encoder (
     end
   end
 
-  // ---- send: the code at place 0, the bytes, and behind the last group the end ----
+  // ---- send: the code at address 0, the bytes, and after the last group the end ----
   logic send_q;      // the bank
-  logic [7:0] at_q;  // the place
-  logic end_q;       // the bytes are over
+  logic [7:0] at_q;  // the address
+  logic end_q;       // all bytes are sent
   logic [7:0] count;
   logic some, last, more, step;
   assign count = count_q[send_q];

@@ -5,16 +5,16 @@
 /// A packet before COBS, little-endian: type u8, seq u16, body, CRC-32 u32 of all before it. The
 /// state of a CRC starts as all ones, and the CRC is the complement of the state.
 package link_pkg;
-  // A module seldom needs all of them.
+  // Most modules use only some of these.
   /* verilator lint_off UNUSEDPARAM */
 
   /// Bytes of a packet before COBS, its CRC included.
   localparam int MinPacket = 7;
   localparam int MaxPacket = 3200;
-  localparam int LengthBits = $clog2(MaxPacket + 2);  // one more than MaxPacket fits too
+  localparam int LengthBits = $clog2(MaxPacket + 2);  // MaxPacket + 1 fits too
 
   localparam logic [31:0] CrcStart = '1;
-  /// The state behind any bytes and their own CRC.
+  /// The state after any bytes followed by their own CRC.
   localparam logic [31:0] CrcResidue = 32'hdebb_20e3;
 
   typedef enum logic [7:0] {
@@ -31,7 +31,7 @@ package link_pkg;
   /// A reply's type is the request's with this bit set.
   localparam logic [7:0] ReplyBit = 8'h80;
 
-  /// How a request ended: the first byte of a reply's body.
+  /// The result of a request: the first byte of a reply's body.
   typedef enum logic [7:0] {
     StatusOk = 8'd0,
     StatusUnknown = 8'd1,   // type of request
@@ -48,8 +48,8 @@ package link_pkg;
 
   typedef logic [31:0][31:0] crc_rows_t;
 
-  /// Which bits of a state each bit is the parity of, a number of steps later. As parities they are
-  /// shallow logic; as steps, 24 or 32 bits at once would be a chain.
+  /// After a number of steps, each bit of the state is the parity of some bits of the old state:
+  /// this returns which. Parities are shallow logic; 24 or 32 single steps would be a long chain.
   function automatic crc_rows_t crc_rows(int steps);
     for (int from = 0; from < 32; from++) begin
       logic [31:0] state;
@@ -67,17 +67,17 @@ package link_pkg;
   localparam crc_rows_t CrcRowsPixel = crc_rows(24);
   localparam crc_rows_t CrcRowsWord = crc_rows(32);
 
-  /// The state of a CRC behind one more byte.
+  /// The state of a CRC after one more byte.
   function automatic logic [31:0] crc32_byte(logic [31:0] crc, logic [7:0] data);
     return crc_parities(crc ^ 32'(data), CrcRowsByte);
   endfunction
 
-  /// The same behind a pixel {r, g, b}, R first.
+  /// The same after a pixel {r, g, b}, R first.
   function automatic logic [31:0] crc32_pixel(logic [31:0] crc, logic [23:0] rgb);
     return crc_parities(crc ^ 32'({rgb[7:0], rgb[15:8], rgb[23:16]}), CrcRowsPixel);
   endfunction
 
-  /// The same behind a word, its low byte first.
+  /// The same after a word, its low byte first.
   function automatic logic [31:0] crc32_word(logic [31:0] crc, logic [31:0] w);
     return crc_parities(crc ^ w, CrcRowsWord);
   endfunction

@@ -1,15 +1,15 @@
 `default_nettype none
 
-/// Stores packets, and gives out, without their CRC, only those that came whole.
+/// Stores packets, and passes on those without an error, without their CRC.
 ///
-/// Bytes are written as they come and given out once their packet has ended well; else the place to
-/// write goes back to where the packet began. The last five bytes wait outside of the memory: the
-/// CRC's four are never stored, and the one before them gets its mark as the last when the packet
-/// ends.
+/// Bytes are written as they arrive and can be read once their packet has ended without an error;
+/// otherwise the write address returns to the packet's start. The last five bytes are held outside
+/// of the memory: the four of the CRC are never stored, and the one before them is marked as the
+/// last when the packet ends.
 ///
-/// A packet that is dropped has one cause, the first of: long, cobs, short, crc. While the memory is
-/// full the input waits, except that a packet already too long is swallowed. The first byte is
-/// out 4 clocks after its packet's end came in, then one each clock.
+/// A dropped packet has one cause, the first of: long, cobs, short, crc. While the memory is full
+/// the input waits, except that the rest of a packet already too long is discarded. The first byte
+/// is at the output 4 clocks after the packet's end was received, then one follows each clock.
 module packet_fifo #(
   parameter int AddressBits = 13
 ) (
@@ -38,17 +38,17 @@ module packet_fifo #(
     $fatal(1, "packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
   end
 
-  // Two memories: block memories of these widths need no multiplexers behind them. What is written
-  // is not read in the same clock, so that synthesis need not care what would be read then.
+  // Two memories: block memories of these widths need no multiplexers. An address is never written
+  // and read in the same clock, so that synthesis need not define the result.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;
-  address_t stored_q;                   // where the packets that came whole end
+  address_t stored_q;                   // end of the packets that can be read
 
   // ---- in ----
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
-  logic [LengthBits-1:0] length_q;      // bytes so far, to MaxPacket + 1
+  logic [LengthBits-1:0] length_q;      // bytes so far, at most MaxPacket + 1
   logic take, is_long, write, room_q;
   logic judge_q, right_q, long_q, cobs_q, short_q, good;
   assign is_long = length_q > LengthBits'(MaxPacket);
@@ -63,7 +63,7 @@ module packet_fifo #(
       bytes[write_at_q] <= late_q[4];
       lasts[write_at_q] <= in_end_i;
     end
-    // What the end finds, judged a clock later.
+    // The state at the packet's end, checked a clock later.
     right_q <= crc_q == CrcResidue;
     long_q <= is_long;
     cobs_q <= in_bad_i;
@@ -93,12 +93,12 @@ module packet_fifo #(
       dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
       dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
 
-      // A packet's first byte is written no sooner than five clocks behind the judgement.
+      // The next packet's first byte is written at least five clocks after the check.
       if (judge_q && good) stored_q <= write_at_q;
       if (judge_q && !good) write_at_q <= stored_q;
       else if (write) write_at_q <= write_at_q + address_t'(1);
 
-      // Used a clock later: the byte of this clock, that one's, and never all of the memory.
+      // Used a clock later: leaves room for the bytes of both clocks, and never fills the memory.
       room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
     end
   end

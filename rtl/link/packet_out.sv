@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// Puts the CRC-32 behind a packet and makes a COBS frame of both, the 0x00 behind it included.
+/// Appends the CRC-32 to a packet and encodes both as a COBS frame, with the 0x00 at its end.
 module packet_out (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -15,7 +15,7 @@ module packet_out (
   import link_pkg::*;
 
   logic [31:0] crc_q;
-  logic [2:0] left_q;  // bytes of the CRC still to come; 0 while the packet comes
+  logic [2:0] left_q;  // remaining bytes of the CRC; 0 during the packet
   logic body, valid, ready;
   assign body = left_q == 3'd0;
   assign valid = !body || in_valid_i;
@@ -37,7 +37,7 @@ module packet_out (
         crc_q <= crc32_byte(crc_q, in_data_i);
         if (in_last_i) left_q <= 3'd4;
       end else begin
-        // Ones follow, so that the state starts anew behind the last byte.
+        // Ones are shifted in, so that the state is all ones after the last byte.
         crc_q <= {8'hff, crc_q[31:8]};
         left_q <= left_q - 3'd1;
       end

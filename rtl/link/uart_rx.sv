@@ -2,19 +2,19 @@
 
 /// Receives bytes from an asynchronous line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate: bits a clock, times 2^16, at most 2^13 (8 clocks a bit). A bit is the
-/// majority of the line at 3/8, 4/8 and 5/8 of its time, to half a clock, so that a spike shorter
-/// than 1/8 bit does no harm; a start bit shorter than half a bit is noise. A byte is out at 6/8 of
-/// its stop bit; from there on the next start bit may come, so a sender may be 2 % too fast or too
-/// slow.
+/// step_i is the baud rate: bits per clock, times 2^16, at most 2^13 (8 clocks a bit). A bit is the
+/// majority of the line at 3/8, 4/8 and 5/8 of its time, to half a clock. A spike shorter than 1/8
+/// bit is therefore ignored, and a start bit shorter than half a bit is taken for noise. A byte is
+/// at the output at 6/8 of its stop bit. From then on the next start bit is accepted, so that a
+/// sender may be 2 % too fast or too slow.
 ///
-/// framing_error_o: the stop bit was low; its byte is lost, and the line must rise before the next.
-/// overflow_o: a byte came while the one before it was not yet taken; the new one is lost.
+/// framing_error_o: the stop bit was low; the byte is lost, and the line must rise before the next.
+/// overflow_o: a byte arrived while the one before it was not yet taken; the new one is lost.
 module uart_rx (
   input  logic        clk_i,
   input  logic        rst_ni,
   input  logic [15:0] step_i,
-  input  logic        rx_i,             // idle high, not in step with the clock
+  input  logic        rx_i,             // idle high, asynchronous to the clock
   output logic        valid_o,
   input  logic        ready_i,
   output logic [7:0]  data_o,
@@ -28,7 +28,7 @@ module uart_rx (
   logic line;
   assign line = sync_q[1];
 
-  // Where in the byte: bits, eighths of a bit, and what is below them.
+  // Position in the byte: bits, eighths of a bit, and their fraction.
   logic [3:0] bit_q;
   logic [2:0] eighth_q;
   logic [12:0] phase_q;
@@ -44,8 +44,8 @@ module uart_rx (
 
   always_ff @(posedge clk_i) begin
     if (busy_q) {bit_q, eighth_q, phase_q} <= place_d;
-    // The edge was half a clock before the line was seen low, and an eighth is entered half a clock
-    // late: places run a clock ahead.
+    // The position runs a clock ahead: on average the edge was half a clock before the line was
+    // sampled low, and an eighth is entered half a clock late.
     else {bit_q, eighth_q, phase_q} <= {3'b0, step_i, 1'b0};
     enter_q <= busy_q && place_d[15:13] != eighth_q;
     if (enter_q && eighth_q inside {[3'd3:3'd5]}) sample_q <= {sample_q[1:0], line};

@@ -2,8 +2,8 @@
 
 /// Sends bytes on an asynchronous line: 8 data bits, no parity, one stop bit.
 ///
-/// step_i is the baud rate: bits a clock, times 2^16. Edges are where the exact rate has them, to
-/// one clock; bytes follow one another without a pause.
+/// step_i is the baud rate: bits per clock, times 2^16. Edges are within one clock of the exact
+/// rate's; bytes follow one another without a pause.
 module uart_tx (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -15,7 +15,7 @@ module uart_tx (
 );
 
   logic [9:0] shift_q;   // stop, data, start
-  logic [3:0] left_q;    // bits of it not yet over
+  logic [3:0] left_q;    // bits not yet sent
   logic [15:0] phase_q;
   logic tick_q;          // the last clock of a bit
   assign tx_o = shift_q[0];

@@ -132,8 +132,8 @@ package optics_pkg;
     return 2 + low_latency(low) + 1;
   endfunction
 
-  /// Segments of a root's table in each octave, as a power of two; limited, so that an illegal F gets
-  /// no large table before its module refuses it.
+  /// Segments of a root's table in each octave, as a power of two. An illegal F, which its module
+  /// refuses, gets a small table.
   function automatic int segment_bits(int f);
     return f < 14 ? 4 : f > 23 ? 7 : f / 3;
   endfunction

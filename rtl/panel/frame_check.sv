@@ -2,9 +2,9 @@
 
 /// CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
 ///
-/// start_i, heeded while busy_o is low, begins; done_o tells, Width * Height + 3 clocks later, that
-/// crc_o is ready, which stays until the next start. Reads one pixel a clock through a port of the
-/// store, which belongs to this module while busy_o is high.
+/// start_i starts the check; it is ignored while busy_o is high. done_o is a pulse
+/// Width * Height + 3 clocks later; crc_o is then valid until the next start. The module reads one
+/// pixel a clock through a port of the store, which it owns while busy_o is high.
 module frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,

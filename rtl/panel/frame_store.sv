@@ -2,9 +2,9 @@
 
 /// Two buffers of pixels: one port writes, two read, each with a latency of two.
 ///
-/// Stands for the board's memory, which is SDRAM on a real one: a plain memory here, its address
-/// the buffer and the pixel's place. a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before
-/// t - 2; likewise b. After power-up it holds anything.
+/// This is a plain memory that represents the board's memory, SDRAM on a real board. The address is
+/// the buffer and the pixel's index. a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before
+/// t - 2; likewise b. The content after power-up is undefined.
 module frame_store #(
   parameter int Width = 640,
   parameter int Height = 480,

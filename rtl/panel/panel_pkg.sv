@@ -1,22 +1,22 @@
 `default_nettype none
 
-/// What the modules of the panel share: tiles, codings, test patterns.
+/// Types and constants of the panel's modules: tiles, codings, test patterns.
 ///
-/// The panel is Width x Height pixels {r, g, b}, kept row by row: the place of pixel (x, y) is
-/// y * Width + x. It is cut into tiles of 32 x 32 pixels, numbered row by row; those at the right
-/// and lower edges are as small as the panel leaves them.
+/// The panel is Width x Height pixels {r, g, b}, stored row by row: the index of pixel (x, y) is
+/// y * Width + x. It is divided into tiles of 32 x 32 pixels, numbered row by row; tiles at the
+/// right and lower edges are cut off by the panel's edge.
 package panel_pkg;
-  // A module seldom needs all of them.
+  // Most modules use only some of these.
   /* verilator lint_off UNUSEDPARAM */
 
   localparam int Tile = 32;
 
-  /// How a tile's pixels are written in a packet.
+  /// Coding of a tile's pixels in a packet.
   typedef enum logic [7:0] {
     CodingRaw = 8'd0,    // three bytes a pixel
     CodingSolid = 8'd1,  // three bytes
     CodingQoi = 8'd2,    // QOI operations, without header and end marker
-    CodingCopy = 8'd3    // no data: what the front buffer shows there
+    CodingCopy = 8'd3    // no data: the front buffer's pixels there
   } coding_e;
 
   typedef enum logic [2:0] {
@@ -34,7 +34,7 @@ package panel_pkg;
     logic signed [optics_pkg::IndexBits-1:0] j;
   } pattern_t;
 
-  /// Tiles along a side of so many pixels.
+  /// Number of tiles along a side with that many pixels.
   function automatic int tiles(int pixels);
     return (pixels + Tile - 1) / Tile;
   endfunction

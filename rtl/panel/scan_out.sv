@@ -1,16 +1,17 @@
 `default_nettype none
 
-/// Video timing: the front buffer, or a test pattern, one pixel a clock, for ever.
+/// Video output: the front buffer, or a test pattern, one pixel a clock, without end.
 ///
-/// A line is sync, back porch, pixels, front porch, and a frame is as many lines; vertical sync
-/// begins and ends with horizontal sync, both high. Whole frames only: at the beginning of vertical
-/// sync, and never else, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and
-/// front_o the other buffer), and brightness_i and pattern_i are copied. Reset begins a frame, from
-/// buffer 0; until the first swap pixels are black, for what the store holds then is no frame.
+/// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
+/// sync begins and ends with horizontal sync; both are active high. Only at the beginning of
+/// vertical sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
+/// changes), and brightness_i and pattern_i are copied: every frame is shown whole. Reset starts a
+/// frame of buffer 0. Pixels are black until the first swap, since the store holds no frame before.
 ///
-/// Each of r, g, b leaves as floor(p (brightness + 1) / 256). Pixel and sync signals are aligned;
-/// frame_start_o goes with the first pixel. Two clocks after the last one shown_crc_o is the CRC-32
-/// of the frame's bytes as they left (rows top to bottom, R, G, B), and frames_o is one more.
+/// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
+/// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
+/// is the CRC-32 of the frame's output bytes (rows top to bottom, R, G, B), and frames_o has been
+/// incremented.
 module scan_out #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -62,7 +63,7 @@ module scan_out #(
     $fatal(1, "scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks");
   end
 
-  // ---- where the beam is, from the corner where both syncs begin ----
+  // ---- the position, counted from the start of both syncs ----
   logic [XBits-1:0] x_q;
   logic [YBits-1:0] y_q;
   logic active;
@@ -80,7 +81,7 @@ module scan_out #(
     end
   end
 
-  // ---- what stands for it, up to the output ----
+  // ---- signals of that position, delayed to the output ----
   logic [Latency:1] active_q, hsync_q, vsync_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -114,7 +115,7 @@ module scan_out #(
     end
   end
 
-  // ---- the pixel: read, or made ----
+  // ---- the pixel: from the store, or from the test pattern ----
   logic [23:0] pattern_rgb, rgb_q;
   test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
     .clk_i, .pattern_i(pattern_q), .optics_i,
@@ -135,7 +136,7 @@ module scan_out #(
     for (int k = 0; k < 3; k++) rgb_o[8*k+:8] <= dimmed(rgb_q[8*k+:8], brightness_q);
   end
 
-  // ---- its frame ----
+  // ---- the frame: CRC and count ----
   logic [4:1] first_q, last_q;
   logic ended_q;
   logic [31:0] crc_q;

@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// Test patterns, made from nothing but a pixel's column and row and the optics.
+/// Test patterns, computed from a pixel's column and row and the optics.
 ///
 ///   PatternLens     white inside lenslet (i, j)
 ///   PatternCentres  white where a lenslet's centre lies in the pixel
-///   PatternViews    r, g: the pixel's place in its lenslet, to the right and upward, b = 0
+///   PatternViews    r, g: the pixel's position in its lenslet, to the right and upward, b = 0
 ///   PatternChecker  white and black tiles of 32 pixels, the first black
 ///   PatternRamp     grey, the column modulo 256
 ///
@@ -12,15 +12,15 @@
 ///
 ///   r = floor(256 (x + 1/2)),  g = floor(256 (s + 1/2)),  both cut to 0 .. 255,
 ///
-/// where s = y, on the hexagonal grid y - floor(y/4): a cell is 4/3 rows high. The centre lies in
-/// the pixel where it is at most 17/32 pixels away, to the side as upward: the pixel nearest to it,
-/// and where it lies on a border all that meet there. With the affine map's coefficients cut to 19
-/// fraction bits, x and y to 17, that is
+/// where s = y; on the hexagonal grid s = y - floor(y/4), since a cell is 4/3 rows high. The pixel
+/// contains the centre if the centre is at most 17/32 pixels away in both directions: this is the
+/// nearest pixel, or, if the centre is on a border, all pixels that meet there. With the affine
+/// map's coefficients cut to 19 fraction bits, x and y to 17, the condition is
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///
-/// the right side cut as floor(det/2) + floor(det/32). Black for other patterns, and off.
-/// Latency pattern_latency(Grid); pattern_i and optics_i hold still within a frame.
+/// where the right side is floor(det/2) + floor(det/32). Other patterns, and off, are black.
+/// Latency pattern_latency(Grid); pattern_i and optics_i must not change within a frame.
 module test_pattern #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -41,10 +41,10 @@ module test_pattern #(
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   localparam int SideBits = $clog2(Tile);
 
-  logic unused_optics;  // all but the affine map
+  logic unused_optics;  // all fields but the affine map
   assign unused_optics = ^optics_i;
 
-  // ---- checker and ramp, as late as the others ----
+  // ---- checker and ramp, delayed to match the others ----
   logic check, check_late;
   logic [7:0] ramp_late;
   assign check = column_i[SideBits] ^ row_i[SideBits];
@@ -133,7 +133,7 @@ module test_pattern #(
         && v_det_q <= limit_q && v_det_q >= -limit_q;
   end
 
-  // ---- the one asked for ----
+  // ---- the selected pattern ----
   always_ff @(posedge clk_i) begin
     unique case (pattern_i.kind)
       PatternLens: rgb_o <= {24{lens_late}};

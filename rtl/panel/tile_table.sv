@@ -1,9 +1,9 @@
 `default_nettype none
 
-/// The CRC-32 of each tile of both buffers; 0 where none is held.
+/// The CRC-32 of each tile of both buffers; 0 for a tile that is not valid.
 ///
-/// Cleared after reset, one entry a clock: busy_o until then, when nothing may be written, and what
-/// is read means nothing. read_crc_o(t) is the entry asked for at t - 2, as written before t - 2.
+/// Reset clears the table, one entry a clock. busy_o is high meanwhile: nothing may be written, and
+/// reads are undefined. read_crc_o(t) is the entry requested at t - 2, as written before t - 2.
 module tile_table #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -23,7 +23,7 @@ module tile_table #(
   output logic [31:0]         read_crc_o
 );
 
-  logic [TileBits+1:0] cleared_q;  // entries; the top bit stands for all
+  logic [TileBits+1:0] cleared_q;  // number of cleared entries; the top bit: all
   assign busy_o = !cleared_q[TileBits+1];
 
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -1,24 +1,24 @@
 `default_nettype none
 
-/// Writes one tile into a buffer of the frame store, decoding what the packet holds.
+/// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
-/// start_i, heeded while nothing is under way, copies what to do; the packet's data follow as a
-/// stream, its last byte marked, unless empty_i says that there are none. A pixel is written each
-/// clock, or as fast as the bytes come:
+/// start_i copies the parameters; it is ignored while a tile is being written. The packet's data
+/// follow as a stream with its last byte marked, unless empty_i is high: no data. A pixel is
+/// written each clock, or as fast as the bytes arrive:
 ///
 ///   CodingRaw    R, G, B of each pixel
 ///   CodingSolid  R, G, B of all
-///   CodingQoi    operations of QOI without its header and end marker, save QOI_OP_RGBA: every
-///                pixel's alpha is 255; before the tile the last pixel and the index are black
-///   CodingCopy   no data: the pixels at the same place of the other buffer
+///   CodingQoi    operations of QOI without its header and end marker, except QOI_OP_RGBA: every
+///                pixel's alpha is 255; the previous pixel and the index start as black
+///   CodingCopy   no data: the pixels at the same position of the other buffer
 ///
-/// done_o is a pulse behind the last byte and the last write. ok_o with it: the data gave as many
-/// pixels as the tile has, and crc_o is the CRC-32 of their bytes, row by row. Otherwise the data
-/// were bad, or the panel has no such tile or coding; the rest of the packet was swallowed, and the
-/// tile may be written in part. Nothing outside of the tile is ever written.
+/// done_o is a pulse after the last byte and the last write. If ok_o is high with it, the data had
+/// exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by row.
+/// Otherwise the data were invalid, or the panel has no such tile or coding; the rest of the packet
+/// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
-/// From start_i to done_o: a clock for each byte and for each pixel that comes without one, and
-/// 4 + ceil(log2(rows of tiles)) more (5 where there is but one row).
+/// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
+/// 4 + ceil(log2(rows of tiles)) more (5 if there is only one row).
 module tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -56,7 +56,7 @@ module tile_writer #(
   localparam int Rows = tiles(Height);
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
-  // Last place along a side of a tile: of the last tile in a row or column, and of the others.
+  // Last index along a side of a tile: for the last tile of a row or column, and for the others.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
   localparam logic [SideBits-1:0] CutY = SideBits'((Height - 1) % Tile);
@@ -74,10 +74,10 @@ module tile_writer #(
   assign take = valid_i && ready_o;
   assign write = emit && !full_q;
 
-  // ---- where the tile is: its row by division, one bit of it a clock ----
-  logic [15:0] rest_q;     // the tile's number, at last its column
+  // ---- the tile's position: its row by division, one bit a clock ----
+  logic [15:0] rest_q;     // the tile's number, in the end its column
   logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
-  logic [PlaceBits-1:0] rows_q;  // the same in places
+  logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
   logic [SideBits-1:0] x_q, y_q, last_x_q, last_y_q;
   logic [PlaceBits-1:0] row_at_q, at_q, tile_at, next_row_at;
   logic end_of_row, missing;
@@ -118,7 +118,7 @@ module tile_writer #(
     end
   end
 
-  // ---- QOI's index of pixels; the one before is always in it ----
+  // ---- QOI's index of pixels; it always contains the previous pixel ----
   logic [23:0] index[64];
   logic [63:0] known_q;
   logic [23:0] rgb_q, indexed;
@@ -136,16 +136,16 @@ module tile_writer #(
   end
 
   // ---- bytes to pixels ----
-  logic [1:0] want_q, want_d;  // bytes that the operation still needs
-  logic [15:0] before_q;       // the two bytes before
+  logic [1:0] want_q, want_d;  // remaining bytes of the operation
+  logic [15:0] before_q;       // the two previous bytes
   logic luma_q, luma_d;
-  logic [5:0] run_q, run_d;    // how often the pixel is still to be repeated
-  logic fill_q, fill_d;        // the pixel, or the copy, goes on to the tile's end
+  logic [5:0] run_q, run_d;    // remaining repetitions of the pixel
+  logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
   logic bad, repeating;
   logic [23:0] rgb;
   logic [7:0] luma;
 
-  /// The pixel before plus differences.
+  /// The previous pixel plus differences.
   function automatic logic [23:0] moved(
       logic [23:0] from, logic [7:0] dr, logic [7:0] dg, logic [7:0] db);
     return {from[23:16] + dr, from[15:8] + dg, from[7:0] + db};
@@ -211,7 +211,7 @@ module tile_writer #(
     end
   end
 
-  // ---- pixels to the store, two clocks later: by then a copied one has come ----
+  // ---- pixels to the store, two clocks later: a copied pixel has arrived by then ----
   logic [2:1] write_q;
   logic [2:1][PlaceBits-1:0] write_at_q;
   logic [23:0] written_q;

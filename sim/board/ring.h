@@ -1,4 +1,4 @@
-// Bytes from one thread to another, without locks or system calls.
+// Ring buffer for bytes from one thread to another, without locks or system calls.
 #pragma once
 
 #include <algorithm>
@@ -17,12 +17,12 @@ class Ring {
     written_.store(at + 1, std::memory_order_release);
     return true;
   }
-  // The oldest byte, which stays, or -1.
+  // Returns the oldest byte without removing it, or -1.
   int peek() const {
     const size_t at = read_.load(std::memory_order_relaxed);
     return written_.load(std::memory_order_acquire) == at ? -1 : bytes_[at % Places];
   }
-  // Copies up to `most` of the oldest bytes, which stay; returns how many.
+  // Copies up to `most` of the oldest bytes without removing them; returns their number.
   size_t copy(uint8_t* to, size_t most) const {
     const size_t at = read_.load(std::memory_order_relaxed);
     const size_t count = std::min(most, written_.load(std::memory_order_acquire) - at);

@@ -1,4 +1,4 @@
-/// `fifo` with a writer that keeps its promise and any reader.
+/// `fifo` with a writer that never overfills it, and any reader.
 module fifo_formal #(
   parameter int Width = 2,
   parameter int AddressBits = 2  // 2 or 3
@@ -11,7 +11,7 @@ module fifo_formal #(
   input logic             watch_i
 );
 
-  // The registers inside: flattening joins these wires with those of the same name.
+  // Internal registers: flattening connects these wires to those of the same name.
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.write_at_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.read_at_q ;
   (* hierconn *) wire [AddressBits:0] \i_fifo.stored_q ;

@@ -1,12 +1,12 @@
-/// What a FIFO promises its reader, and what must hold inside for that.
+/// The contract of `fifo` towards its reader, and the invariants that prove it.
 ///
-/// All about `fifo`, from its ports and from its registers. One word is watched: watch_i chooses,
-/// at any clock, the one written in it. As the solver is free in that choice, what holds for it
-/// holds for every word.
+/// The properties use the ports and the registers of `fifo`. One word is watched: watch_i selects
+/// the word that is written in that clock. The solver chooses freely, so that what holds for this
+/// word holds for every word.
 module fifo_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 2,
-  parameter bit Assume = 1'b0  // the writer's promise is assumed, else proved
+  parameter bit Assume = 1'b0  // 1: the writer's obligation is assumed, 0: proved
 ) (
   input logic                             clk_i,
   input logic                             rst_ni,
@@ -31,7 +31,7 @@ module fifo_properties #(
   input logic [Width-1:0]                 word_i,
   input logic [Width-1:0]                 read_data_i,
   input logic [(Width<<AddressBits)-1:0]  words_i,
-  // for the proofs that build on this one
+  // for proofs that use this one
   output logic [AddressBits:0]            count_o,
   output logic                            watching_o,
   output logic [AddressBits:0]            ahead_o,
@@ -52,7 +52,7 @@ module fifo_properties #(
   end
   assign count_o = count_q;
 
-  // ---- the writer's promise ----
+  // ---- the writer's obligation: never overfill ----
   always @(posedge clk_i) begin
     if (rst_ni && write_i) begin
       if (Assume) assume(count_q < Room);
@@ -60,7 +60,7 @@ module fifo_properties #(
     end
   end
 
-  // ---- the word watched: how many are ahead of it ----
+  // ---- the watched word, and the number of words ahead of it ----
   reg watching_q;
   reg [C-1:0] ahead_q;
   reg [Width-1:0] watched_q;
@@ -81,7 +81,7 @@ module fifo_properties #(
   assign ahead_o = ahead_q;
   assign watched_o = watched_q;
 
-  // ---- what was, one clock ago ----
+  // ---- values one clock ago ----
   reg stalled_q;
   reg [Width-1:0] out_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -90,9 +90,9 @@ module fifo_properties #(
   end
   always @(posedge clk_i) out_q <= out_i;
 
-  // ---- and some clocks ago ----
-  reg [3:0] first_q;   // a word came into the empty FIFO
-  reg [2:0] waits_q;   // a word lay in the memory
+  // ---- events some clocks ago ----
+  reg [3:0] first_q;   // a word was written into the empty FIFO
+  reg [2:0] waits_q;   // a word was in the memory
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       first_q <= 0;
@@ -110,7 +110,7 @@ module fifo_properties #(
       held_valid: assert(!stalled_q || valid_i);
       stable_data: assert(!stalled_q || out_i == out_q);
       out_of_nothing: assert(!valid_i || count_q != 0);
-      // Taken as the n-th if written as the n-th, with the same bits.
+      // The word written as the n-th is taken as the n-th, with the same bits.
       in_order: assert(!(watching_q && ahead_q == 0 && valid_i) || out_i == watched_q);
       none_lost: assert(!watching_q || ahead_q < count_q);
       overflow: assert(!(write_i && stored_i == Room));
@@ -120,7 +120,7 @@ module fifo_properties #(
     end
   end
 
-  // ---- what holds inside, and makes the contract inductive ----
+  // ---- invariants that make the contract inductive ----
   wire [C+1:0] total = stored_i + held_i;
   wire [C-1:0] flying = ahead_q - ready_words_i;   // among the words on the way
   wire [C-1:0] deep = ahead_q - held_i;            // among those in the memory
@@ -139,7 +139,7 @@ module fifo_properties #(
           && (first_q[2] == 0 || asked_i[1]));
       inside_waits: assert((!waits_q[0] || asked_i[0] || held_i >= 3)
           && (!waits_q[1] || asked_i[1] || ready_words_i >= 2));
-      // The memory empties as fast as it is filled, but where the places at the output are taken.
+      // The memory empties as fast as it is filled, unless the places at the output are taken.
       inside_stored: assert((waits_q[0] || stored_i <= 1)
           && (waits_q[1] || stored_i <= 1 || (stored_i <= 2 && held_i >= 3))
           && (waits_q[2] || stored_i <= 1 || (stored_i <= 3 && ready_words_i >= 1)));
@@ -154,7 +154,7 @@ module fifo_properties #(
     end
   end
 
-  // ---- it happens ----
+  // ---- covers ----
   if (Assume) begin : gen_cover
     reg was_full_q, round_q;
     always @(posedge clk_i or negedge rst_ni) begin

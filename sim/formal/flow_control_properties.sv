@@ -1,13 +1,13 @@
-/// `flow_control` around a pipeline of any function: a ray carries its index in place of its data.
+/// `flow_control` around a pipeline of any function: a ray carries its index instead of data.
 ///
-/// The n-th ray accepted goes in with the index n, comes out of the pipeline Latency clocks later,
-/// and must be the n-th to leave. Where no ray was accepted the pipeline carries anything (junk_i).
-/// Indices count modulo 2^(AddressBits+1), twice the rays that can be on the way at once.
+/// The n-th accepted ray enters with the index n, leaves the pipeline Latency clocks later, and
+/// must be the n-th to leave. A stage without a ray carries arbitrary data (junk_i). Indices count
+/// modulo 2^(AddressBits+1), twice the number of rays that can be inside.
 module flow_control_properties #(
   parameter int Latency = 4,
   parameter int AddressBits = 4,             // 4: the FIFO's words below are written out
   parameter int Index = AddressBits + 1,
-  parameter bit Guide = 1'b0  // covers: rays always come, none is taken until all is full
+  parameter bit Guide = 1'b0  // covers: a ray is always offered, none is taken until full
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
@@ -17,15 +17,15 @@ module flow_control_properties #(
   input  logic [Index-1:0] junk_i,
   output logic             idle_o,
   output logic             accept_o,
-  output logic             watched_enters_o,  // the ray watched is accepted
-  output logic             watched_inside_o   // it is on the way or waits
+  output logic             watched_enters_o,  // the watched ray is accepted
+  output logic             watched_inside_o   // it is inside
 );
 
   localparam int Room = 1 << AddressBits;
-  // Clocks with the reader ready after which the input is open again, whatever was before.
+  // Clocks with a ready reader after which the input is open again, from any state.
   localparam int Reopens = 4;
 
-  // The registers inside: flattening joins these wires with those of the same name.
+  // Internal registers: flattening connects these wires to those of the same name.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
   (* hierconn *) wire \i_flow.open_q ;
   (* hierconn *) wire [Latency-1:0] \i_flow.gen_marks[0].valid_q ;
@@ -93,9 +93,9 @@ module flow_control_properties #(
     .valid_o(valid), .ready_i, .data_o(index)
   );
 
-  // ---- the ray watched: any index ----
+  // ---- the watched ray: any index ----
   (* anyconst *) reg [Index-1:0] watch;
-  wire [Index-1:0] before = watch - left_q;  // rays to leave before it
+  wire [Index-1:0] before = watch - left_q;  // rays that leave before it
   assign accept_o = accept;
   assign watched_enters_o = accept && accepted_q == watch;
   assign watched_inside_o = before < taken;
@@ -134,7 +134,7 @@ module flow_control_properties #(
 
   // ---- rays in the pipeline: young[s] in the stages up to s ----
   wire [Latency*Index-1:0] young;
-  wire [Latency-1:0] stage_right;  // a ray in this stage has the index that its place says
+  wire [Latency-1:0] stage_right;  // the ray in this stage has the right index
   for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
     if (s == 0) assign young[0 +: Index] = marks[0];
     else assign young[s*Index +: Index] = young[(s-1)*Index +: Index] + marks[s];
@@ -143,7 +143,7 @@ module flow_control_properties #(
   end
   wire [Index-1:0] inside = young[(Latency-1)*Index +: Index];
 
-  // ---- how long it has been so ----
+  // ---- durations ----
   reg [2:0] flows_q;        // clocks with the reader ready and no hold
   reg [Latency+3:0] entered_q;  // the clocks in which a ray was accepted
   always @(posedge clk_i or negedge rst_ni) begin
@@ -167,14 +167,14 @@ module flow_control_properties #(
       hold: assert(!hold_i || !ready);
       idle: assert(idle_o == (accepted_q == left_q));
       idle_empty: assert(!idle_o || (marks == 0 && !valid && waiting == 0));
-      // A reader that is always ready keeps the input open, and gets a ray in the clock Latency + 4
-      // after each that was accepted, or an earlier one that had to wait.
+      // A reader that is always ready keeps the input open. Latency + 4 clocks after a ray was
+      // accepted it gets that ray, or an earlier one that had to wait.
       open: assert(flows_q < Reopens || hold_i || ready);
       no_bubble: assert(!entered_q[Latency+3] || valid);
     end
   end
 
-  // ---- what holds inside ----
+  // ---- invariants ----
   always @(posedge clk_i) begin
     if (rst_ni) begin
       inside_taken: assert(accepted_q == left_q + taken);
@@ -192,7 +192,7 @@ module flow_control_properties #(
     end
   end
 
-  // ---- it happens ----
+  // ---- covers ----
   reg was_full_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) was_full_q <= 0;

@@ -1,7 +1,7 @@
-/// How `ray_lenslet` ties its parts: `config_bank` takes a copy only while `flow_control` is idle.
+/// `ray_lenslet` as a whole: `config_bank` makes a copy only while `flow_control` is idle.
 ///
-/// The pipeline between them is any function of the configuration and of the ray, of fixed latency:
-/// what matters is the configuration in the clocks in which a ray is in it.
+/// The pipeline is any function of configuration and ray with a fixed latency. The properties say
+/// that the configuration does not change while a ray is in the pipeline.
 module ray_lenslet_properties #(
   parameter int Latency = 3,
   parameter int Width = 2   // of the configuration
@@ -29,7 +29,7 @@ module ray_lenslet_properties #(
 
   // ---- the configuration as each ray sees it ----
   reg [Width-1:0] entered_with_q, used_q;
-  reg known_q, idle_q;  // known_q: used_q and idle_q are the last clock's, without a reset between
+  reg known_q, idle_q;  // known_q: used_q and idle_q are valid, no reset since
   always @(posedge clk_i) begin
     if (enters) entered_with_q <= used;
     used_q <= used;
@@ -40,9 +40,9 @@ module ray_lenslet_properties #(
     else known_q <= 1;
   end
 
-  // ---- a configuration that is applied and left alone ----
+  // ---- a configuration that is applied and then not changed ----
   (* anyconst *) reg [Width-1:0] wanted;
-  reg steady_q;   // applied in an earlier clock (or by the reset), and written ever since
+  reg steady_q;   // applied in an earlier clock (or by reset), unchanged since
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) steady_q <= 1;
     else steady_q <= config_i == wanted && (steady_q || apply_i);
@@ -59,7 +59,7 @@ module ray_lenslet_properties #(
     end
   end
 
-  // ---- it happens ----
+  // ---- covers ----
   reg [1:0] changed_q;  // changes between rays
   reg waited_q;         // a copy had to wait for rays on the way
   always @(posedge clk_i or negedge rst_ni) begin

@@ -1,11 +1,12 @@
 `default_nettype none
 
-/// ECP5's block memory in the place of `block_ring`.
+/// `block_ring` in ECP5's block memory.
 ///
-/// Same ports and behaviour as rtl/optics/block_ring.sv. A word is read Cycles - 3 clocks after it was written, the memory answers after two, and a
-/// register lets the word travel; no place is read and written at once. The place that is read
-/// follows from the one that is written, so that any start is right after a clock. Kept as a module
-/// of its own in synthesis, or all rings would share their counters.
+/// Same ports and behaviour as rtl/optics/block_ring.sv. A word is read Cycles - 3 clocks after it
+/// was written; the memory has a latency of two, and an output register adds one. No address is
+/// read and written in the same clock. The read address follows from the write address, so that the
+/// initial address does not matter after a clock. The hierarchy is kept in synthesis: merged rings
+/// would share their counters.
 (* keep_hierarchy *)
 module block_ring #(
   parameter int Width = 1,
@@ -16,7 +17,7 @@ module block_ring #(
   output logic [Width-1:0] q_o
 );
 
-  // At least 3, so that a refused Cycles gets to its message.
+  // At least 3, so that elaboration reaches the error message of an illegal Cycles.
   localparam int PlaceBits = Cycles > 8 ? $clog2(Cycles) : 3;
 
   if (Width < 1 || Cycles < 5) begin : gen_illegal
@@ -24,7 +25,7 @@ module block_ring #(
   end
 
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start with unknown words
+  initial write_at_q = '0;  // for simulators whose registers start unknown
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
 

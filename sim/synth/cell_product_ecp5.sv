@@ -1,10 +1,10 @@
 `default_nettype none
 
-/// ECP5's multiplier cells in the place of `cell_product`: one for the upper parts, one for each
-/// cross term, all with their own registers.
+/// `cell_product` in ECP5's multiplier cells: one for the upper parts, one for each cross term, all
+/// with their own registers.
 ///
-/// Same ports and behaviour as rtl/optics/cell_product.sv. One more register lets the operands
-/// travel to the cells.
+/// Same ports and behaviour as rtl/optics/cell_product.sv. One more register, before the cells,
+/// shortens the operands' path.
 module cell_product #(
   parameter int Wa = 18,
   parameter int Wb = 18,
@@ -21,7 +21,7 @@ module cell_product #(
 
   localparam int La = low_bits(Wa);
   localparam int Lb = low_bits(Wb);
-  localparam int Cells = 4;  // a register before the cell, and its own
+  localparam int Cells = 4;  // the register before the cell, and the cell's own
   localparam int Wc = Wa + Wb + 1;
 
   logic signed [Wa-1:0] a_q;

@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// Ports of ECP5's multiplier cell, for the reader of SystemVerilog; place-and-route knows the rest.
+/// Ports of ECP5's multiplier cell, as a black box; place-and-route knows the rest.
 module MULT18X18D #(
   parameter REG_INPUTA_CLK = "NONE",
   parameter REG_INPUTA_CE = "NONE",

@@ -1,9 +1,9 @@
 `default_nettype none
 
-/// ECP5's block memory in the place of `fifo_memory`: the register at its output is the cell's own.
+/// `fifo_memory` in ECP5's block memory, with the cell's output register.
 ///
 /// Same ports and behaviour as rtl/optics/fifo_memory.sv, in cells of 1024 words x 18 bits: port A
-/// writes, port B reads. A word that is read while it is written is not defined; no FIFO does that.
+/// writes, port B reads. Reading a word while it is written is undefined; no FIFO does that.
 module fifo_memory #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// Tells the latency of a build when it is elaborated, for the report of place-and-route.
+/// Prints the latency of a build during elaboration, for the report of place-and-route.
 module latency #(
   parameter int F = 23,
   parameter int Grid = optics_pkg::GridSquare,

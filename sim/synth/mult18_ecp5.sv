@@ -1,6 +1,6 @@
 `default_nettype none
 
-/// ECP5's multiplier cell in the place of `mult18`: all three ranks of its registers are used.
+/// `mult18` in ECP5's multiplier cell; all three ranks of its registers are used.
 ///
 /// Same ports and behaviour as rtl/optics/mult18.sv. The cell is a black box to yosys.
 module mult18 (

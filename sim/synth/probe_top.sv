@@ -1,10 +1,9 @@
 `default_nettype none
 
-/// What place-and-route is given: the whole `ray_lenslet` between registers that a few pins fill and
-/// read.
+/// The top for place-and-route: `ray_lenslet` between registers that a few pins fill and read.
 ///
-/// Every input of the engine comes from a shift register or a register, every output goes into a
-/// folded one, so that nothing is optimised away and no path to a pin counts.
+/// Every input of the engine comes from a register or a shift register, and every output is
+/// combined into a register: no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,

@@ -1,10 +1,11 @@
 `default_nettype none
 
-/// ECP5's distributed memory in the place of `ring`, for 2 to 17 cycles.
+/// `ring` in ECP5's distributed memory, for 2 to 17 cycles.
 ///
-/// Same ports and behaviour as rtl/optics/ring.sv. A word is read Cycles - 1 clocks after it was written; the register behind adds one. The place
-/// that is read follows from the one that is written, so that any start is right after a clock.
-/// Kept as a module of its own in synthesis, or all rings would share their counters.
+/// Same ports and behaviour as rtl/optics/ring.sv. A word is read Cycles - 1 clocks after it was
+/// written; the output register adds one. The read address follows from the write address, so that
+/// the initial address does not matter after a clock. The hierarchy is kept in synthesis: merged
+/// rings would share their counters.
 (* keep_hierarchy *)
 module ring #(
   parameter int Width = 1,
@@ -25,7 +26,7 @@ module ring #(
 
   (* ram_style = "distributed" *) logic [Width-1:0] places[Places];
   logic [PlaceBits-1:0] write_at_q, read_at_q;
-  initial write_at_q = '0;  // for simulators that start with unknown words
+  initial write_at_q = '0;  // for simulators whose registers start unknown
 
   always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
   always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 2);

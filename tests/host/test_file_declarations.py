@@ -75,6 +75,9 @@ def test_the_schema_says_what_the_reader_checks():
     }
     assert panel["allOf"] == [{"oneOf": [{"required": ["pixel_pitch_mm"]}, {"required": ["dpi"]}]}]
     assert set(top["properties"]["array"]["properties"]["grid"]["enum"]) == {"square", "hex"}
+    # Scenes keep tables of their own beside their placement.
+    assert schema_of("placement")["additionalProperties"] is True
+    assert schema_of("placement")["properties"]["placement"]["additionalProperties"] is False
     assert "null" not in json.dumps([schema_of(kind) for kind in FILES])
     assert "$ref" not in json.dumps([schema_of(kind) for kind in FILES])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -113,8 +113,9 @@ class Placement:
 
 @dataclass(frozen=True)
 class PlacementFile:
-    """The file beside a scene."""
+    """The file beside a scene; other programs may keep tables of their own in it."""
 
+    other_tables: ClassVar = True
     placement: Placement
 
 
@@ -126,5 +127,4 @@ def load_placement(path: Path) -> Placement:
     InputError
         Naming file, key and remedy.
     """
-    raw = toml.load(path, "placement")
-    return toml.read(PlacementFile, {name: raw[name] for name in raw if name == "placement"}, str(path)).placement
+    return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement
