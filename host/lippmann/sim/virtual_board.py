@@ -268,11 +268,8 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         "Width": panel.width_px,
         "Height": panel.height_px,
     }
-    edges = timing(panel.width_px, panel.height_px)
-    numbers |= {
-        "HFront": edges.h_front, "HSync": edges.h_sync, "HBack": edges.h_back,
-        "VFront": edges.v_front, "VSync": edges.v_sync, "VBack": edges.v_back,
-    }  # fmt: skip
+    edges = timing(panel.width_px, panel.height_px)._asdict()
+    numbers |= {name.title().replace("_", ""): value for name, value in edges.items()}  # h_front: HFront
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
