@@ -71,7 +71,9 @@ def encoded_values(radiance: npt.NDArray[Any], transfer: str, bits: int) -> npt.
     """
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
-    return np.rint(np.rint(encode(radiance, transfer) * levels) * (np.iinfo(kind).max / levels)).astype(kind)
+    level = np.rint(encode(radiance, transfer) * levels)
+    # In double: float32 would round the spread levels of 9 to 15 bits twice.
+    return np.rint(level * np.float64(np.iinfo(kind).max / levels)).astype(kind)
 
 
 def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
