@@ -6,10 +6,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lippmann.api import capture, load_scene, observe, render, view
     from lippmann.board.board import Board
+    from lippmann.capturing.setup import load_setup
     from lippmann.display import Display, load_display, parse_display
     from lippmann.engines import trace, trace_to_panel
+    from lippmann.integral_image import IntegralImage
     from lippmann.optics.rays import Hits, Rays, Status
+    from lippmann.rendering.placement import Placement
 
 __version__ = "0.1.0"
 
@@ -17,25 +21,42 @@ __all__ = [
     "Board",
     "Display",
     "Hits",
+    "IntegralImage",
+    "Placement",
     "Rays",
     "Status",
+    "capture",
     "load_display",
+    "load_scene",
+    "load_setup",
+    "observe",
     "parse_display",
+    "render",
     "trace",
     "trace_to_panel",
+    "view",
 ]
 
 _HOMES = {
+    "lippmann.api": ("capture", "load_scene", "observe", "render", "view"),
     "lippmann.board.board": ("Board",),
+    "lippmann.capturing.setup": ("load_setup",),
     "lippmann.display": ("Display", "load_display", "parse_display"),
     "lippmann.engines": ("trace", "trace_to_panel"),
+    "lippmann.integral_image": ("IntegralImage",),
     "lippmann.optics.rays": ("Hits", "Rays", "Status"),
+    "lippmann.rendering.placement": ("Placement",),
 }
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name at its first use, so that the command line starts at once."""
+    """Import a public name at its first use, so that the command line starts quickly."""
     for home, names in _HOMES.items():
         if name in names:
             return getattr(import_module(home), name)
     raise AttributeError(f"module 'lippmann' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    """Return the public names, for completion in a notebook."""
+    return [*__all__, "__version__"]

@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
-from lippmann.images import check_output, encode, replacing
+from lippmann.images import Radiance, check_output, encoded_values, replacing
 
 if TYPE_CHECKING:
     import PIL.Image
 
 ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
-#: Time that each view stands, ms.
+#: Duration of a frame, ms.
 FRAME_MS = 80
-
-
-def to_srgb8(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-    """Encode linear radiance (height, width, 3) for a screen."""
-    return np.asarray(np.rint(encode(radiance, "srgb") * 255.0), np.uint8)
+#: Bytes of each pixel of each frame, in Pillow's copies of the frames (measured).
+FRAME_BYTES = 13
 
 
 def write_animation(
-    path: str | Path,
-    views: Sequence[npt.NDArray[np.float32]],
-    there_and_back: bool = True,
-    frame_ms: float = FRAME_MS,
+    path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> None:
-    """Write views as an endless GIF or animated PNG; `there_and_back` runs them to and fro, `frame_ms` each stands.
+    """Write views as an endless GIF or animated PNG.
+
+    Parameters
+    ----------
+    path
+        .gif, .png or .apng.
+    views
+        (height, width, 3) linear radiance each; taken one at a time, and kept in 8 bits (`animation_mb`).
+    there_and_back
+        Whether the views run to and fro.
+    frame_ms
+        Duration of each view.
 
     Raises
     ------
@@ -40,15 +42,15 @@ def write_animation(
     from PIL import Image
 
     path = check_output(path, ANIMATION_SUFFIXES)
-    frames = [Image.fromarray(to_srgb8(view)) for view in views]
-    if there_and_back:
-        frames += frames[-2:0:-1]
+    frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     with replacing(path) as partial:
         if kind == "GIF":
-            # One palette for all frames and no dither: what does not move costs nothing, and nothing flickers.
-            palette = _common_palette(frames[: len(views)])
+            # One palette and no dither: parts at rest take no space and do not flicker.
+            palette = _common_palette(frames)
             frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+        if there_and_back:
+            frames += frames[-2:0:-1]
         frames[0].save(
             partial,
             format=kind,
@@ -60,8 +62,13 @@ def write_animation(
         )
 
 
+def animation_mb(frames: int, width_px: int, height_px: int) -> float:
+    """Return the memory of the frames of an animation while `write_animation` runs, MB."""
+    return frames * width_px * height_px * FRAME_BYTES / 1e6
+
+
 def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
-    """Return an image whose palette of 256 colours suits all frames, from a small copy of each."""
+    """Return an image with a palette of 256 colours for all frames, from a small copy of each."""
     from PIL import Image
 
     side = 96
@@ -73,11 +80,11 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 
 def write_contact_sheet(
     path: str | Path,
-    views: Sequence[npt.NDArray[np.float32]],
+    views: Sequence[Radiance],
     captions: Sequence[str],
     columns: int = 3,
 ) -> None:
-    """Write views side by side in rows, each with a caption below it.
+    """Write views in rows, each with a caption below it.
 
     Raises
     ------
@@ -100,7 +107,7 @@ def write_contact_sheet(
     for k, (view, caption) in enumerate(zip(views, captions, strict=True)):
         x = margin + (k % columns) * (width + margin)
         y = margin + (k // columns) * (height + line + margin)
-        sheet.paste(Image.fromarray(to_srgb8(view)), (x, y))
+        sheet.paste(Image.fromarray(encoded_values(view, "srgb", 8)), (x, y))
         draw.text((x, y + height + 4), caption, fill=(230, 230, 230))
     with replacing(path) as partial:
         sheet.save(partial, format="PNG")

@@ -1,4 +1,4 @@
-"""An image on a panel of the host's graphics card: every pixel where it belongs, unscaled, full-screen (SDL)."""
+"""Images on the host's screens (SDL): unscaled on the whole of a panel, or in a window on the desktop."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Pixels = npt.NDArray[np.uint8]
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Seconds between two looks at the keyboard.
 LOOK_S = 0.05
+#: Largest window, as a share of the desktop.
+WINDOW_SHARE = 0.9
 
 
 def monitors() -> list[tuple[int, int]]:
@@ -78,14 +80,46 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
         held = np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
         if shown is not None:
             shown()
-        until = None if seconds is None else time.monotonic() + seconds
-        while (until is None or time.monotonic() < until) and not _asked_to_end(pygame):
-            time.sleep(LOOK_S)
+        _wait(pygame, seconds)
         return held
     except pygame.error as error:
         raise DeviceError(f"the desktop refuses a full screen ({error}); run it in a graphical session") from None
     finally:
         pygame.display.quit()
+
+
+def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
+    """Show an image (height, width, 3) uint8 in a window until it is closed (Escape, q), or for some seconds.
+
+    An image larger than the desktop is scaled down.
+
+    Raises
+    ------
+    DeviceError
+        When there is no desktop.
+    """
+    width, height = monitors()[0]
+    scale = min(1.0, WINDOW_SHARE * width / image.shape[1], WINDOW_SHARE * height / image.shape[0])
+    pygame = _pygame()
+    try:
+        picture = pygame.surfarray.make_surface(image.swapaxes(0, 1))
+        size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
+        screen = pygame.display.set_mode(size)
+        pygame.display.set_caption(title)
+        screen.blit(pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, (0, 0))
+        pygame.display.flip()
+        _wait(pygame, seconds)
+    except pygame.error as error:
+        raise DeviceError(f"the desktop refuses a window ({error})") from None
+    finally:
+        pygame.display.quit()
+
+
+def _wait(pygame: Any, seconds: float | None) -> None:
+    """Wait for Escape, q or the close button, or some seconds."""
+    until = None if seconds is None else time.monotonic() + seconds
+    while (until is None or time.monotonic() < until) and not _asked_to_end(pygame):
+        time.sleep(LOOK_S)
 
 
 def _asked_to_end(pygame: Any) -> bool:

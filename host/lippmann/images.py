@@ -1,12 +1,13 @@
-"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata that names the display.
+"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata.
 
-Reading and writing is OpenImageIO's. A file appears whole or not at all: it is written beside its place under another
-name and moved there at the end.
+OpenImageIO reads and writes them. A file appears whole or not at all: it is written under a temporary name in the same
+folder and renamed at the end.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import re
 import struct
@@ -21,29 +22,30 @@ import numpy.typing as npt
 from lippmann.errors import InputError, MissingLibraryError, input_error
 from lippmann.stderr import silent_stderr
 
-#: Formats and what they hold.
+#: Formats with linear radiance, and with panel values.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
 ENCODED_SUFFIXES = (".png",)
 SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
-#: Longest file name: file systems end at 255 bytes, and the partial file's name is longer.
+#: Longest file name, bytes: file systems allow 255, and the temporary name is longer.
 MAX_NAME_BYTES = 220
 #: Largest half float.
 HALF_MAX = 65504.0
 #: Most channels of an image: colours and alpha.
 MAX_CHANNELS = 4
-#: Most bytes of texts in a PNG that may be compressed: each can swell a thousandfold, and all are read at once.
+#: Most bytes of compressed texts in a PNG: each may expand a thousandfold, and all are read at once.
 MAX_TEXT_BYTES = 1 << 18
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
 
-Image = npt.NDArray[np.float32]
+#: Linear radiance, (height, width, 3).
+Radiance = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Linear radiance (height, width, 3) float32 and the metadata that came with it (keys without prefix)."""
+    """An image file's linear radiance (height, width, 3) float32 and its metadata (keys without prefix)."""
 
-    radiance: Image
+    radiance: Radiance
     metadata: dict[str, str]
 
 
@@ -60,8 +62,31 @@ def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
     raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
+def encoded_values(radiance: npt.NDArray[Any], transfer: str, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
+    """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
+
+    Returns
+    -------
+    uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
+    """
+    levels = (1 << bits) - 1
+    kind = np.uint8 if bits <= 8 else np.uint16
+    level = np.rint(encode(radiance, transfer) * levels)
+    # In double: float32 would round the spread levels of 9 to 15 bits twice.
+    return np.rint(level * np.float64(np.iinfo(kind).max / levels)).astype(kind)
+
+
+def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
+    """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(encoded_values(radiance, "srgb", 8)).save(stream, "PNG")
+    return stream.getvalue()
+
+
 def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio of two linear pictures, compared as sRGB values."""
+    """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
@@ -81,12 +106,12 @@ def decode(values: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Refuse a path that cannot be written, before any work is done.
+    """Check before a long computation that a file can be written.
 
     Raises
     ------
     InputError
-        For an unknown extension, a missing or read-only folder, a path that is a folder.
+        For an unknown extension, a missing or read-only folder, and a path that is a folder.
     """
     path = Path(path)
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -95,7 +120,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         known = ", ".join(suffixes)
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {known}")
     if path.suffix.lower() in SUFFIXES:
-        # Found missing now rather than after the render.
+        # Raises now, not after the render, when the library is missing.
         _openimageio()
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give a file name")
@@ -109,7 +134,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a name to write to; move it to `path` on success, remove it on any failure.
+    """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
     Raises
     ------
@@ -135,18 +160,18 @@ def write_picture(
     transfer: str = "srgb",
     bits: int = 8,
 ) -> None:
-    """Write a picture.
+    """Write an image file.
 
     Parameters
     ----------
     path
-        .exr (half float), .tif (float) for linear radiance; .png for panel values.
+        .exr (half float) or .tif (float) for linear radiance; .png for panel values.
     radiance
         (height, width, 3), linear.
     metadata
         Keys without prefix.
     transfer, bits
-        The panel's curve and depth, for PNG: up to 8 bits make an 8-bit file, more a 16-bit one.
+        The panel's transfer curve and bits, for PNG (see `encoded_values`); its metadata name them.
 
     Raises
     ------
@@ -157,35 +182,28 @@ def write_picture(
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
-    entries = dict(metadata)
     pixels: npt.NDArray[Any]
     if suffix in ENCODED_SUFFIXES:
-        levels = (1 << bits) - 1
-        deep = bits > 8
-        values = np.rint(encode(radiance, transfer) * levels)
-        # A panel of fewer bits than the file spreads its levels over the file's range.
-        full = 65535 if deep else 255
-        pixels = np.rint(values * (full / levels)).astype(np.uint16 if deep else np.uint8)
-        kind = oiio.UINT16 if deep else oiio.UINT8
-        entries["transfer"] = transfer
+        pixels = encoded_values(radiance, transfer, bits)
+        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
+        entries = {**metadata, "transfer": transfer, "bits": str(bits)}
     else:
         pixels = np.asarray(radiance, np.float32)
-        kind = oiio.HALF if suffix == ".exr" else oiio.FLOAT
+        kind = oiio.FLOAT
         if suffix == ".exr":
-            pixels = np.minimum(pixels, np.float32(HALF_MAX))
-        # With `bits`, the key names the panel's curve; the file itself is linear.
-        entries.setdefault("transfer", "linear")
+            pixels, kind = np.minimum(pixels, np.float32(HALF_MAX)), oiio.HALF
+        entries = dict(metadata)
     spec = oiio.ImageSpec(width, height, 3, kind)
-    if suffix == ".exr":
-        spec.attribute("compression", "zip")
-        entries_as_attributes(spec, entries)
-    elif suffix == ".png":
+    if suffix == ".png":
         spec.attribute("oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear")
-        entries_as_attributes(spec, entries)
     else:
         spec.attribute("compression", "zip")
-        # TIFF has no free keys: all of them go into the description.
+    if suffix in (".tif", ".tiff"):
+        # TIFF has no free keys: all entries go into the description.
         spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))
+    else:
+        for key, value in entries.items():
+            spec.attribute(PREFIX + key, value)
     with replacing(path) as partial:
         out = oiio.ImageOutput.create(str(partial))
         if out is None:
@@ -194,19 +212,19 @@ def write_picture(
             good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
             trouble = _first_line(out.geterror(), partial)
             good = out.close() and good
-        # OpenImageIO takes no notice when a PNG is cut short by a full disk.
+        # OpenImageIO does not notice when a full disk truncates a PNG.
         if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, pixels, kind):
-            good, trouble = False, "not all of it arrived on the disk"
+            good, trouble = False, "the disk holds only part of it"
         if not good:
             raise input_error(str(path), f"cannot be written ({trouble})", "free space or choose another place")
 
 
 def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
-    """Tell whether a file holds these pixels."""
+    """Tell whether a file contains these pixels."""
     with silent_stderr():
         source = oiio.ImageInput.open(str(path))
         if source is None:
-            oiio.geterror()  # else it prints it at exit
+            oiio.geterror()  # otherwise printed at exit
             return False
         try:
             found = source.read_image(kind)
@@ -216,32 +234,26 @@ def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
             source.close()
 
 
-def entries_as_attributes(spec: Any, entries: Mapping[str, str]) -> None:
-    """Put metadata into a file's header, one key each."""
-    for key, value in entries.items():
-        spec.attribute(PREFIX + key, value)
-
-
 def read_picture(
     path: str | Path,
     limit: tuple[int, int] | None = None,
     accept: Callable[[Mapping[str, str]], None] | None = None,
 ) -> Picture:
-    """Read a picture as linear radiance.
+    """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
     Parameters
     ----------
     path
         An image file that OpenImageIO reads.
     limit
-        (width, height) that the picture must have; checked before its pixels are read.
+        (width, height) that the image must have; checked before its pixels are read.
     accept
-        Called with the metadata before the pixels are read; raises for a picture that is not wanted.
+        Called with the metadata before the pixels are read; raises to refuse the image.
 
     Raises
     ------
     InputError
-        When the file is missing, broken, of another size, or no flat image.
+        When the file is missing, broken, of another size, or not a flat image.
     """
     oiio = _openimageio()
     path = Path(path)
@@ -265,16 +277,16 @@ def _read(
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
-        # OpenImageIO has limits of its own, before it tells the size.
+        # OpenImageIO refuses large images before it gives their size.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
-        raise input_error(str(path), f"is no image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
+        raise input_error(str(path), f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
     try:
         spec = source.spec()
         if limit is not None:
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
-            raise input_error(str(path), f"is no flat image of 1 to {MAX_CHANNELS} channels", "render it again")
+            raise input_error(str(path), f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
@@ -286,24 +298,24 @@ def _read(
         source.close()
     values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
     if not np.isfinite(values).all():
-        raise input_error(str(path), "holds pixels that are not finite", "render it again")
+        raise input_error(str(path), "contains pixels that are not finite", "render it again")
     if values.shape[2] < 3:
         values = np.repeat(values[:, :, :1], 3, axis=2)
     values = np.ascontiguousarray(values[:, :, :3])
-    encoded = path.suffix.lower() not in LINEAR_SUFFIXES
-    transfer = metadata.get("transfer", "srgb") if encoded else "linear"
-    return Picture(decode(values, transfer), metadata)
+    # The transfer curve in a linear file's metadata is the panel's.
+    linear = path.suffix.lower() in LINEAR_SUFFIXES
+    return Picture(decode(values, "linear" if linear else metadata.get("transfer", "srgb")), metadata)
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
-    """Refuse a picture of another size than the panel's."""
+    """Refuse an image that has not the panel's size."""
     if size != limit:
         what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
         raise input_error(str(path), what, "render it for this display")
 
 
 def _check_texts(path: Path) -> None:
-    """Refuse a PNG with more texts than any picture needs, which would fill time and memory as it is opened."""
+    """Refuse a PNG with so many compressed texts that opening it would take too much time and memory."""
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return
@@ -312,13 +324,13 @@ def _check_texts(path: Path) -> None:
             size, kind = struct.unpack(">I4s", head)
             texts += size * (kind in (b"zTXt", b"iTXt"))
             if texts > MAX_TEXT_BYTES:
-                raise input_error(str(path), f"holds more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
+                raise input_error(str(path), f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
             stream.seek(size + 4, os.SEEK_CUR)
 
 
 def _first_line(trouble: str, path: Path) -> str:
-    """Return the first of a library's lines of what went wrong with a file, whose name we tell ourselves."""
-    return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "it does not say why")
+    """Return the first line of a library's error message, without the file's name."""
+    return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "no reason given")
 
 
 def _metadata_of(spec: Any) -> dict[str, str]:

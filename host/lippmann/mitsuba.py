@@ -1,7 +1,7 @@
-"""Mitsuba's sensor plugin `integral`: a display's integral image from plain Mitsuba, XML and all.
+"""Mitsuba's sensor plugin `integral`: plain Mitsuba, and its XML files, render a display's integral image.
 
-Import this module after `mitsuba.set_variant`; it registers the plugin for the variant that is set, which must be one
-for arrays of rays in three colours (`llvm_ad_rgb`, `cuda_ad_rgb`). Call `register` again after a change of variant.
+Import this module after `mitsuba.set_variant`; it registers the plugin for the current variant, which must be a
+vectorised RGB variant (`llvm_ad_rgb`, `cuda_ad_rgb`). Call `register` again after a change of variant.
 Parameters: docs/reference/mitsuba-sensor.md.
 """
 
@@ -21,24 +21,24 @@ from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, STRIPES, lines_from_pixels
 from lippmann.variant import VARIANTS, current_device
 
-#: Singular values of `to_world` that are as good as equal: float32 transforms, many of them in a row.
+#: Relative difference of singular values of `to_world` that counts as none: chains of float32 transforms.
 SAME_SCALE = 1e-4
 
 
 def register() -> None:
-    """Make the sensor `integral` known to Mitsuba for the variant that is set.
+    """Register the sensor `integral` for Mitsuba's current variant.
 
     Raises
     ------
     InputError
-        When no variant is set, or one that traces single rays, or in other colours than three.
+        When the variant is not a vectorised RGB variant, or none is set.
     """
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
         raise InputError(
-            f"sensor 'integral': variant {mi.variant()} is none for arrays of rays in three colours; "
-            "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' before"
+            f"sensor 'integral': variant {mi.variant()} is not a vectorised RGB variant; "
+            "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first"
         )
     mi.register_sensor("integral", _sensor_class(mi))
 
@@ -59,7 +59,7 @@ def _sensor_class(mi: Any) -> Any:
             self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
             if not math.isfinite(self.near_mm):
-                raise InputError(f"sensor 'integral': near_mm {self.near_mm} is no depth; give mm")
+                raise InputError(f"sensor 'integral': near_mm {self.near_mm} is not a depth; give mm")
             _check_pose(np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, np.float64))
             self.m_needs_sample_2 = True
             self.m_needs_sample_3 = self.full
@@ -78,23 +78,23 @@ def _sensor_class(mi: Any) -> Any:
                 third = mi.Float(u - dr.floor(u)) - 0.5
                 weight = mi.Color3f([dr.select(dr.abs(third - offset) <= 1.0 / 6.0, 3.0, 0.0) for offset in stripes])
             aperture = square_to_cell(b, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
-            point, way, alive = lines_from_pixels(b, self.display, u, v, aperture, self.model)
-            # Towards the display, from in front of everything, as the viewer looks.
-            t = (self.near_mm - point[2]) / way[2]
-            start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(self.near_mm))
+            point, direction, through = lines_from_pixels(b, self.display, u, v, aperture, self.model)
+            # Towards the display, from in front of the scene, as the viewer looks.
+            t = (self.near_mm - point[2]) / direction[2]
+            start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
             to_scene = self.world_transform()
-            ray = mi.Ray3f(to_scene @ start, dr.normalize(to_scene @ mi.Vector3f(*(-c for c in way))), time, [])
-            return ray, mi.Spectrum(dr.select(alive & active, weight, 0.0))
+            ray = mi.Ray3f(to_scene @ start, dr.normalize(to_scene @ mi.Vector3f(*(-c for c in direction))), time, [])
+            return ray, mi.Spectrum(dr.select(through & active, weight, 0.0))
 
         def sample_ray_differential(
             self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
         ) -> tuple[Any, Any]:
-            """Return the rays of `sample_ray`: neighbours leave by other lenslets, so there are no differentials."""
+            """Return the rays of `sample_ray`, without differentials: neighbours may leave through other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
         def bbox(self) -> Any:
-            """Return nothing: the sensor takes no room in the scene."""
+            """Return an empty box."""
             return mi.ScalarBoundingBox3f()
 
         def to_string(self) -> str:
@@ -105,15 +105,19 @@ def _sensor_class(mi: Any) -> Any:
 
 
 def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
-    """Refuse a pose that bends the display, hides it, or mirrors it: no lenslets make such an image."""
+    """Refuse a pose that distorts or mirrors the display."""
     turn = to_world[:3, :3]
     if not np.isfinite(to_world).all():
-        raise InputError("sensor 'integral': to_world holds numbers that are not finite; give a turn, shift and scale")
+        raise InputError(
+            "sensor 'integral': to_world contains numbers that are not finite; give a rotation, translation and scale"
+        )
     size = np.linalg.svd(turn, compute_uv=False)
     if not size[0] - size[2] <= SAME_SCALE * size[0] or not size[2] > 0.0:
-        raise InputError("sensor 'integral': to_world scales not alike in all directions, or by 0; give one scale")
+        raise InputError(
+            "sensor 'integral': to_world does not scale equally in all directions, or scales by 0; give one scale"
+        )
     if np.linalg.det(turn) < 0.0:
-        raise InputError("sensor 'integral': to_world is a mirror; turn the display instead")
+        raise InputError("sensor 'integral': to_world mirrors the display; rotate it instead")
 
 
 def _choice(props: Any, name: str, default: str, options: tuple[str, ...]) -> str:

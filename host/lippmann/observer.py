@@ -1,14 +1,15 @@
-"""What an eye sees of a panel that shows an integral image, through the real lenslets.
+"""The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
 
-Backwards along the light: from the eye through a point of the view's window (plane z = 0) to the array, through the
-lenslets by `trace_to_panel`'s optics, to the panel pixel, or the pixel's colour stripe, that emits there. Crosstalk
-comes out by itself: a ray that lands in a neighbour's cell sees the neighbour's pixel, as the eye does.
+Rays are traced against the light: from the eye through a point of the view's window (plane z = 0) to the array, through
+the lenslets as `trace_to_panel` does, to the panel pixel, or the pixel's colour stripe, that emits there. A ray that
+lands in a neighbour's cell sees the neighbour's pixel: this is crosstalk.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.images import Picture
+from lippmann.images import Radiance, write_picture
+from lippmann.integral_image import Showable
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.pixel_rays import pixels_from_rays
 from lippmann.optics.rays import Model, Status
@@ -40,7 +42,7 @@ class Eye:
     pupil_mm
         Diameter of the pupil; 0 for a pinhole.
     focus_z_mm
-        Depth of the plane that it focuses on.
+        Depth of the plane in focus.
     """
 
     position_mm: tuple[float, float, float]
@@ -59,43 +61,42 @@ class Eye:
             raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
 
-@dataclass(frozen=True)
-class View:
-    """What the eye sees: (height, width, 3) float32 radiance, and the share of rays by status."""
+@dataclass(frozen=True, eq=False)
+class View(Showable):
+    """What an eye sees.
 
-    radiance: npt.NDArray[np.float32]
+    Attributes
+    ----------
+    radiance
+        (height, width, 3) float32, linear.
+    status_share
+        Share of the rays by status (`lippmann.Status`).
+    metadata
+        What a file of the view carries.
+    """
+
+    radiance: Radiance
     status_share: dict[str, float]
+    metadata: dict[str, str] = field(default_factory=dict)
+
+    def save(self, path: str | Path) -> None:
+        """Write the view: .exr or .tif with linear radiance, .png in sRGB.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written.
+        """
+        write_picture(path, self.radiance, self.metadata)
 
 
 def whole_window(display: Display, width_px: int | None = None) -> Window:
-    """Return the window that covers the panel; left out, `width_px` is one pixel for each lenslet."""
+    """Return the window that covers the panel, `width_px` wide; None: one pixel for each lenslet."""
     panel = display.panel
     if width_px is None:
         width_px = max(1, round(panel.width_mm / display.array.pitch_mm))
     height_px = max(1, round(width_px * panel.height_mm / panel.width_mm))
     return Window(panel.width_mm, panel.height_mm, width_px, height_px)
-
-
-def check_identity(picture: Picture, display: Display, source: str, force: bool = False) -> None:
-    """Refuse an image that was rendered for another display, unless forced.
-
-    Raises
-    ------
-    InputError
-        When the identities differ or the image carries none.
-    """
-    identity = picture.metadata.get("identity")
-    if force or identity == display.identity:
-        return
-    carried = (
-        "carries no display identity"
-        if identity is None
-        else f"was rendered for display '{picture.metadata.get('display', '?')}' ({identity})"
-    )
-    raise InputError(
-        f"{source}: {carried}, not for '{display.name}' ({display.identity}); "
-        f"give the display that it was rendered for, or --force"
-    )
 
 
 def observe(
@@ -117,9 +118,9 @@ def observe(
     display
         The display that shows it, which may be misaligned.
     eye
-        Where the eye is.
+        The eye.
     window
-        What part of the plane z = 0 the view covers, and its pixels.
+        The part of the plane z = 0 that the view covers, and its pixels.
     samples
         Rays for each pixel of the view.
     model
@@ -127,12 +128,12 @@ def observe(
     seed
         Of the sample points.
     crosstalk
-        Whether rays that land in a neighbour's cell see it (else they see black).
+        Whether rays that land in a neighbour's cell see it; otherwise they see black.
 
     Raises
     ------
     InputError
-        When the picture has not the panel's size, or samples is out of range.
+        When the image has not the panel's size, or samples is out of range.
     """
     mi = mitsuba()
     import drjit as dr
@@ -146,7 +147,7 @@ def observe(
     if not 1 <= samples <= 65536:
         raise InputError(f"samples {samples} is out of range; give 1 to 65536")
     if 3 * panel.width_px * panel.height_px >= 2**32:
-        raise InputError(f"the panel of '{display.name}' has more values than 32 bits count; take a smaller one")
+        raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b = DrJitBackend(current_device())
     system = System.of(display)
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
@@ -158,8 +159,8 @@ def observe(
         index = dr.arange(mi.UInt32, count * samples)
         pixel = first + index // samples
         sample = index % samples
-        origin, way = _eye_rays(b, eye, window, pixel, sample, seed)
-        hits = pixels_from_rays(b, system, origin, way, model)
+        origin, direction = _eye_rays(b, eye, window, pixel, sample, seed)
+        hits = pixels_from_rays(b, system, origin, direction, model)
         seen = (hits.status == int(Status.OK)) | (
             (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
         )
@@ -169,7 +170,7 @@ def observe(
         colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
         stripes = STRIPES[panel.subpixels]
         if stripes is not None:
-            # A stripe emits its one colour from a third of the pixel, three times as bright there.
+            # A stripe emits one colour from a third of the pixel, three times as bright.
             stripe = mi.Int(dr.clip(dr.floor((hits.u - dr.floor(hits.u)) * 3.0), 0, 2))
             order = [round(3.0 * offset) + 1 for offset in stripes]
             colour = [dr.select(stripe == order[k], 3.0 * c, 0.0) for k, c in enumerate(colour)]
@@ -204,7 +205,7 @@ def _eye_rays(
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed, stream=1)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
-        # The line through the pupil's centre says which point of the focused plane this pixel shows.
+        # The line through the pupil's centre meets the plane in focus at the point that this pixel shows.
         reach = (eye.position_mm[2] - eye.focus_z_mm) / eye.position_mm[2]
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
         ex = ex + b.double(disk.x) * (0.5 * eye.pupil_mm)

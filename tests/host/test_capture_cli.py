@@ -125,10 +125,10 @@ def test_vignetting_is_told(place, capfd, mi):
 @pytest.mark.parametrize(
     ("old", "new", "more", "said"),
     [
-        ("aperture_mm = 300", "aperture_mm = 0.0001", (), "lens.aperture_mm: no ray of the picture gets through"),
+        ("aperture_mm = 300", "aperture_mm = 0.0001", (), "lens.aperture_mm: no ray of the image gets through"),
         ("position_mm = -60", "position_mm = -300", (), "array.position_mm: -300 mm is outside the image space"),
         ("position_mm = -60", "position_mm = -500", (), "outside the image space"),
-        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene reaches to"),
+        ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene extends"),
         ("", "", ("--size", "70"), "fewer than 2; give a larger --size"),
         ("", "", ("--size", "0"), "size 0 is out of range"),
         ("distance_mm = 1450", "distance_mm = 412", (), "the scene's image reaches the camera, 411.9 mm behind"),
@@ -136,7 +136,7 @@ def test_vignetting_is_told(place, capfd, mi):
         ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
         ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
         ("", "", ("--aperture", "chief"), "--aperture is for a [pickup]"),
-        ("", "", ("--memory-mb", "nan"), "--memory-mb nan is no limit; give a number above 0"),
+        ("", "", ("--memory-mb", "nan"), "--memory-mb nan is not a limit; give a number above 0"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
         ("", "", ("--samples", "0"), "samples 0 is out of range"),
         ("", "", ("--setup", "none.toml"), "none.toml: no such file; give the path of a set-up file"),
@@ -190,7 +190,7 @@ def test_all_is_lost_in_the_array(place, capfd, mi):
     )
     change(place, "position_mm = -60", "position_mm = 0")
     _, err = capture(capfd, code=2)
-    assert "array: no ray of the picture gets through the lenslets" in err
+    assert "array: no ray of the image gets through the lenslets" in err
     assert "lens.aperture_mm" not in err
 
 
@@ -215,7 +215,7 @@ def test_the_same_again(place, capfd, mi):
     capture(capfd, "--display-out", "shows.toml", "--size", "200")
     assert (place / "shows.toml").read_bytes() == written
     _, err = capture(capfd, "--display-out", "shows.toml", "--size", "120", code=2)
-    assert "shows.toml: exists already and is not the display of this picture; give another name" in err
+    assert "shows.toml: exists already and is not the display of this image; give another name" in err
     assert (place / "shows.toml").read_bytes() == written
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.capturing.depths import shown
+from lippmann.capturing.depths import appearance
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.setup import Pickup, load_setup
 from lippmann.measure.depth import CENTRES, WIDE, Depth, measure_depths, report_text, strip_of
@@ -37,7 +37,7 @@ def test_the_formula_is_the_one_of_the_equations(position):
     setup = load_setup(SETUPS / f"{name}.toml")
     z = np.array([50.0, 0.0, -120.0, -300.0])
     for rotated in (True, False):
-        got = shown(setup, z, rotated)
+        got = appearance(setup, z, rotated)
         gap = setup.display.gap_mm
         assert got.depth_mm == pytest.approx(lens_equations(z, position, gap=gap, rotated=rotated), rel=1e-9)
         # What stands nearer to the lens appears nearer to the eye when rotated, and farther off when not.
@@ -66,7 +66,7 @@ def test_an_ideal_lens_and_a_pickup(mi):
     assert setup.pickup == Pickup(4.8)
     (depth,) = measure_depths(setup, 0.0, True)
     assert depth == pytest.approx(60.0, rel=0.03)
-    assert float(shown(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
+    assert float(appearance(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
 
 
 def test_concave_lenslets_need_no_rotation(mi):

@@ -575,7 +575,7 @@ def test_a_display_that_does_not_match_the_picture(place, picture, capfd):
 def test_pictures_that_cannot_be_read(place, picture, capfd):
     look = ("observe", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.png")
     assert "absent.exr: no such image; render it first" in refused(capfd, *look, "absent.exr")
-    assert "tiny.toml: is no image" in refused(capfd, *look, "tiny.toml")
+    assert "tiny.toml: is not an image" in refused(capfd, *look, "tiny.toml")
     picture.write_bytes(picture.read_bytes()[:-100])
     assert "a.exr: is truncated or broken" in refused(capfd, *look, "a.exr")
 
@@ -605,7 +605,7 @@ SLOW_RENDER = """
 import signal
 import sys
 import lippmann.cli.render as command
-import lippmann.render.renderer as renderer
+import lippmann.rendering.renderer as renderer
 from lippmann.cli import main
 # A shell may have told its background jobs to ignore it.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -18,9 +18,10 @@ from lippmann.errors import InputError
 from lippmann.film.film import load_film
 from lippmann.film.path import Key
 from lippmann.film.path import Path as FilmPath
-from lippmann.film.shot import Options, render_shot, shots_of
+from lippmann.film.shot import render_shot, shots_of
 from lippmann.film.video import write_video
 from lippmann.images import encode, psnr_db, read_picture
+from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import depths_of, load_scene
@@ -158,13 +159,13 @@ def test_later_objects_move_what_earlier_ones_moved(place, mi):
 def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
-    display, options = load_display(place / "small.toml"), Options("exact", settings=Settings(samples=1))
-    moved, _ = render_shot(shots_of(film, display, options)[4])
+    display, options = load_display(place / "small.toml"), RenderOptions("exact", settings=Settings(samples=1))
+    moved = render_shot(shots_of(film, display, options)[4]).radiance
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )
-    there, _ = render_shot(shots_of(film_of(place, FILM), display, options)[0])
-    still, _ = render_shot(shots_of(film_of(place, FILM), display, options)[4])
+    there = render_shot(shots_of(film_of(place, FILM), display, options)[0]).radiance
+    still = render_shot(shots_of(film_of(place, FILM), display, options)[4]).radiance
     assert psnr_db(moved, there) > 60.0
     np.testing.assert_array_equal(there, still)
 
@@ -195,7 +196,7 @@ def test_the_world_moves_as_render_places_it(place):
 def test_scale_shrinks_the_whole_film(place, mi):
     """A quarter of everything: depths, paths and all."""
     film = film_of(place, FILM + MOVE.format("ball-*", 0, 0, 40))
-    shots = [shots_of(film, load_display(place / "small.toml"), Options(scale=s))[4] for s in (1.0, 0.25)]
+    shots = [shots_of(film, load_display(place / "small.toml"), RenderOptions(), s)[4] for s in (1.0, 0.25)]
     boxes = [depths_of(load_scene(shot.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
     np.testing.assert_allclose(0.25 * np.array(boxes[0]), boxes[1], rtol=1e-6)
     assert boxes[0][1] == pytest.approx(42.0, abs=1e-4)  # ball-1's front
@@ -208,7 +209,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
 
     def picture(near):
         film = film_of(place, near + FILM + flight)
-        return render_shot(shots_of(film, load_display(place / "small.toml"), Options("exact"))[0])[0]
+        return render_shot(shots_of(film, load_display(place / "small.toml"), RenderOptions("exact"))[0]).radiance
 
     seen, from_40, cut = (picture(near) for near in ("", "near_mm = 40.0\n", "near_mm = 4.0\n"))
     assert psnr_db(seen, from_40) > 50.0
@@ -312,14 +313,14 @@ def test_a_changed_picture_or_mesh_is_noticed(place, mi):
     picture = '<texture type="bitmap" name="reflectance"><string name="filename" value="skin.png" /></texture>'
     (place / "three.xml").write_text(SCENE.replace('<rgb name="reflectance" value="0.8, 0.2, 0.1" />', picture))
     film, display = load_film(place / "film.toml"), load_display(place / "small.toml")
-    before = [shot.identity for shot in shots_of(film, display, Options())]
-    assert before == [shot.identity for shot in shots_of(film, display, Options())]
+    before = [shot.identity for shot in shots_of(film, display, RenderOptions())]
+    assert before == [shot.identity for shot in shots_of(film, display, RenderOptions())]
     assert len(set(before)) == 5
     Image.new("RGB", (2, 2), (0, 200, 0)).save(place / "skin.png")
-    assert not set(before) & {shot.identity for shot in shots_of(film, display, Options())}
+    assert not set(before) & {shot.identity for shot in shots_of(film, display, RenderOptions())}
     (place / "skin.png").unlink()
     with pytest.raises(InputError, match=r"skin\.png"):
-        shots_of(film, display, Options())
+        shots_of(film, display, RenderOptions())
 
 
 def test_an_interrupted_film_goes_on(place, mi):
@@ -341,7 +342,7 @@ def test_an_interrupted_film_goes_on(place, mi):
     told = json.loads(done.stdout)
     assert (told["kept"], told["rendered"]) == (len(there), frames - len(there))
     assert there.items() <= times(place / "out").items()
-    display, options = load_display(place / "small.toml"), Options(settings=Settings(samples=16))
+    display, options = load_display(place / "small.toml"), RenderOptions(settings=Settings(samples=16))
     shots = shots_of(load_film(place / "film.toml"), display, options)
     for k in (0, len(there) - 1, len(there), frames - 1):
         radiance, _ = render_shot(shots[k])

@@ -175,7 +175,7 @@ def test_truncated_files_are_refused(tmp_path, suffix):
     whole = path.read_bytes()
     for share in (0.0, 0.02, 0.5, 0.9):
         path.write_bytes(whole[: int(share * len(whole))])
-        with pytest.raises(InputError, match=rf"a\{suffix}: is (no image|truncated or broken)") as caught:
+        with pytest.raises(InputError, match=rf"a\{suffix}: is (not an image|truncated or broken)") as caught:
             read_picture(path)
         assert "\n" not in str(caught.value)
 
@@ -184,7 +184,7 @@ def test_truncated_files_are_refused(tmp_path, suffix):
 def test_files_that_are_no_image_are_refused(tmp_path, name):
     path = tmp_path / name
     path.write_text("width_px = 3\n" * 50)
-    with pytest.raises(InputError, match=r"is no image.*give an EXR, TIFF or PNG"):
+    with pytest.raises(InputError, match=r"is not an image.*give an EXR, TIFF or PNG"):
         read_picture(path)
     with pytest.raises(InputError, match="no such image"):
         read_picture(tmp_path / "absent.exr")

@@ -1,6 +1,5 @@
 """The observer: panels painted so that what an eye must see is known."""
 
-import dataclasses
 import itertools
 import math
 
@@ -8,8 +7,7 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.images import Picture
-from lippmann.observer import Eye, View, check_identity, observe, whole_window
+from lippmann.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.sources import Window
 from optics_cases import GRIDS, SIDES, random_display
@@ -267,20 +265,6 @@ def test_stripes_keep_the_mean(mi, layout):
 
 
 # --- bookkeeping ----------------------------------------------------------------------------------
-
-
-def test_identity_is_checked():
-    display = display_for()
-    other = dataclasses.replace(display, gap_mm=display.gap_mm + 0.1)
-    pixels = np.zeros((1, 1, 3), np.float32)
-    good = Picture(pixels, {"identity": display.identity, "display": display.name})
-    check_identity(good, display, "a.exr")
-    with pytest.raises(InputError, match=rf"a\.exr.*{display.identity}.*{other.identity}.*--force"):
-        check_identity(good, other, "a.exr")
-    with pytest.raises(InputError, match=r"a\.png: carries no display identity.*--force"):
-        check_identity(Picture(pixels, {}), display, "a.png")
-    check_identity(good, other, "a.exr", force=True)
-    check_identity(Picture(pixels, {}), display, "a.png", force=True)
 
 
 @pytest.mark.parametrize("shape", [(10, 10, 3), (DOWN * UNDER, ACROSS * UNDER, 4), (ACROSS * UNDER, DOWN * UNDER, 3)])

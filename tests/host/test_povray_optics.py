@@ -17,7 +17,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import lattice_rows, setup_view
-from lippmann.rendering.renderer import Settings, render
+from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import load_scene, placement_beside
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light
@@ -88,7 +88,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
     source = CaptureSource(setup, 1, "chief", 0, "llvm")
-    ours = render(scene, source, Settings()).radiance
+    ours = render_rays(scene, source, Settings()).radiance
     assert (ours > 0.0).any(axis=-1).mean() > 0.5
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
     difference, _ = compare(theirs, ours, around(scene, source, OUTLINE_PX[:1]), setup)
@@ -98,7 +98,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
     assert difference.unexplained < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
-    rows = render(scene, Rows(source, 8), Settings()).radiance
+    rows = render_rays(scene, Rows(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 
@@ -115,7 +115,7 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 10\nfar_mm = -150")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
-    ours = render(scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
+    ours = render_rays(scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
     print(theirs.sum() / ours.sum())
     assert (ours > 0.0).mean() > 0.05
     assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)

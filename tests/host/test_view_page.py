@@ -297,9 +297,9 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi):
     ("words", "message"),
     [
         (("none.png",), "no such image"),
-        (("text.png",), "no image"),
+        (("text.png",), "not an image"),
         (("wide.png",), "40 x 20"),
-        (("direct.png",), "identity"),
+        (("direct.png",), "names no display"),
         (("a.png", "--display", "other.toml"), "--force"),
         (("a.png", "-o", "a.png"), "unknown extension"),
         (("a.png", "-o", "none/a.html"), "does not exist"),

@@ -1,4 +1,4 @@
-"""Takes the picture of a scene through imaging lens and array, and turns its elemental images."""
+"""Renders what a camera or sensor captures of a scene through imaging lens and array, and rotates elemental images."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.capturing.depths import image_distance, shown
+from lippmann.capturing.depths import appearance, image_distance
 from lippmann.capturing.rays import CaptureSource
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.renderer import Progress, Rendered, Settings, render
+from lippmann.rendering.renderer import Progress, Rendered, Settings, render_rays
 from lippmann.rendering.scene import Scene, placement_beside
 from lippmann.variant import current_device, mitsuba
 
-#: Pixels whose rays are followed to measure the vignetting.
+#: Pixels whose rays are traced to measure the vignetting.
 PROBE_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True)
 class Vignetting:
-    """Per cent of the picture's rays that the lens's aperture cuts off, and that are lost in the array."""
+    """Percentage of the image's rays that the lens's aperture blocks, and that are lost in the array."""
 
     lens_percent: float
     array_percent: float
@@ -32,21 +32,21 @@ class Vignetting:
 
 @dataclass(frozen=True)
 class Captured:
-    """A picture that the set-up's display shows, and what was lost on the way."""
+    """An image for the set-up's display, and its losses."""
 
     rendered: Rendered
     vignetting: Vignetting
 
 
 def vignetting(source: CaptureSource) -> Vignetting:
-    """Measure which share of the picture's rays is lost, over its pixels or a million of them at random."""
+    """Measure the share of the image's rays that is lost, over all pixels or a million of them at random."""
     mi = mitsuba()
     import drjit as dr
 
     total = source.width_px * source.height_px
     pixel = dr.arange(mi.UInt32, min(total, PROBE_PIXELS))
     if total > PROBE_PIXELS:
-        # Scattered at random: any regular step beats with the lenslets.
+        # At random, because any regular step beats with the lenslets.
         scattered, _ = mi.sample_tea_32(pixel, mi.UInt32(source.seed & 0xFFFFFFFF))
         pixel = mi.UInt32((mi.UInt64(scattered) * total) >> 32)
     _, through_array, through_lens = source.rays(pixel, mi.UInt32(0))
@@ -55,96 +55,95 @@ def vignetting(source: CaptureSource) -> Vignetting:
     return Vignetting(100.0 * float(np.mean(in_array & ~in_both)), 100.0 * float(np.mean(~in_array)))
 
 
-def check_stand(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene, loaded with the set-up's placement, that cannot be captured where it stands.
+def check_placement(scene: Scene, setup: Setup) -> None:
+    """Refuse a scene, loaded with the set-up's placement, that cannot be captured.
 
     Raises
     ------
     InputError
-        When the scene reaches into the lens or its image to the camera, or when the array stands outside the scene's
-        image space.
+        When the scene extends into the lens or its image to the camera, or when the array is outside the image space.
     """
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
     front = subject.distance_mm - (0.0 if lens is None else lens.extent_mm[1] - lens.hiatus_mm)
     if near >= front:
         raise InputError(
-            f"set-up '{setup.name}': the scene reaches to {near:.4g} mm before the object's centre, into what stands "
-            f"{front:.4g} mm before it; move the object away, or make the scene smaller"
+            f"set-up '{setup.name}': the scene extends {near:.4g} mm before the object's centre, beyond the lens or "
+            f"array {front:.4g} mm before it; move the object away, or make the scene smaller"
         )
     image = image_distance(setup, [far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
-        # At the focal length the image is infinitely far; it grows monotonically before.
+        # The image distance grows monotonically with the scene's nearness, to infinity at the focal length.
         at_infinity = far < subject.distance_mm - lens.focal_length_mm <= near
         if at_infinity or setup.array_distance_mm + to_camera <= image.max():
             reaches = "infinity" if at_infinity else f"{image.max():.4g} mm"
             raise InputError(
                 f"set-up '{setup.name}': camera.distance_mm: the scene's image reaches the camera, "
-                f"{setup.array_distance_mm + to_camera:.4g} mm behind the lens: it stands from {image[0]:.4g} mm to "
+                f"{setup.array_distance_mm + to_camera:.4g} mm behind the lens: it extends from {image[0]:.4g} mm to "
                 f"{reaches}; move the camera or the object away"
             )
-    # Where even one point's light would come from the whole display, nothing is left of an object.
+    # Beyond this depth the light of a single point comes from the whole display: an object is not recognisable.
     panel, array = setup.display.panel, setup.display.array
     reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.pitch_mm
-    depth = shown(setup, [far, near], rotated=True).depth_mm
+    depth = appearance(setup, [far, near], rotated=True).depth_mm
     if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
         raise InputError(
             f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
-            f"scene's image stands {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
+            f"scene's image is {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
             f"{setup.array_distance_mm:.4g} mm, and {max(panel.width_mm, panel.height_mm) / array.pitch_mm:.3g} "
             "lenslets across the display are too few for such a depth; give a position nearer to it, or a wider panel"
         )
 
 
-def stand_of(path: Path, setup: Setup, setup_path: str | Path) -> Placement:
-    """Return how a scene file stands before a set-up: its own placement, then the set-up's.
+def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = None) -> Placement:
+    """Return the placement of a scene file before a set-up: the file's own, then the set-up's.
 
-    A set-up that bears the scene's name, beside it, is no placement.
+    If the file beside the scene that has its name is the set-up's own (`setup_path`), it is not the scene's placement.
     """
     beside = path.with_suffix(".toml")
-    own = Placement() if beside.exists() and beside.samefile(setup_path) else placement_beside(path)
-    return own.then(setup.subject.placement)
+    is_setup = setup_path is not None and beside.exists() and beside.samefile(setup_path)
+    return (Placement() if is_setup else placement_beside(path)).then(setup.subject.placement)
 
 
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Captured:
-    """Take the picture of a scene.
+    """Render the image that a set-up captures of a scene.
 
     Parameters
     ----------
     scene
-        The scene, placed in the object's frame (`Subject.placement`).
+        The scene, placed in the object's frame (`placement_before`).
     setup
         The set-up.
     settings
         How to render; `aperture` is for a pickup.
     rotate
-        Whether elemental images are turned by 180 degrees.
+        Whether elemental images are rotated by 180 degrees.
     progress
-        See `render`.
+        See `render_rays`.
 
     Raises
     ------
     InputError
-        When the scene or the array stands where nothing can be seen, or no light gets through the lens.
+        When the scene cannot be captured (`check_placement`), or no light passes the array or the lens.
     """
-    check_stand(scene, setup)
+    check_placement(scene, setup)
     source = CaptureSource(setup, settings.samples, settings.aperture, settings.seed, current_device())
     lost = vignetting(source)
     if lost.array_percent >= 100.0:
         raise InputError(
-            f"set-up '{setup.name}': array: no ray of the picture gets through the lenslets: their domes reflect all "
-            "of it; give them a longer focal length, or a display whose lenslets are not seen at their rims alone"
+            f"set-up '{setup.name}': array: no ray of the image gets through the lenslets: total internal reflection; "
+            "give them a longer focal length, or a display with other lenslets"
         )
     if lost.lens_percent + lost.array_percent >= 100.0:
         raise InputError(
-            f"set-up '{setup.name}': lens.aperture_mm: no ray of the picture gets through the lens (vignetting "
+            f"set-up '{setup.name}': lens.aperture_mm: no ray of the image gets through the lens (vignetting "
             f"{lost.lens_percent:.4g} %, lost in the array {lost.array_percent:.4g} %); make the aperture larger"
         )
     with ThreadPoolExecutor(1) as other:
-        # Needs one core while Dr.Jit compiles, which takes one too.
+        # Takes one core, while compilation takes another.
         partner = other.submit(rotation_map, setup.display) if rotate else None
-        rendered = render(scene, source, settings, progress)
+        rendered = render_rays(scene, source, settings, progress)
         if partner is not None:
             rendered = replace(rendered, radiance=rotated(rendered.radiance, partner.result()))
     return Captured(rendered, lost)

@@ -1,15 +1,15 @@
-"""Where a captured point appears on the display, by the lens equations.
+"""Depth and size at which a captured point appears on the display, by the lens equations.
 
 To first order, with distances along the axis (mm):
 
 1. The imaging lens: 1/s' = 1/f - 1/s, and heights times m = -s'/s (Hecht, Optics, section 5.2).
-2. The point's image stands at z = a - s' before the array, a its distance from the lens; z < 0 when the light is
-   caught before it has come together.
-3. A camera, L from the array, sees elemental images from where each lenslet images its pinhole, v before the array:
-   1/v = 1/f' - 1/L. The pixel at u from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. A
-   pickup at D behind the array shows the one with slope -u/D through c.
-4. The display sends the pixel out with slope -u/g through c, g being its aperture distance; with +u/g when elemental
-   images are rotated.
+2. The point's image is at z = a - s' before the array, a being the array's distance from the lens; z < 0 when the
+   array intercepts the light before it converges.
+3. Each lenslet images the pinhole of a camera, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at
+   u from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. A pickup at D behind the array shows
+   the ray with slope -u/D through c.
+4. The display emits the pixel with slope -u/g through c, g being its aperture distance; with +u/g when elemental images
+   are rotated.
 
 The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
 z' = (g/D) z, x' = x for a pickup; rotation turns the sign of z'. v is negative for concave lenslets.
@@ -28,15 +28,15 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Shown:
-    """Points as the display shows them: depth (mm, positive in front of it) and size over that of the object."""
+class Appearance:
+    """Points as the display shows them: depth (mm, positive in front of it) and magnification of the object."""
 
     depth_mm: Floats
     magnification: Floats
 
 
 def image_distance(setup: Setup, z_mm: npt.ArrayLike) -> Floats:
-    """Return how far behind the lens the depths z (mm, object's frame) are imaged; for no lens, before the array."""
+    """Return the image distance behind the lens of depths z (mm, object's frame); without a lens, before the array."""
     s = setup.subject.distance_mm - np.asarray(z_mm, np.float64)
     if setup.lens is None:
         return -s
@@ -45,10 +45,10 @@ def image_distance(setup: Setup, z_mm: npt.ArrayLike) -> Floats:
         return np.asarray(s * f / (s - f))
 
 
-def shown(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Shown:
-    """Return where points at depths z (mm, object's frame) appear.
+def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
+    """Return how points at depths z (mm, object's frame) appear.
 
-    The images of all of them must stand before the camera (L + z > 0), which `check_stand` sees to.
+    Their images must all be before the camera (L + z > 0), which `check_placement` guarantees.
     """
     image = image_distance(setup, z_mm)
     size = -image / (setup.subject.distance_mm - np.asarray(z_mm, np.float64))
@@ -63,4 +63,4 @@ def shown(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Shown:
         perspective = distance / (distance + z)
         depth = (g / v) * (z - v) * perspective
         size = size * perspective
-    return Shown(-depth if rotated else depth, size)
+    return Appearance(-depth if rotated else depth, size)

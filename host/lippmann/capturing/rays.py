@@ -1,8 +1,8 @@
-"""The way of a captured ray: picture, array, imaging lens, object; against the light, as a ray tracer goes.
+"""The path of a captured ray, traced against the light: camera or sensor, array, imaging lens, object.
 
 **One frame from the camera to the lens.** x is right and y up as the camera sees them, z runs from the camera to the
-lens: a mirror image of a right-handed frame, which neither a lenslet nor a lens can tell from one. So the array is
-traced by the display's own `leave_panel`, the camera's or sensor's side of it being the panel's side.
+lens. This mirrors a right-handed frame, which changes nothing for lenslets and lenses. So the display's own
+`leave_panel` traces the array, with the camera or sensor in place of the panel.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lippmann.variant import mitsuba
 
 
 class CapturedRays(NamedTuple):
-    """Rays in the object's frame (double), heading for the scene, and what they got through."""
+    """Rays in the object's frame (double) towards the scene, and which passed the array and the lens."""
 
     ray: Ray
     through_array: Arr
@@ -30,14 +30,14 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the array's optics as they stand while the picture is taken."""
+    """Return the array's optics during the capture."""
     return replace(System.of(setup.captured), concave=setup.concave)
 
 
 def rays_from_picture(
     b: Backend, setup: Setup, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None = None
 ) -> CapturedRays:
-    """Trace from the picture to the object space.
+    """Trace rays from the image's pixels to the object space.
 
     Parameters
     ----------
@@ -46,18 +46,18 @@ def rays_from_picture(
     setup
         The set-up.
     u, v
-        Picture coordinates, double; see docs/reference/optics.md.
+        Pixel coordinates, double; see docs/reference/optics.md.
     aperture
-        For a pickup, the points of the lenslets' apertures that rays go through, lens-local, mm, array's axes; None
-        for their centres. A camera's pinhole leaves no choice.
+        For a pickup: the points of the lenslets' apertures that rays pass, from the lenslet's centre, mm, array's axes;
+        None for the centres. A camera's pinhole determines them.
     """
     system = system_of(setup)
     frame = system.frame
     px, py = frame.panel_from_pixel(u, v)
     i, j, x, y = system.lattice.locate(b, *frame.array_from_panel(px, py))
     if not isinstance(setup.pickup, Pickup):
-        # The camera sees this point of the array's first principal plane, which is where aperture points lie; the
-        # ray comes from the axis, L away.
+        # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
+        # is on the axis, at the distance L.
         to_camera = setup.camera_distance_mm
         assert to_camera is not None
         back = system.aperture_distance_mm / to_camera
@@ -73,12 +73,12 @@ def rays_from_picture(
 
 
 def _through_lens(b: Backend, setup: Setup, ray: Ray, through_array: Arr) -> CapturedRays:
-    """Trace rays, local to the array's vertices' plane, through the imaging lens to the object's frame."""
+    """Trace rays, given from the plane of the array's vertices, through the imaging lens to the object's frame."""
     lens = setup.lens
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0
     if lens is not None:
-        # A ray that is lost may have any direction: it goes along the axis instead.
+        # A lost ray may have any direction; it is set along the axis.
         ray = ray._replace(z=ray.z - setup.array_distance_mm, dz=b.where(passed, ray.dz, 1.0))
         ray, inside = lens.trace(b, ray)
         passed = passed & inside
@@ -88,7 +88,7 @@ def _through_lens(b: Backend, setup: Setup, ray: Ray, through_array: Arr) -> Cap
 
 @dataclass(frozen=True)
 class CaptureSource:
-    """The rays of a capture's picture, as the renderer wants them; `aperture` is for a pickup."""
+    """The rays of a captured image, as a `RaySource`; `aperture` is for a pickup."""
 
     setup: Setup
     samples: int
@@ -98,12 +98,12 @@ class CaptureSource:
 
     @property
     def width_px(self) -> int:
-        """Picture's width."""
+        """Image width."""
         return self.setup.display.panel.width_px
 
     @property
     def height_px(self) -> int:
-        """Picture's height."""
+        """Image height."""
         return self.setup.display.panel.height_px
 
     @property
@@ -134,7 +134,7 @@ class CaptureSource:
 
 
 def lines_of(rays: CapturedRays) -> Lines:
-    """Return lines of sight, in the object's frame, as the renderer wants them."""
+    """Return captured rays as lines of sight in the object's frame."""
     mi = mitsuba()
     ray, through_array, through_lens = rays
     point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))

@@ -214,7 +214,7 @@ class SetupFile:
     """The keys of a set-up file."""
 
     name: Annotated[str | None, key("name of the set-up in reports", default="the file's name")] = None
-    display: Annotated[str | DisplayFile, key("display file, its path relative to the set-up file; or its tables")]
+    display: Annotated[str | DisplayFile, key("display file, its path relative to the set-up file; or its tables")]  # type: ignore[valid-type]
     object: Subject
     lens: LensKeys | None = None
     array: ArrayKeys = ArrayKeys()

@@ -1,4 +1,4 @@
-"""`lippmann export`: scenes and optics for other people's ray tracers."""
+"""`lippmann export`: scenes and optics for other ray tracers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import cast
 
 import click
 
-from lippmann.capturing.capture import check_stand, stand_of
+from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.setup import load_setup
 from lippmann.cli.options.common import device_option, json_option
 from lippmann.cli.output import emit
@@ -34,7 +34,7 @@ def command() -> None:
 @click.argument("scene_path", metavar="SCENE")
 @click.option("--display", "display_path", metavar="FILE", help="Display file (.toml): the rays of its pixels.")
 @click.option("--setup", "setup_path", metavar="FILE", help="Set-up file (.toml): camera, lenslets and imaging lens.")
-@click.option("-o", "output", required=True, metavar="FOLDER", help="Where the files go; made when missing.")
+@click.option("-o", "output", required=True, metavar="FOLDER", help="The files' folder; made when missing.")
 @click.option("--model", type=click.Choice(MODELS), help="Lens model of a display's rays.  [default: exact]")
 @device_option
 @json_option
@@ -47,20 +47,20 @@ def povray(
     device: str,
     as_json: bool,
 ) -> None:
-    """Write files that POV-Ray 3.7 renders, linear as Lippmann renders.
+    """Write files that POV-Ray 3.7 renders to linear images.
 
-    With a set-up, its camera, lenslets and imaging lens are objects of POV-Ray's scene; what comes out is the picture
-    that `lippmann capture --no-rotate` makes. With a display, POV-Ray follows the rays of its pixels, one each.
+    With a set-up, its camera, lenslets and imaging lens are objects in POV-Ray's scene, which renders the image of
+    `lippmann capture --no-rotate`. With a display, POV-Ray traces one ray for each of its pixels.
 
-    A scene may hold spheres, rectangles, ply and obj meshes; diffuse, plastic, mirror and dielectric; bitmaps; point
-    lights. Anything else is refused by name.
+    A scene may contain spheres, rectangles, ply and obj meshes; diffuse, plastic, mirror and dielectric materials;
+    bitmaps; point lights. Anything else is an error.
 
     Example: lippmann export povray scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o out/pov
     """
     if (display_path is None) == (setup_path is None):
-        raise InputError("give one of --display and --setup: what POV-Ray looks through")
+        raise InputError("give one of --display and --setup, which POV-Ray shall render through")
     if model is not None and setup_path is not None:
-        raise InputError("--model is for --display: a set-up's lenslets are objects of POV-Ray's; leave it out")
+        raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
     folder = check_folder(Path(output))
     path = check_scene_file(scene_path)
     exported: Exported
@@ -69,8 +69,8 @@ def povray(
         view = setup_view(setup)
         panel = setup.display.panel
         start_mitsuba(device)
-        scene = load_scene(path, stand_of(path, setup, setup_path))
-        check_stand(scene, setup)
+        scene = load_scene(path, placement_before(setup, path, setup_path))
+        check_placement(scene, setup)
         exported = write_folder(scene, view, folder)
     else:
         assert display_path is not None
@@ -94,8 +94,8 @@ def povray(
             f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(output)} && povray {exported.ini.name}"
         )
         if exported.spare_rows:
-            click.echo(f"the picture has {exported.spare_rows} row more than the panel, on top: take it off")
+            click.echo(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
         if at is None:
-            click.echo(f"POV-Ray is not here; {POVRAY.remedy}")
+            click.echo(f"POV-Ray is not installed; {POVRAY.remedy}")
 
     emit(result, as_json, text)

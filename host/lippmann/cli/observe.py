@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 import numpy as np
 
+from lippmann import api
 from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
 from lippmann.cli.options.common import (
     Finite,
@@ -21,11 +22,11 @@ from lippmann.cli.options.common import (
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
-from lippmann.images import SUFFIXES, check_output, read_picture, write_picture
-from lippmann.observer import Eye, check_identity, observe, whole_window
+from lippmann.images import SUFFIXES, check_output
+from lippmann.integral_image import IntegralImage
+from lippmann.observer import Eye, whole_window
 from lippmann.optics.rays import Model
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
-from lippmann.variant import start_mitsuba
 
 MAX_VIEW_PX = 16384
 
@@ -44,7 +45,7 @@ MAX_VIEW_PX = 16384
 @click.option(
     "--width",
     type=click.IntRange(1, MAX_VIEW_PX),
-    default=600,
+    default=api.VIEW_PX,
     show_default=True,
     help="Pixels of the view.",
 )
@@ -56,15 +57,13 @@ MAX_VIEW_PX = 16384
     help="Rays for each pixel of the view.",
 )
 @click.option("--pupil", type=Finite(), default=0.0, show_default=True, help="Diameter of the pupil, mm.")
-@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z that the eye focuses on, mm.")
+@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z in focus, mm.")
 @model_option
-@click.option("--no-crosstalk", is_flag=True, help="Black where a neighbour's elemental image would be seen.")
-@click.option(
-    "--rotation-error", type=Finite(), default=0.0, show_default=True, help="Array turned by so many degrees."
-)
-@click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Array moved, mm.")
-@click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Array lifted, mm.")
-@click.option("--pitch-scale", type=Finite(), default=1.0, show_default=True, help="Array stretched by a factor.")
+@click.option("--no-crosstalk", is_flag=True, help="Show black in place of a neighbour's elemental image.")
+@click.option("--rotation-error", type=Finite(), default=0.0, show_default=True, help="Rotation of the array, degrees.")
+@click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Shift of the array, mm.")
+@click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Change of the gap, mm.")
+@click.option("--pitch-scale", type=Finite(), default=1.0, show_default=True, help="Factor on the array's pitch.")
 @click.option(
     "--sweep",
     type=Vector(2),
@@ -79,7 +78,7 @@ MAX_VIEW_PX = 16384
     help="Views of a sweep.",
 )
 @click.option("--sheet", metavar="SHEET.png", help="Contact sheet of a sweep.")
-@click.option("--force", is_flag=True, help="Show an image that was rendered for another display.")
+@click.option("--force", is_flag=True, help="Accept an image that was made for another display.")
 @seed_option
 @device_option
 @json_option
@@ -92,7 +91,7 @@ def command(
     samples: int,
     pupil: float,
     focus: float,
-    model: str,
+    model: Model,
     no_crosstalk: bool,
     rotation_error: float,
     offset_error: tuple[float, float],
@@ -106,7 +105,7 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Show what an eye sees through the lenslets, crosstalk and misalignment included.
+    """Show what an eye sees through the lenslets, with crosstalk and misalignment.
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
@@ -114,9 +113,9 @@ def command(
     for written in filter(None, (output, sheet)):
         if Path(written).exists() and Path(image_path).exists() and Path(written).samefile(image_path):
             raise InputError(f"{written}: is the image itself; give the view another name")
-    if sheet is not None and Path(sheet).resolve() == path.resolve():
-        raise InputError(f"{sheet}: is the animation too; give the sheet another name")
     if sheet is not None:
+        if Path(sheet).resolve() == path.resolve():
+            raise InputError(f"{sheet}: is the animation too; give the sheet another name")
         if sweep is None:
             raise InputError("--sheet shows a sweep; give --sweep X0,X1 too")
         check_output(sheet, (".png",))
@@ -136,39 +135,26 @@ def command(
         f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
         "give a smaller --width or fewer --frames",
     )
-    picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
-    check_identity(picture, display, image_path, force)
-    start_mitsuba(device)
+    image = IntegralImage.load(image_path, display, force)
     views = []
     with progress_bar("observe", quiet=as_json) as progress:
-        for k, one in enumerate(eyes):
-            views.append(
-                observe(
-                    picture.radiance,
-                    built,
-                    one,
-                    window,
-                    samples,
-                    cast(Model, model),
-                    seed,
-                    crosstalk=not no_crosstalk,
-                )
-            )
+        for one in eyes:
+            view = api.observe(
+                image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
+                crosstalk=not no_crosstalk, seed=seed, device=device,
+            )  # fmt: skip
+            views.append(view)
             if progress is not None:
-                progress(k + 1, len(eyes))
-    pictures = [view.radiance for view in views]
+                progress(len(views), len(eyes))
     if sweep is None:
-        metadata = {"view_of": Path(image_path).name, "display": display.name, "eye_mm": str(eye)}
-        write_picture(path, pictures[0], metadata)
+        views[0].metadata["view_of"] = Path(image_path).name
+        views[0].save(path)
     else:
-        write_animation(path, pictures)
+        write_animation(path, [view.radiance for view in views])
         if sheet is not None:
             chosen = np.linspace(0, frames - 1, min(frames, 9)).round().astype(int)
-            write_contact_sheet(
-                sheet,
-                [pictures[k] for k in chosen],
-                [f"eye x = {xs[k]:+.0f} mm" for k in chosen],
-            )
+            captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]
+            write_contact_sheet(sheet, [views[k].radiance for k in chosen], captions)
     result: dict[str, Any] = {
         "output": str(path),
         "sheet": sheet,
@@ -181,7 +167,7 @@ def command(
     }
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
-        log(f"note: up to {100 * dark:.1f} % of the rays end beside the panel (its border is dark from here)")
+        log(f"note: up to {100 * dark:.1f} % of the rays end beside the panel, so the view has a dark border")
 
     def text() -> None:
         share = np.mean([view.status_share["crosstalk"] for view in views])

@@ -1,4 +1,4 @@
-"""`lippmann view`: a page to look at an integral image through its lenslets, in a browser."""
+"""`lippmann view`: a page that shows an integral image through its lenslets, in a browser."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from lippmann import api
 from lippmann.cli import interrupts
 from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
 from lippmann.cli.options.placement import placement_of, placement_options
@@ -16,11 +17,11 @@ from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError
 from lippmann.images import check_output, read_picture, replacing
-from lippmann.observer import Eye, check_identity
-from lippmann.rendering.scene import check_scene_file, load_scene
-from lippmann.variant import start_mitsuba
-from lippmann.viewer.direct import render_directs
-from lippmann.viewer.page import Direct, check_direct, page_html
+from lippmann.integral_image import IntegralImage
+from lippmann.observer import Eye
+from lippmann.rendering.scene import check_scene_file
+from lippmann.viewer.direct import grid_of_eyes
+from lippmann.viewer.page import Direct, check_direct
 from lippmann.viewer.serve import page_server
 
 
@@ -40,8 +41,8 @@ from lippmann.viewer.serve import page_server
 @placement_options
 @click.option("--title", help="Heading of the page.  [default: the image's name]")
 @click.option("--serve", is_flag=True, help="Serve the page on loopback until Ctrl-C, instead of writing it.")
-@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Of --serve; 0: any that is free.")
-@click.option("--force", is_flag=True, help="Show an image that was rendered for another display.")
+@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Port of --serve; 0: any free port.")
+@click.option("--force", is_flag=True, help="Accept an image that was made for another display.")
 @seed_option
 @device_option
 @json_option
@@ -58,36 +59,33 @@ def command(
     seed: int,
     device: str,
     as_json: bool,
-    **stand: Any,
+    moved: dict[str, Any],
 ) -> None:
     """Make a page that shows an integral image as an eye sees it through the lenslets, in any browser with WebGL 2.
 
-    The page is one file that needs nothing else, no network either.
+    The page is one file and needs no network.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """
     if serve and output is not None:
-        raise InputError("--serve keeps the page in memory; leave out -o, or serve no page")
+        raise InputError("--serve keeps the page in memory; leave out -o or --serve")
     if tcp_port and not serve:
         raise InputError("--tcp-port belongs to --serve; give both or neither")
-    given = [name for name, value in stand.items() if value is not None]
-    if given and scene_path is None:
-        raise InputError(f"--{given[0]} belongs to --scene; give both or neither")
-    path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), (".html", ".htm"))
+    if moved and scene_path is None:
+        raise InputError(f"--{next(iter(moved))} belongs to --scene; give both or neither")
+    path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), api.PAGE_SUFFIXES)
     display = load_display(display_path)
-    panel = display.panel
-    if scene_path is not None:
-        check_scene_file(scene_path)
-    picture = read_picture(image_path, limit=(panel.width_px, panel.height_px))
-    check_identity(picture, display, image_path, force)
+    scene = None if scene_path is None else check_scene_file(scene_path)
+    image = IntegralImage.load(image_path, display, force)
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
-    if scene_path is not None:
-        start_mitsuba(device)
-        scene = load_scene(scene_path, placement_of(scene_path, **stand))
-        with progress_bar("direct views", quiet=as_json) as progress:
-            directs += render_directs(scene, display, seed, progress)
-    page = page_html(display, picture.radiance, title or Path(image_path).stem, directs).encode("utf-8")
-    result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": len(directs)}
+    with progress_bar("direct views", quiet=as_json or scene is None) as progress:
+        placement = None if scene is None else placement_of(scene, moved)
+        page = api.view_page(
+            image, scene, directs, title=title or Path(image_path).stem, placement=placement, seed=seed, device=device,
+            progress=progress,
+        )  # fmt: skip
+    count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
+    result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}
     if path is None:
         _serve(page, tcp_port, result, as_json)
         return
@@ -95,13 +93,13 @@ def command(
         partial.write_bytes(page)
 
     def text() -> None:
-        click.echo(f"{path}: {len(page) / 1e6:.1f} MB, {len(directs)} direct views; open it in a browser")
+        click.echo(f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser")
 
     emit({"output": str(path), **result}, as_json, text)
 
 
 def _read_direct(eye: tuple[float, float, float], path: str, display: Display) -> Direct:
-    """Read a direct render; its troubles name its file."""
+    """Read a direct render; errors name its file."""
     position = Eye(eye).position_mm
     direct = Direct(position, read_picture(path).radiance)
     try:
@@ -112,7 +110,7 @@ def _read_direct(eye: tuple[float, float, float], path: str, display: Display) -
 
 
 def _serve(page: bytes, tcp_port: int, result: dict[str, object], as_json: bool) -> None:
-    """Serve until Ctrl-C or SIGTERM, the usual ends."""
+    """Serve until Ctrl-C or SIGTERM."""
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     with page_server(page, tcp_port) as server:
         url = f"http://{server.server_address[0]!s}:{server.server_address[1]}/"

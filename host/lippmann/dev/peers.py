@@ -27,7 +27,7 @@ from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import Run
-from lippmann.rendering.renderer import Settings, render
+from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
 from lippmann.report.tables import table
@@ -154,7 +154,7 @@ def around(scene: Scene, source: CaptureSource, distances_px: Sequence[float] = 
     def beside(distance: float, direction: int) -> Image:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
-        return render(scene, Shifted(source, shift), Settings()).radiance
+        return render_rays(scene, Shifted(source, shift), Settings()).radiance
 
     return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
@@ -268,7 +268,7 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         scene = load_for(scenes / "seed/diffuse.xml", setup)
         theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
         source = CaptureSource(setup, 1, "chief", 0, current_device())
-        ours = render(scene, source, Settings()).radiance
+        ours = render_rays(scene, source, Settings()).radiance
         difference, where = compare(theirs, ours, around(scene, source), setup)
         found.append(Pair(difference, theirs, ours, where))
     return found
@@ -284,7 +284,7 @@ def samples_for(scene: Scene, setup: Setup, theirs: Image) -> tuple[int, float, 
 
     def rows(samples: int, seed: int) -> Image:
         source = Rows(CaptureSource(setup, samples, "chief", seed, current_device()))
-        return render(scene, source, Settings(samples=samples, seed=seed)).radiance
+        return render_rays(scene, source, Settings(samples=samples, seed=seed)).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
     allowed = noise_of(theirs[EVERY_ROW // 2 :: EVERY_ROW], reference)

@@ -22,7 +22,7 @@ from lippmann.capturing.setup import Setup, load_setup
 from lippmann.display import MM_PER_INCH, Array, Display
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.rendering.renderer import Settings, render
+from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.rendering.sources import PerspectiveSource, RaySource, Window
 from lippmann.report.tables import table
@@ -120,7 +120,7 @@ def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1
     """Return wall and CPU seconds of our picture, compiling left out: those of the quickest of some rounds."""
     times = []
     for _ in range(rounds):
-        rendered = render(scene, source, Settings(samples=samples))
+        rendered = render_rays(scene, source, Settings(samples=samples))
         times.append((rendered.cpu_seconds, rendered.seconds))
     cpu, seconds = min(times)
     return seconds, cpu

@@ -1,7 +1,7 @@
 """Renders shots across processes and machines, by Dask distributed.
 
-The scheduler hands out shots and keeps track; whatever a worker had in hand when it is lost goes to another. Workers
-read the scene from the same path as this process: the machines share its folder.
+The scheduler distributes the shots; when a worker is lost, its shots go to another. Workers read the scene from the
+same path as this process, so the machines must share its folder.
 """
 
 from __future__ import annotations
@@ -20,49 +20,49 @@ from typing import Any
 from lippmann import __version__
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
 from lippmann.film.shot import Shot, render_shot
-from lippmann.images import Image
+from lippmann.integral_image import IntegralImage
 from lippmann.rendering.scene import digest_of
 from lippmann.variant import start_mitsuba
 
-#: Seconds in which the scheduler must answer, and a first worker join.
+#: Seconds in which the scheduler must answer, and a first worker must join.
 ANSWER_S = 10.0
-#: Seconds after which a film without any worker says so.
+#: Seconds without any worker after which a message says so.
 ALONE_S = 5.0
-#: Shots in hand for each thread of the workers: one to render, one to follow.
+#: Shots submitted for each thread of the workers: one is rendered, one waits.
 AHEAD = 2
 
-#: A worker renders one frame at a time, with all of its processor's cores, however many threads it has.
+#: A worker renders one frame at a time on all cores, whatever its number of threads.
 _rendering = threading.Lock()
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that pixels depend on."""
+    """Return the versions of the packages that pixels depend on."""
     return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
 
 
 def render_on_cluster(
     address: str, device: str, shots: Sequence[Shot], log: Any = lambda text: None
-) -> Iterator[tuple[Shot, Image, dict[str, str]]]:
-    """Render shots on the workers of a cluster, and give each as it comes, with radiance and what its file carries.
+) -> Iterator[tuple[Shot, IntegralImage]]:
+    """Render shots on the workers of a cluster; yield each with its image as it arrives.
 
     Parameters
     ----------
     address
         The scheduler's, such as tcp://127.0.0.1:8786.
     device
-        "auto", "llvm" or "cuda": where each worker renders.
+        "auto", "llvm" or "cuda": the device of each worker.
     shots
-        In the order in which they are handed out.
+        In the order of their distribution.
     log
-        Told when no worker is left.
+        Called with a message when no worker is left.
 
     Raises
     ------
     InputError
-        When nobody answers at the address, no worker has joined, one cannot read the scene or has another, or has other
-        versions.
+        When no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a different
+        scene or different versions.
     DeviceError
-        When the scheduler is lost, or a shot ends one worker after the other.
+        When the scheduler is lost, or a shot crashes several workers.
     MissingLibraryError
         When Dask is missing here, or Lippmann on a worker.
     """
@@ -82,24 +82,24 @@ def render_on_cluster(
                 return
             for future in _finished(list(running)):
                 shot = running.pop(future)
-                radiance, carried = _result(address, future, shot)
+                image = _result(address, future, shot)
                 future.release()
-                yield shot, radiance, carried
+                yield shot, image
             if threads:
                 alone = time.monotonic()
             elif time.monotonic() - alone > ALONE_S:
                 log(f"{address}: no worker is left; waiting for one (dask worker {address})")
                 alone = float("inf")
-    except (OSError, CancelledError) as error:  # what Dask's lines raise, and what waits on them
+    except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
-        remedy = "start it and say the same again: frames that are there are kept"
+        remedy = "start it and run the command again: finished frames are kept"
         raise device_error(address, what, remedy) from None
     finally:
         client.close()
 
 
 def _connected(address: str) -> Any:
-    """Return a client of the cluster, with a worker at least."""
+    """Return a client of a cluster that has at least one worker."""
     try:
         import distributed
     except ImportError as error:
@@ -107,7 +107,7 @@ def _connected(address: str) -> Any:
             f"distributed cannot be imported ({error}); pip install 'lippmann[cluster]'"
         ) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # we say in a line what they say in pages
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
     try:
         client = distributed.Client(address, timeout=ANSWER_S)
     except (OSError, ValueError, TypeError):
@@ -123,7 +123,7 @@ def _connected(address: str) -> Any:
 
 
 def _finished(futures: list[Any]) -> list[Any]:
-    """Return the futures that are done; none when that takes long."""
+    """Return the futures that are done; none after a second without any."""
     from distributed import wait
 
     try:
@@ -132,24 +132,24 @@ def _finished(futures: list[Any]) -> list[Any]:
         return []
 
 
-def _result(address: str, future: Any, shot: Shot) -> tuple[Image, dict[str, str]]:
-    """Return what a worker gave for a shot."""
+def _result(address: str, future: Any, shot: Shot) -> IntegralImage:
+    """Return a worker's image of a shot."""
     from distributed import KilledWorker
 
     try:
-        result: tuple[Image, dict[str, str]] = future.result()
-        return result
+        image: IntegralImage = future.result()
+        return image
     except ModuleNotFoundError as error:
         raise MissingLibraryError(
             f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
         ) from None
     except KilledWorker:
-        what = f"frame {shot.frame} ended one worker after the other"
-        raise device_error(address, what, "see what they say; they may lack memory") from None
+        what = f"frame {shot.frame} crashed several workers"
+        raise device_error(address, what, "see their logs; they may lack memory") from None
 
 
-def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> tuple[Image, dict[str, str]]:
-    """Render a shot; runs on a worker."""
+def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> IntegralImage:
+    """Render a shot, on a worker."""
     from distributed import get_worker
 
     name = f"worker {get_worker().address}"
@@ -165,11 +165,11 @@ def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> tuple[Image, d
 
 @functools.lru_cache(maxsize=8)
 def _check_scene(worker: str, path: Path, digest: str) -> None:
-    """Refuse a scene that is not there, or not the same, on a worker's machine."""
+    """Refuse a scene that is missing or different on a worker's machine."""
     try:
         own = digest_of(path)
     except InputError as error:
         raise InputError(f"{worker}: {error}; a cluster's machines must share the scene's folder") from None
     if own != digest:
-        what = f"{path} is not the same there"
-        raise input_error(worker, what, "let the cluster's machines share the scene's folder")
+        what = f"{path} differs there"
+        raise input_error(worker, what, "share the scene's folder between the cluster's machines")

@@ -1,4 +1,4 @@
-"""The frames of a film as files in a folder: which are there, which are to be rendered."""
+"""The frames of a film as files in a folder."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from pathlib import Path
 
 from lippmann.errors import InputError, input_error
 from lippmann.film.shot import Shot
-from lippmann.images import Image, read_picture, write_picture
+from lippmann.images import read_picture
+from lippmann.integral_image import IntegralImage
 
 
 def frame_path(folder: Path, frame: int) -> Path:
-    """Return the file of a frame."""
+    """Return the path of a frame."""
     return folder / f"frame_{frame:04d}.exr"
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Make a folder for a film's frames, or see that it holds no frames beyond them.
+    """Make a folder for a film's frames, and check that it contains no others.
 
     Raises
     ------
     InputError
-        When it cannot be made, or holds frames of a longer film.
+        When the folder cannot be made, or contains frames of a longer film.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -35,21 +36,17 @@ def check_folder(folder: Path, frames: int) -> None:
             )
 
 
-class _OtherFrameError(Exception):
-    """A frame of another film."""
-
-
-def is_there(folder: Path, shot: Shot) -> bool:
-    """Tell whether a shot's frame lies in a folder, whole."""
+def is_rendered(folder: Path, shot: Shot) -> bool:
+    """Tell whether a folder contains the complete frame of a shot."""
 
     def accept(metadata: Mapping[str, str]) -> None:
         if metadata.get("shot") != shot.identity:
-            raise _OtherFrameError
+            raise InputError("a frame of another film")
 
     panel = shot.display.panel
     try:
         read_picture(frame_path(folder, shot.frame), (panel.width_px, panel.height_px), accept)
-    except (InputError, _OtherFrameError):
+    except InputError:
         return False
     return True
 
@@ -57,19 +54,19 @@ def is_there(folder: Path, shot: Shot) -> bool:
 def write_frames(
     folder: Path,
     shots: Sequence[Shot],
-    render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, Image, dict[str, str]]]],
+    render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, IntegralImage]]],
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Render the frames of a film that are not there yet; return how many that were.
+    """Render and write the missing frames of a film; return their number.
 
     Parameters
     ----------
     folder
-        Where they lie.
+        The frames' folder.
     shots
-        All of the film.
+        All shots of the film.
     render
-        Gives each of the shots that it gets, in any order, with radiance and what its file carries.
+        Yields the image of each given shot, in any order.
     progress
         Called with (frames there, frames in all).
 
@@ -78,12 +75,12 @@ def write_frames(
     InputError
         As `render`, or when a file cannot be written.
     """
-    missing = [shot for shot in shots if not is_there(folder, shot)]
+    missing = [shot for shot in shots if not is_rendered(folder, shot)]
     done = len(shots) - len(missing)
     if progress is not None:
         progress(done, len(shots))
-    for shot, radiance, metadata in render(missing):
-        write_picture(frame_path(folder, shot.frame), radiance, metadata)
+    for shot, image in render(missing):
+        image.save(frame_path(folder, shot.frame))
         done += 1
         if progress is not None:
             progress(done, len(shots))

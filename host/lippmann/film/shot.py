@@ -1,38 +1,23 @@
-"""A shot: one frame of a film, by itself all that its pixels depend on, so that any process can render it."""
+"""A shot: one frame of a film with everything that its pixels depend on, so that any process can render it."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from lippmann import __version__
 from lippmann.display import Display
 from lippmann.film.film import Film
-from lippmann.images import Image
-from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.metadata import image_metadata
+from lippmann.integral_image import IntegralImage
+from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
-from lippmann.select.model import TOLERANCE, choose_model
-
-
-@dataclass(frozen=True)
-class Options:
-    """How all frames of a film are rendered; as of `lippmann render`, and `scale` of the whole film."""
-
-    model: Model | Literal["auto"] = "auto"
-    tolerance: float = TOLERANCE
-    engine: Engine = "fast"
-    fraction_bits: int | None = None
-    settings: Settings = field(default_factory=Settings)
-    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -42,17 +27,17 @@ class Shot:
     Attributes
     ----------
     film, frame
-        What it is a frame of: the film's name, and its number.
+        The film's name and the frame's number.
     scene, digest
-        Mitsuba XML, and what `digest_of` makes of it.
+        Mitsuba XML, and its `digest_of`.
     moves
-        What has moved in the scene.
+        Motions of the scene's shapes.
     placement
-        How the scene stands before the display.
+        Of the scene before the display.
     reach
-        Whether near and far depth follow the shapes that move beyond the scene's box.
+        Whether near and far depth extend with shapes that move beyond the scene's bounding box.
     display, options
-        What it is rendered for, and how.
+        The display, and how to render.
     """
 
     film: str
@@ -63,11 +48,11 @@ class Shot:
     placement: Placement
     reach: tuple[bool, bool]
     display: Display
-    options: Options
+    options: RenderOptions
 
     @property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
+        """Hash of everything that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
         options = asdict(self.options)
         del options["settings"]["memory_mb"]
         parts = {
@@ -82,13 +67,13 @@ class Shot:
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def shots_of(film: Film, display: Display, options: Options) -> list[Shot]:
-    """Return the shots of a film.
+def shots_of(film: Film, display: Display, options: RenderOptions, scale: float = 1.0) -> list[Shot]:
+    """Return the shots of a film that is scaled about the display's centre.
 
     Raises
     ------
     InputError
-        When the scene cannot be read, or does not stand before the display.
+        When the scene cannot be read, or its placement is invalid.
     """
     digest = digest_of(film.scene)
     rest = placement_beside(film.scene)
@@ -100,7 +85,7 @@ def shots_of(film: Film, display: Display, options: Options) -> list[Shot]:
             film.scene,
             digest,
             film.moves(frame, rest),
-            film.placement(frame, rest, options.scale),
+            film.placement(frame, rest, scale),
             reach,
             display,
             options,
@@ -109,33 +94,24 @@ def shots_of(film: Film, display: Display, options: Options) -> list[Shot]:
     ]
 
 
-def render_shot(shot: Shot) -> tuple[Image, dict[str, str]]:
-    """Render a shot; return its radiance (height, width, 3) float32 and what its file carries.
-
-    The seed is the film's in every frame: what stands still keeps its pixels, and costs the link nothing.
+def render_shot(shot: Shot) -> IntegralImage:
+    """Render a shot. All frames have the film's seed, so that the pixels of parts at rest do not change.
 
     Raises
     ------
     InputError
-        As `load_scene` and `render_integral`.
+        As `load_scene` and `render_image`.
     """
-    options, display = shot.options, shot.display
     scene = load_scene(shot.scene, shot.placement, shot.moves)
     if shot.moves:
         scene = _reaching(scene, shot)
-    if options.model == "auto":
-        model = choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance).model
-    else:
-        model = options.model
-    rendered = render_integral(
-        scene, display, model, options.settings, engine=options.engine, fraction_bits=options.fraction_bits
-    )
-    carried = image_metadata(display, model, options.settings, shot.scene, options.engine, options.fraction_bits)
-    return rendered.radiance, {**carried, "film": shot.film, "frame": str(shot.frame), "shot": shot.identity}
+    image = render_image(scene, shot.display, shot.options)
+    image.metadata.update({"film": shot.film, "frame": str(shot.frame), "shot": shot.identity})
+    return image
 
 
 def _reaching(scene: Scene, shot: Shot) -> Scene:
-    """Return the scene with depths that reach as far as its shapes have moved beyond where they were at rest."""
+    """Return the scene with a depth range that includes the shapes that have moved beyond it."""
     rest = depths_of(_at_rest(shot.scene, shot.digest), scene.placement)
     moved = depths_of(scene.mitsuba, scene.placement)
     far, near = scene.depth_range_mm
@@ -148,5 +124,5 @@ def _reaching(scene: Scene, shot: Shot) -> Scene:
 
 @functools.lru_cache(maxsize=1)
 def _at_rest(path: Path, digest: str) -> Any:
-    """Return the scene as its file has it."""
+    """Return the scene without any motion."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba

@@ -14,9 +14,9 @@ from lippmann.errors import MissingLibraryError, input_error
 from lippmann.images import check_output, replacing
 
 Values = npt.NDArray[np.uint8]
-#: Lossless RGB, since each pixel of a panel belongs to a lenslet: a codec that blurs colours would mix their pictures.
+#: Lossless RGB: a codec that blurs colours would mix neighbouring lenslets' images.
 LOSSLESS_SUFFIXES = (".mkv",)
-#: What every player takes: half the resolution in colour, so both sides must be even.
+#: For every player; colour has half the resolution, so both sides must be even.
 VIEW_SUFFIXES = (".mp4",)
 
 
@@ -28,13 +28,13 @@ def write_video(
     Parameters
     ----------
     path
-        .mkv: FFV1, every value as it is; .mp4: H.264, for which width and height must be even.
+        .mkv: FFV1, lossless; .mp4: H.264, for which width and height must be even.
     frames
         (height, width, 3) uint8 each, sRGB.
     width_px, height_px
-        Their size.
+        Size of the frames.
     frames_per_second
-        Speed.
+        Frame rate.
 
     Raises
     ------
@@ -62,11 +62,11 @@ def write_video(
             for frame in frames:
                 writer.send(np.ascontiguousarray(frame))
                 count += 1
-        except OSError:  # ffmpeg has ended; its message is a page
+        except OSError:  # ffmpeg has ended; its message is too long to show
             raise _unwritten(path) from None
         finally:
             writer.close()
-        # ffmpeg's exit code is not told: a full disk shows as frames that are missing.
+        # imageio_ffmpeg hides ffmpeg's exit code; a full disk shows as missing frames.
         if _frames_in(ffmpeg, partial) != count:
             raise _unwritten(path)
     return count
@@ -75,7 +75,7 @@ def write_video(
 def _frames_in(ffmpeg: Any, path: Path) -> int:
     try:
         return int(ffmpeg.count_frames_and_secs(str(path))[0])
-    except (RuntimeError, OSError):  # no video at all
+    except (RuntimeError, OSError):  # not a video
         return -1
 
 
@@ -89,5 +89,5 @@ def _ffmpeg() -> Any:
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
-        raise MissingLibraryError(f"no ffmpeg is to be had ({error}); run make setup") from None
+        raise MissingLibraryError(f"ffmpeg is missing ({error}); run make setup") from None
     return imageio_ffmpeg

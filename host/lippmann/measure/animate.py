@@ -11,8 +11,9 @@ from typing import Any
 from lippmann.display import load_display
 from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
-from lippmann.film.shot import Options, Shot, render_shot, shots_of
-from lippmann.images import Image
+from lippmann.film.shot import Shot, render_shot, shots_of
+from lippmann.images import Radiance
+from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Settings
 from lippmann.variant import current_device
 
@@ -57,7 +58,7 @@ def bench_animate(scenes: Path) -> Iterator[Row]:
     ) as cluster, Client(cluster) as client:  # fmt: skip
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
-            shots = shots_of(film, display, Options(settings=Settings(samples=4), scale=scale))[:frames]
+            shots = shots_of(film, display, RenderOptions(settings=Settings(samples=4)), scale)[:frames]
             # Scene and programs are then there, here and on every worker.
             alone(shots[:1])
             client.run(_warm, device, shots[0])
@@ -66,8 +67,8 @@ def bench_animate(scenes: Path) -> Iterator[Row]:
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
             theirs = {
-                shot.frame: radiance
-                for shot, radiance, _ in render_on_cluster(cluster.scheduler_address, device, shots)
+                shot.frame: image.radiance
+                for shot, image in render_on_cluster(cluster.scheduler_address, device, shots)
             }
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
@@ -75,9 +76,9 @@ def bench_animate(scenes: Path) -> Iterator[Row]:
             yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
 
 
-def alone(shots: Sequence[Shot]) -> list[Image]:
+def alone(shots: Sequence[Shot]) -> list[Radiance]:
     """Return the radiance of shots, one after the other, as `lippmann animate` renders them."""
-    return [render_shot(shot)[0] for shot in shots]
+    return [render_shot(shot).radiance for shot in shots]
 
 
 def _cpu_seconds(client: Any) -> float:

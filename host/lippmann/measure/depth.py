@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.capturing.capture import capture
-from lippmann.capturing.depths import image_distance, shown
+from lippmann.capturing.depths import appearance, image_distance
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Model
@@ -182,7 +182,7 @@ def bench_depth(folder: Path, seed: int, done: Callable[[Depth], None]) -> list[
                     thing,
                     setup.subject.distance_mm - z_mm,
                     float(image_distance(setup, z_mm)),
-                    float(shown(setup, z_mm, rotated).depth_mm),
+                    float(appearance(setup, z_mm, rotated).depth_mm),
                     centres,
                     lenslets,
                     wide,

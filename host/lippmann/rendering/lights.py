@@ -1,10 +1,9 @@
-"""Integrator `lights`: sums every light at every hit, so that point lights leave no noise.
+"""Integrator `lights`: sums all lights at each hit, so that point lights cause no noise.
 
-What a ray tracer of the founding paper's kind computes: at each hit the light of *all* emitters, each with its
-own shadow ray, through the smooth part of the surface's reflectance; then on along mirror reflection and refraction
-until `max_depth`. Point, spot and directional lights are summed exactly; area lights and
-environments with one random sample each. Light that diffuse surfaces throw on each other is left out: for that use
-Mitsuba's own `path`.
+It computes what the founding paper's ray tracer computes: at each hit the light of *all* emitters, each with a shadow
+ray, reflected by the smooth part of the surface's BSDF; then it follows mirror reflection and refraction up to
+`max_depth`. Point, spot and directional lights are summed exactly; area lights and environments get one random sample
+each. Light between diffuse surfaces is left out; Mitsuba's own `path` includes it.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from lippmann.variant import mitsuba
 
 
 def register_lights() -> None:
-    """Make `lights` known to Mitsuba as an integrator plugin, for the variant that runs.
+    """Register the integrator plugin `lights` for Mitsuba's current variant.
 
-    Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4).
+    Parameter of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4).
     """
     mi = mitsuba()
     import drjit as dr
@@ -27,10 +26,10 @@ def register_lights() -> None:
     def is_delta(emitter: Any) -> bool:
         return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
 
-    def reflectance_of_all(bsdf: Any, si: Any, ways: list[Any], active: Any) -> list[Any]:
-        if bsdf is None:  # asked in a scene without any surface, such as a sky alone
-            return [mi.Spectrum(0.0) for _ in ways]
-        return [bsdf.eval(everything, si, wo, active) for wo in ways]
+    def reflectance_of_all(bsdf: Any, si: Any, directions: list[Any], active: Any) -> list[Any]:
+        if bsdf is None:  # in a scene without any surface, such as a sky alone
+            return [mi.Spectrum(0.0) for _ in directions]
+        return [bsdf.eval(everything, si, wo, active) for wo in directions]
 
     base: Any = mi.SamplingIntegrator
 
@@ -43,7 +42,7 @@ def register_lights() -> None:
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
             emitters = list(scene.emitters())
-            # Point, spot and directional lights cannot be seen: nothing to add where a ray meets them.
+            # Point, spot and directional lights are invisible: rays never meet them.
             visible_emitters = not all(is_delta(emitter) for emitter in emitters)
             mirror_only = mi.BSDFContext()
             mirror_only.type_mask = mi.BSDFFlags.Delta
@@ -59,7 +58,7 @@ def register_lights() -> None:
             ) -> tuple[Any, ...]:
                 si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
                 if visible_emitters:
-                    # Seen directly or in a mirror: the emitter's own brightness.
+                    # The radiance of an emitter that is seen directly or in a mirror.
                     radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
                 active &= si.is_valid()
                 seen |= active
@@ -68,7 +67,7 @@ def register_lights() -> None:
                 smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
                 radiance += dr.select(smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0)
                 depth += 1
-                # On along the mirror or refracted direction only.
+                # Only mirror reflection and refraction go on.
                 active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < self.max_depth)
                 turn, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
                 ray = si.spawn_ray(si.to_world(turn.wo))
@@ -85,9 +84,9 @@ def register_lights() -> None:
                     )
                     for emitter in emitters
                 ]
-                ways = [si.to_local(ds.d) for ds, _ in arrivals]
-                # One call for all lights, so that a texture is looked up once.
-                reflectances = dr.dispatch(bsdf, reflectance_of_all, si, ways, active)
+                directions = [si.to_local(ds.d) for ds, _ in arrivals]
+                # One call for all lights, so that a texture is evaluated once.
+                reflectances = dr.dispatch(bsdf, reflectance_of_all, si, directions, active)
                 total = mi.Spectrum(0.0)
                 for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
                     value = dr.select(ds.pdf != 0.0, weight * reflectance, 0.0)

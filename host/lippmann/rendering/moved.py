@@ -1,4 +1,4 @@
-"""Loads a scene with some of its shapes moved; the file stays as it is."""
+"""Loads a scene with some of its shapes moved; the file does not change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 Matrix = npt.NDArray[np.float64]
-#: How many ids an error message lists.
+#: Ids that an error message lists.
 LISTED_IDS = 8
 
 
@@ -33,14 +33,14 @@ class Move:
 
 
 def load_moved(path: Path, moves: Sequence[Move]) -> Any:
-    """Return what Mitsuba makes of a scene file once its shapes have moved, in the order of the moves.
+    """Load a scene file with its shapes moved, in the order of the moves.
 
     Raises
     ------
     InputError
         When no shape matches a pattern.
     RuntimeError
-        What Mitsuba raises for a broken scene.
+        From Mitsuba, for a broken scene.
     """
     mi = mitsuba()
     configuration = mi.parser.ParserConfig(mi.variant())
@@ -59,12 +59,12 @@ def load_moved(path: Path, moves: Sequence[Move]) -> Any:
 
 
 def scene_digest(path: Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of a scene's file, those it includes, and the meshes and pictures it names.
+    """Return a hash, 64 hexadecimal digits, of a scene file, its includes, and the meshes and textures that it names.
 
     Raises
     ------
     RuntimeError
-        What Mitsuba raises for a broken scene.
+        From Mitsuba, for a broken scene.
     OSError
         When a file cannot be read.
     """
@@ -93,7 +93,7 @@ def _ids_there(shapes: Sequence[Any]) -> str:
 
 @contextmanager
 def _beside(path: Path) -> Iterator[None]:
-    """Let Mitsuba find files beside the scene, as its own loader does."""
+    """Let Mitsuba find files beside the scene file, as its own loader does."""
     mi = mitsuba()
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)

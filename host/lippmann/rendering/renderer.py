@@ -1,9 +1,9 @@
 """Renders an integral image, or a plain perspective view, chunk by chunk.
 
-**One pass for both sides of the display.** A panel pixel's ray, bent by its lenslet, is the line along which a
-viewer sees that pixel. The scene is sampled along it *towards* the display, from in front of the nearest object:
-the first surface met is the one that hides the others, whether it floats before the display (real) or stands behind
-it (virtual). So the picture is orthoscopic and occludes correctly with no second pass.
+**One pass for both sides of the display.** A panel pixel's ray, refracted by its lenslet, is the line along which a
+viewer sees that pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first
+surface it meets hides the others, whether it floats before the display (real image) or stands behind it (virtual
+image). So depth comes out right and occlusion is correct, without a second pass.
 """
 
 from __future__ import annotations
@@ -18,23 +18,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.errors import InputError
+from lippmann.images import Radiance
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
 from lippmann.variant import current_device, mitsuba
 
-Image = npt.NDArray[np.float32]
-
-#: Samples traced at once. Part of a picture's definition, because random integrators draw their numbers by chunk.
+#: Samples traced at once. Part of an image's definition, because random integrators draw their numbers by chunk.
 CHUNK_SAMPLES = 1 << 22
-#: Side of the square tiles that pixels are taken in, in Morton order, so that rays traced side by side stay close.
+#: Side of the square tiles of pixels, which are traced in Morton order, so that rays traced together stay close.
 TILE_PX = 8
-#: Memory that the libraries and one chunk take, MB (measured; the output comes on top).
+#: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
 MAX_SAMPLES = 65536
 
@@ -55,9 +53,9 @@ class Settings:
     max_depth
         Surfaces that a ray may meet.
     seed
-        The same seed gives the same pixels, bit for bit, on the same machine and versions.
+        The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
     memory_mb
-        Limit; None: four fifths of what the machine has free.
+        Limit; None: four fifths of the free memory.
     """
 
     samples: int = 1
@@ -81,23 +79,21 @@ class Settings:
 
 @dataclass(frozen=True)
 class Rendered:
-    """A picture and what it took.
+    """A rendered image and its cost.
 
     Attributes
     ----------
     radiance
         (height, width, 3) float32, linear RGB.
-    seconds
-        The render itself.
-    cpu_seconds
-        The same, of all threads.
+    seconds, cpu_seconds
+        Wall time of the render, and processor time of all threads, without compilation.
     prepare_seconds
-        Compilation before it.
+        Compilation before the render.
     samples_traced
         Rays sent into the scene.
     """
 
-    radiance: Image
+    radiance: Radiance
     seconds: float
     cpu_seconds: float
     prepare_seconds: float
@@ -105,8 +101,13 @@ class Rendered:
 
     @property
     def samples_per_second(self) -> float:
-        """Rays a second, compilation left out."""
+        """Rays a second, without compilation."""
         return self.samples_traced / max(self.seconds, 1e-9)
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """The times by name, for reports."""
+        return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
 
 
 Progress = Callable[[int, int], None]
@@ -118,7 +119,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     Raises
     ------
     InputError
-        When there is none of that name, or it does not sample single rays.
+        When there is no integrator of that name, or it does not sample single rays.
     """
     mi = mitsuba()
     if settings.integrator == "scene":
@@ -128,15 +129,15 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
         try:
             integrator = mi.load_dict({"type": settings.integrator, "max_depth": settings.max_depth})
         except Exception as error:
-            # Mitsuba's `direct` counts no surfaces.
+            # Mitsuba's `direct` has no max_depth.
             try:
                 integrator = mi.load_dict({"type": settings.integrator})
             except Exception:
                 reason = " ".join(str(error).split())[:200]
                 raise InputError(
-                    f"integrator '{settings.integrator}' cannot be had ({reason}); choose lights, direct, path or scene"
+                    f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Mitsuba's differentiable integrators (prb, ...) count as sampling ones but want more than a ray.
+    # Mitsuba's differentiable integrators (prb, ...) derive from SamplingIntegrator but need more than a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -145,29 +146,24 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     return integrator
 
 
-def render(
-    scene: Scene,
-    source: RaySource,
-    settings: Settings,
-    progress: Progress | None = None,
-) -> Rendered:
-    """Render a picture from a source of rays.
+def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
+    """Render the image of a source of rays.
 
     Parameters
     ----------
     scene
         The scene.
     source
-        `IntegralSource` or `PerspectiveSource`.
+        `IntegralSource`, `PerspectiveSource` or `CaptureSource`.
     settings
-        How.
+        How to render.
     progress
         Called with (tiles done, tiles in all).
 
     Raises
     ------
     InputError
-        When the picture does not fit the memory limit.
+        When the image exceeds the memory limit, or there is no such integrator.
     """
     mi = mitsuba()
     import drjit as dr
@@ -182,19 +178,19 @@ def render(
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
     def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
-        """Return (pixel numbers, inside the picture, mean radiance) of `count` tiles' pixels."""
+        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels."""
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
         pixel, inside = _pixel_of(first_tile, place, width, height)
         lines = source.lines(pixel, index - place * samples, stripe)
-        alive = lines.alive & inside
+        active = lines.active & inside
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, count * tile_pixels * samples)
         ray = _scene_ray(scene, lines)
-        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, alive)
-        colour = dr.select(alive, mi.Color3f(radiance), 0.0)
+        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
+        colour = dr.select(active, mi.Color3f(radiance), 0.0)
         if samples > 1:
-            # Evaluated before the sums: each of those would trace the rays again.
+            # Evaluated before the sums, because each sum would trace the rays again.
             dr.eval(colour)
             colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
             place = dr.arange(mi.UInt32, count * tile_pixels)
@@ -207,7 +203,7 @@ def render(
     )
 
     def run(first_tile: int, count: int, number: int) -> None:
-        # Opaque, like all that differs from chunk to chunk: a literal would be compiled in, each time anew.
+        # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
             pixel, inside, colour = traced(
@@ -221,7 +217,7 @@ def render(
             dr.eval(planes)
 
     started = time.perf_counter()
-    # Compiles with a launch of the same programs over one tile.
+    # Compiles the programs by running them on one tile.
     run(0, 1, 0)
     dr.sync_thread()
     prepared, cpu_before = time.perf_counter(), time.process_time()
@@ -242,7 +238,7 @@ def render(
 
 
 def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
-    """Return the pixel number of a place in the order of tiles, and whether it lies inside the picture."""
+    """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
     mi = mitsuba()
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
@@ -257,15 +253,15 @@ def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any
 
 
 def _scene_ray(scene: Scene, lines: Lines) -> Any:
-    """Return the scene's ray along a display line, from in front of everything towards the display."""
+    """Return the scene's ray along a line of sight, from in front of the scene towards the display."""
     mi = mitsuba()
     import drjit as dr
 
-    point, way, _ = lines
+    point, direction, _ = lines
     near = scene.placement.near_mm
-    t = (near - point[2]) / way[2]
-    start = mi.Point3f(point[0] + t * way[0], point[1] + t * way[1], mi.Float(near))
-    back = mi.Vector3f(-way[0], -way[1], -way[2])
+    t = (near - point[2]) / direction[2]
+    start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(near))
+    back = mi.Vector3f(*(-c for c in direction))
     matrix = scene.placement.scene_from_display
     if not np.array_equal(matrix, np.eye(4)):
         m = [[float(x) for x in line] for line in matrix]
@@ -277,36 +273,36 @@ def _scene_ray(scene: Scene, lines: Lines) -> Any:
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
-    """Refuse a picture whose buffers would not fit.
+    """Refuse an image whose buffers exceed the memory limit.
 
     Raises
     ------
     InputError
-        Naming the size that is needed and the limit.
+        Naming the memory that is needed and the limit.
     """
-    # Radiance in float32: as planes, as a picture, and once more as what a file format wants.
+    # Radiance in float32 three times: as planes, as an image, and in the file format.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
-    what = f"a picture of {width_px} x {height_px} pixels"
+    what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Refuse work that needs more memory (MB) than a limit; None: four fifths of what the machine can give.
+    """Refuse work that needs more memory (MB) than a limit; None: four fifths of the free memory.
 
     Raises
     ------
     InputError
-        Naming what it is, the need, the limit and the remedy.
+        Naming the work, the need, the limit and the remedy.
     """
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not limit > 0.0:
-        raise InputError(f"--memory-mb {limit:g} is no limit; give a number above 0")
+        raise InputError(f"--memory-mb {limit:g} is not a limit; give a number above 0")
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def free_memory_mb() -> float:
-    """Return the memory that this machine can give, MB: what is free, and what caches would give back."""
+    """Return the free memory of this machine, MB, including what caches can release."""
     information = Path("/proc/meminfo")
     if information.exists():
         for line in information.read_text().splitlines():
@@ -316,11 +312,11 @@ def free_memory_mb() -> float:
 
 
 def peak_memory_mb() -> float:
-    """Return the most memory that this process has held so far, MB."""
+    """Return the peak memory of this process so far, MB."""
     status = Path("/proc/self/status")
     if status.exists():
         for line in status.read_text().splitlines():
-            # Unlike the resource usage, which a process begins with that of the one that started it.
+            # Unlike the resource usage, which a process inherits from its parent.
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
@@ -335,19 +331,19 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render the integral image of a scene for a display (see `render`), with the rays of an engine.
+    """Render the integral image of a scene for a display (see `render_rays`), with the rays of an engine.
 
     Raises
     ------
     InputError
-        As `render` and `lippmann.optics.pixel_rays.trace`.
+        As `render_rays` and `lippmann.engines.trace`.
     MissingLibraryError
         When an engine lacks a tool.
     """
     source = IntegralSource(
         display, model, settings.samples, settings.aperture, settings.seed, current_device(), engine, fraction_bits
     )
-    return render(scene, source, settings, progress)
+    return render_rays(scene, source, settings, progress)
 
 
 def render_view(
@@ -357,10 +353,10 @@ def render_view(
     settings: Settings,
     progress: Progress | None = None,
 ) -> Rendered:
-    """Render the scene as an eye sees it through a window, with no display in between (see `render`)."""
+    """Render the scene as an eye sees it through a window, without a display (see `render_rays`)."""
     source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
-        # What stands behind the eye is not seen.
+        # Parts of the scene behind the eye are invisible.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render(scene, source, settings, progress)
+    return render_rays(scene, source, settings, progress)

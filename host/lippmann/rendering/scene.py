@@ -1,4 +1,4 @@
-"""Loads a Mitsuba scene and stands it before the display."""
+"""Loads a Mitsuba scene and places it before the display."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Scene:
 
     @property
     def width_mm(self) -> float:
-        """Largest side of the scene's bounding box as it stands before the display, mm; 0 without any surface."""
+        """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
         box = self.mitsuba.bbox()
         size = np.array(box.max).ravel() - np.array(box.min).ravel()
         return float(self.placement.scale * size.max()) if np.isfinite(size).all() else 0.0
@@ -50,20 +50,24 @@ class Scene:
         assert far is not None
         return far, near
 
+    def placed(self, placement: Placement) -> Scene:
+        """Return the scene with another placement."""
+        return replace(self, placement=_with_depths(self.mitsuba, placement, self.path))
+
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside NAME.xml; scene units are millimetres when there is none."""
+    """Return the placement in NAME.toml beside NAME.xml; without that file, scene units are millimetres."""
     beside = path.with_suffix(".toml")
     return load_placement(beside) if beside.exists() else Placement()
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Refuse what cannot be a scene file, before any work is done.
+    """Check that a path names a scene file.
 
     Raises
     ------
     InputError
-        When the file is missing or of another kind.
+        When the file is missing or not .xml.
     """
     path = Path(path)
     if not path.is_file():
@@ -81,15 +85,15 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
     path
         Mitsuba XML.
     placement
-        Left out: `placement_beside`.
+        None: `placement_beside`.
     moves
-        What moves its shapes from where the file has them.
+        Motions of its shapes.
 
     Raises
     ------
     InputError
-        When the file is missing or Mitsuba refuses it: unknown plugin, missing texture or mesh, bad XML; or when a
-        move finds no shape.
+        When the file is missing or Mitsuba refuses it (unknown plugin, missing texture or mesh, bad XML), or when a
+        move matches no shape.
     """
     mi = mitsuba()
     path = check_scene_file(path)
@@ -99,22 +103,22 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
         scene = load_moved(path, moves) if moves else mi.load_file(str(path))
     except InputError:
         raise
-    except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+    except Exception as error:  # Mitsuba's errors have no common base
         raise input_error(str(path), _first_reason(error), "mend the scene file") from None
     if not isinstance(scene, mi.Scene):
-        raise input_error(str(path), "holds no scene", "make <scene> its outermost element")
+        raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
     return Scene(path, scene, _with_depths(scene, placement, path))
 
 
 def _first_reason(error: Exception) -> str:
-    """Return what Mitsuba says went wrong, in one line and without its source positions."""
+    """Return Mitsuba's error message in one line, without source positions."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(lines)) if lines else type(error).__name__
     return text[:400]
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash of a scene's file and of all files that it names (see `moved.scene_digest`).
+    """Return a hash of a scene file and all files that it names (see `moved.scene_digest`).
 
     Raises
     ------
@@ -132,7 +136,7 @@ def digest_of(path: str | Path) -> str:
 
 
 def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
-    """Return (lowest, highest) z, mm, of a Mitsuba scene's box as it stands; infinite when it is unbounded or empty."""
+    """Return (lowest, highest) z, mm, of a Mitsuba scene's placed bounding box; infinite if unbounded or empty."""
     box = scene.bbox()
     low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
@@ -143,7 +147,7 @@ def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
 
 
 def in_front_of(depths: tuple[float, float]) -> float:
-    """Return a hair beyond the nearer of (lowest, highest) z, so that rays do not start on a surface."""
+    """Return a depth just in front of (lowest, highest) z, so that rays do not start on a surface."""
     return depths[1] + 1e-3 * max(1.0, depths[1] - depths[0])
 
 

@@ -1,4 +1,4 @@
-"""Where primary rays come from: a display's pixels through their lenslets, or an eye looking through a window."""
+"""Sources of primary rays: a display's pixels through their lenslets, or an eye that looks through a window."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ class Lines(NamedTuple):
 
     point
         Three Floats, a point of each line, mm.
-    way
-        Three Floats, unit vectors along the lines, away from the display and towards the viewer.
-    alive
-        Which lines exist: a ray that the lenslets swallow has none.
+    direction
+        Three Floats, unit vectors along the lines, from the display to the viewer.
+    active
+        Which lines exist: a ray that the lenslets block has none.
     """
 
     point: tuple[Any, Any, Any]
-    way: tuple[Any, Any, Any]
-    alive: Any
+    direction: tuple[Any, Any, Any]
+    active: Any
 
 
 class RaySource(Protocol):
-    """Where primary rays come from: the display's pixels, or an eye looking through a window."""
+    """A source of primary rays."""
 
     @property
     def width_px(self) -> int:
-        """Picture width."""
+        """Image width."""
 
     @property
     def height_px(self) -> int:
-        """Picture height."""
+        """Image height."""
 
     @property
     def stripes(self) -> tuple[float, float, float] | None:
@@ -61,9 +61,9 @@ class RaySource(Protocol):
         Parameters
         ----------
         pixel, sample
-            UInt32, row-major pixel numbers and the samples' numbers within their pixel.
+            UInt32, pixel numbers row by row, and the numbers of the samples within their pixel.
         stripe
-            Centre (Float) and width of the part of the pixel that is sampled, in pixels from its centre.
+            Centre (Float) and width of the sampled part of the pixel, in pixels from the pixel's centre.
         """
 
 
@@ -85,9 +85,9 @@ def lines_from_pixels(
 class IntegralSource:
     """The rays of a display's pixels.
 
-    `engine` traces them: "fast" within the renderer's own program, the others outside of it, chunk by chunk, so that
-    the picture is what their rays show; `fraction_bits` belongs to "twin" and "rtl". Several samples of a pixel stand
-    anywhere in it with "fast", with all others on the same sixteenths of a pixel.
+    `engine` traces them: "fast" inside the renderer's program, the others outside it, chunk by chunk. `fraction_bits`
+    is for "twin" and "rtl". If a pixel has several samples, "fast" places them anywhere in it; the other engines place
+    them on the same sixteenths of a pixel.
     """
 
     display: Display
@@ -140,22 +140,19 @@ class IntegralSource:
         mi = mitsuba()
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
         if self.samples > 1:
-            # Any place in a pixel will do, so all take those that the RTL's words hold, and follow the same rays.
+            # All engines take the places that the RTL's words can express, so that they trace the same rays.
             steps = 1 << PIXEL_FRACTION
             pixels = np.rint(pixels * steps) / steps
         aims = None if aperture is None else np.stack([np.asarray(a) for a in aperture], axis=1)
         rays = trace(self.display, pixels, aims, self.model, self.engine, fraction_bits=self.fraction_bits)
-        origin, way = rays.origin_mm.astype(np.float32), rays.direction.astype(np.float32)
-        return Lines(
-            (mi.Float(origin[:, 0]), mi.Float(origin[:, 1]), mi.Float(origin[:, 2])),
-            (mi.Float(way[:, 0]), mi.Float(way[:, 1]), mi.Float(way[:, 2])),
-            mi.Bool(gets_through(rays.status)),
-        )
+        x, y, z = (mi.Float(column) for column in rays.origin_mm.astype(np.float32).T)
+        dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
+        return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle in the plane z = 0, centred on the axis: what a view of the display covers."""
+    """The rectangle that a view covers, in the plane z = 0 and centred on the axis."""
 
     width_mm: float
     height_mm: float
@@ -165,7 +162,7 @@ class Window:
 
 @dataclass(frozen=True)
 class PerspectiveSource:
-    """The rays from an eye (mm) through a window: the scene as seen with no display in between."""
+    """The rays from an eye (mm) through a window, without a display."""
 
     eye_mm: tuple[float, float, float]
     window: Window
@@ -196,5 +193,5 @@ class PerspectiveSource:
             jitter_x, jitter_y = points_in_square(pixel, sample, self.seed, stream=0)
         x = ((mi.Float(column) + jitter_x) / window.width_px - 0.5) * window.width_mm
         y = (0.5 - (mi.Float(row) + jitter_y) / window.height_px) * window.height_mm
-        way = dr.normalize(mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2])))
-        return Lines((x, y, mi.Float(0.0)), (way.x, way.y, way.z), mi.Bool(True))
+        ray = dr.normalize(mi.Vector3f(self.eye_mm[0] - x, self.eye_mm[1] - y, mi.Float(self.eye_mm[2])))
+        return Lines((x, y, mi.Float(0.0)), (ray.x, ray.y, ray.z), mi.Bool(True))

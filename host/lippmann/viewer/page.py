@@ -1,29 +1,26 @@
-"""Assembles the page: everything that the browser needs stands in one text."""
+"""Assembles the viewer page: one text with everything that the browser needs."""
 
 from __future__ import annotations
 
 import base64
 import dataclasses
 import html
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError
-from lippmann.images import encode
+from lippmann.images import png_bytes
 from lippmann.rendering.sources import STRIPES
 from lippmann.viewer.controls import controls_html, focus_reach_mm
 from lippmann.viewer.template import filled, read, shader
 
-#: In the order in which they build on each other.
+#: Each uses those before it.
 SCRIPTS = (
     "system",
     "lattice",
@@ -37,7 +34,7 @@ SCRIPTS = (
     "main",
 )
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
-#: Half the depth drawing's width in its own units that the focus may use; the drawing ends at 110.
+#: Range of the focus in the depth drawing, in the drawing's units; the drawing ends at 110.
 DRAWN = 100.0
 
 
@@ -48,9 +45,9 @@ class Direct:
     Attributes
     ----------
     eye_mm
-        Where it was seen from.
+        The eye.
     radiance
-        (height, width, 3), linear; as wide for its height as the panel.
+        (height, width, 3), linear; with the panel's aspect ratio.
     """
 
     eye_mm: tuple[float, float, float]
@@ -65,7 +62,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
     display
         The display that shows it.
     radiance
-        (height, width, 3) of the panel, linear. It travels as 8 bits sRGB: what is brighter than 1 is cut.
+        (height, width, 3) of the panel, linear. The page stores it as 8 bits sRGB, clipped at 1.
     title
         Heading of the page.
     directs
@@ -74,7 +71,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
     Raises
     ------
     InputError
-        When a picture has not the panel's size or shape.
+        When the image has not the panel's size, or a direct render not its aspect ratio.
     """
     panel, array = display.panel, display.array
     if radiance.shape != (panel.height_px, panel.width_px, 3):
@@ -111,10 +108,10 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
 
 
 def check_direct(direct: Direct, display: Display) -> None:
-    """Refuse a direct render that has not the panel's shape."""
+    """Refuse a direct render that has not the panel's aspect ratio."""
     panel = display.panel
     height, width = direct.radiance.shape[:2]
-    # Its height was rounded to whole pixels.
+    # Its height was rounded to integer pixels.
     if abs(width * panel.height_px / panel.width_px - height) > 1.0:
         raise InputError(
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
@@ -124,19 +121,16 @@ def check_direct(direct: Direct, display: Display) -> None:
 
 def png_base64(radiance: npt.NDArray[Any]) -> str:
     """Return linear light as a PNG, 8 bits sRGB, in base64."""
-    values = np.rint(encode(radiance, "srgb") * 255.0).astype(np.uint8)
-    stream = io.BytesIO()
-    Image.fromarray(values).save(stream, "PNG")
-    return base64.b64encode(stream.getvalue()).decode("ascii")
+    return base64.b64encode(png_bytes(radiance)).decode("ascii")
 
 
 def script_json(value: Any) -> str:
-    """Return JSON that may stand inside a `<script>`: no `<` that could end it."""
+    """Return JSON for a `<script>` element: without `<`, which could end it."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
 def _defines(display: Display) -> dict[str, str]:
-    """Return what the shaders leave to the compiler: what no slider changes."""
+    """Return the shaders' preprocessor definitions: properties that no slider changes."""
     defines = {}
     if display.array.grid == "hex":
         defines["HEX"] = "1"

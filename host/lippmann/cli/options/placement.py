@@ -1,7 +1,8 @@
-"""The options that say where a scene stands before the display: of `render` and of `view`."""
+"""The options that place a scene before the display."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,52 +15,42 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import placement_beside
 
 Command = Callable[..., Any]
-Triple = tuple[float, float, float]
 
 #: In the order of the help text.
 _OPTIONS = (
     click.option("--scale", type=float, help="mm for each scene unit."),
     click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z."),
-    click.option("--offset", type=Vector(3), help="Where the scene's origin comes to stand, mm."),
+    click.option("--offset", type=Vector(3), help="Position of the scene's origin, mm."),
     click.option("--depth", type=float, help="Moves the scene towards the viewer, mm."),
     click.option("--near", type=float, help="Depth z where primary rays start, mm."),
     click.option("--far", type=float, help="Farthest depth of interest, mm."),
 )
+_NAMES = ("scale", "rotate", "offset", "depth", "near", "far")
 
 
 def placement_options(command: Command) -> Command:
-    """Give a command the options; it gets them by their names."""
+    """Give a command the options, which it gets as `moved`: those that are given, by name (see `placement_of`)."""
+
+    @functools.wraps(command)
+    def with_placement(**values: Any) -> Any:
+        moved = {name: values.pop(name) for name in _NAMES}
+        return command(moved={name: value for name, value in moved.items() if value is not None}, **values)
+
     for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+        with_placement = option(with_placement)
+    return with_placement
 
 
-def placement_of(
-    scene_path: str,
-    scale: float | None = None,
-    rotate: Triple | None = None,
-    offset: Triple | None = None,
-    depth: float | None = None,
-    near: float | None = None,
-    far: float | None = None,
-) -> Placement:
-    """Return the placement beside the scene with the options laid over it."""
-    placement = placement_beside(Path(scene_path))
-    moved = scale is not None or rotate is not None or offset is not None or depth is not None
-    if moved:
-        # The file's depths belong to the file's own stand.
-        placement = replace(placement, near_mm=None, far_mm=None)
-    if scale is not None:
-        placement = replace(placement, scale=scale)
-    if rotate is not None:
-        placement = replace(placement, rotation_deg=rotate)
-    if offset is not None:
-        placement = replace(placement, offset_mm=offset)
-    if depth is not None:
-        x, y, z = placement.offset_mm
-        placement = replace(placement, offset_mm=(x, y, z + depth))
-    if near is not None:
-        placement = replace(placement, near_mm=near)
-    if far is not None:
-        placement = replace(placement, far_mm=far)
-    return placement
+def placement_of(scene_path: Path, moved: dict[str, Any]) -> Placement:
+    """Return the placement beside the scene, changed by the options."""
+    placement = placement_beside(scene_path)
+    changed: dict[str, Any] = {}
+    if not moved.keys().isdisjoint(("scale", "rotate", "offset", "depth")):
+        # The depths in the file are valid for the file's own placement only.
+        changed |= {"near_mm": None, "far_mm": None}
+    names = {"scale": "scale", "rotate": "rotation_deg", "offset": "offset_mm", "near": "near_mm", "far": "far_mm"}
+    changed |= {names[name]: value for name, value in moved.items() if name in names}
+    if "depth" in moved:
+        x, y, z = changed.get("offset_mm", placement.offset_mm)
+        changed["offset_mm"] = (x, y, z + moved["depth"])
+    return replace(placement, **changed)

@@ -1,28 +1,41 @@
-"""The options that say how pictures are rendered: of `render` and of `animate`."""
+"""The options of rendering, which several commands share."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import click
 
-from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
-from lippmann.optics.rays import ENGINES, MODELS, Engine
+from lippmann.optics.rays import ENGINES
+from lippmann.rendering.integral import MODEL_OPTIONS, RenderOptions
+from lippmann.rendering.renderer import Settings
 from lippmann.rendering.sources import APERTURES
 from lippmann.select.model import TOLERANCE
 
 Command = Callable[..., Any]
 
+_SAMPLES = click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536.")
+_INTEGRATOR = (
+    click.option(
+        "--integrator",
+        default="lights",
+        show_default=True,
+        help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
+    ),
+    click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet, 1 to 1000."),
+    click.option("--memory-mb", type=float, help="Memory limit.  [default: four fifths of the free memory]"),
+)
 #: In the order of the help text.
-_OPTIONS = (
+_RENDER = (
     click.option(
         "--model",
-        type=click.Choice(["auto", *MODELS]),
+        type=click.Choice(MODEL_OPTIONS),
         default="auto",
         show_default=True,
-        help="Lens model; auto takes the cheapest that is good enough.",
+        help="Lens model; auto chooses the cheapest within the tolerance.",
     ),
     click.option(
         "--tolerance",
@@ -35,14 +48,14 @@ _OPTIONS = (
         type=click.Choice(ENGINES),
         default="fast",
         show_default=True,
-        help="Who traces the rays through the lenslets; rtl shows what the FPGA would show.",
+        help="Traces the rays through the lenslets; rtl shows what the FPGA would show.",
     ),
     click.option(
         "--fraction-bits",
         type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
         help=f"Word length of the engines twin and rtl.  [default: {WIDEST}]",
     ),
-    click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536."),
+    _SAMPLES,
     click.option(
         "--aperture",
         type=click.Choice(APERTURES),
@@ -50,31 +63,39 @@ _OPTIONS = (
         show_default=True,
         help="Chief rays, or rays over the whole lenslet.",
     ),
+    *_INTEGRATOR,
+)
+_CAPTURE = (
+    _SAMPLES,
     click.option(
-        "--integrator",
-        default="lights",
-        show_default=True,
-        help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
+        "--aperture",
+        type=click.Choice(APERTURES),
+        help="For a pickup: rays over the whole lenslet, or chief rays.  [default: full]",
     ),
-    click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet, 1 to 1000."),
-    click.option("--memory-mb", type=float, help="Memory limit.  [default: four fifths of what is free]"),
+    *_INTEGRATOR,
 )
 
 
-def render_options(command: Command) -> Command:
-    """Give a command the options."""
-    for option in reversed(_OPTIONS):
+def _with(options: tuple[Callable[[Command], Command], ...], command: Command) -> Command:
+    for option in reversed(options):
         command = option(command)
     return command
 
 
-def check_fraction_bits(engine: Engine, fraction_bits: int | None) -> None:
-    """Refuse a word length for an engine that has none.
+def capture_options(command: Command) -> Command:
+    """Give a command the options of a capture, which it gets by their names."""
+    return _with(_CAPTURE, command)
 
-    Raises
-    ------
-    InputError
-        Naming the engines that have one.
-    """
-    if fraction_bits is not None and engine in ("golden", "fast"):
-        raise InputError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
+
+def render_options(command: Command) -> Command:
+    """Give a command the options of a render, which it gets as `options`, a `RenderOptions`; it must have --seed."""
+
+    @functools.wraps(command)
+    def with_options(
+        *, model: Any, tolerance: float, engine: Any, fraction_bits: int | None, samples: int, aperture: Any,
+        integrator: str, max_depth: int, memory_mb: float | None, seed: int, **others: Any,
+    ) -> Any:  # fmt: skip
+        settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
+        return command(options=RenderOptions(model, tolerance, engine, fraction_bits, settings), **others)
+
+    return _with(_RENDER, with_options)

@@ -1,0 +1,343 @@
+"""The functions of the public Python interface: load_scene, render, capture, observe, view.
+
+Each sets Mitsuba's variant for its device and restores the user's variant afterwards. The commands call them too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import webbrowser
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from lippmann.capturing.capture import capture as capture_scene
+from lippmann.capturing.capture import placement_before
+from lippmann.capturing.setup import Pickup, Setup, load_setup
+from lippmann.display import Display, load_display
+from lippmann.errors import InputError
+from lippmann.images import check_output, replacing
+from lippmann.integral_image import IntegralImage
+from lippmann.observer import Eye, View, whole_window
+from lippmann.observer import observe as observe_window
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Progress, Settings, check_memory
+from lippmann.rendering.scene import Scene, check_scene_file
+from lippmann.rendering.scene import load_scene as load_scene_file
+from lippmann.rendering.sources import Aperture, Window
+from lippmann.select.model import TOLERANCE
+from lippmann.variant import VARIANTS, own_variant
+from lippmann.viewer.direct import render_directs
+from lippmann.viewer.page import Direct, page_html
+
+#: Width of a view, pixels.
+VIEW_PX = 600
+#: Losses of a capture that are noted, per cent.
+NOTED_PERCENT = 1.0
+PAGE_SUFFIXES = (".html", ".htm")
+
+Note = Callable[[str], None]
+
+
+def _silent(text: str) -> None:
+    """Drop a remark."""
+
+
+def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
+    """Read a Mitsuba scene once, for several calls of `render`, `capture` or `view`.
+
+    Parameters
+    ----------
+    path
+        Mitsuba XML.
+    placement
+        Where the scene stands before the display; None: the file beside the scene, else scene units are millimetres.
+    device
+        "llvm" (CPU), "cuda" (GPU) or "auto".
+
+    Raises
+    ------
+    InputError
+        When the file is missing or invalid.
+    """
+    with own_variant(device):
+        return load_scene_file(path, placement)
+
+
+@contextlib.contextmanager
+def _loaded(scene: str | Path | Scene, placement: Placement | None, device: str) -> Iterator[Scene]:
+    """Set the variant and give a scene, loaded if need be."""
+    if not isinstance(scene, Scene):
+        check_scene_file(scene)
+        with own_variant(device):
+            yield load_scene_file(scene, placement)
+        return
+    own = next(name for name, variant in VARIANTS.items() if variant == scene.mitsuba.variant_name())
+    if device not in ("auto", own):
+        raise InputError(f"the scene was loaded for device '{own}', not '{device}'; load it again")
+    with own_variant(own):
+        yield scene if placement is None else scene.placed(placement)
+
+
+def render(
+    scene: str | Path | Scene,
+    display: str | Path | Display,
+    samples: int = 4,
+    model: ModelOption = "auto",
+    *,
+    aperture: Aperture = "chief",
+    integrator: str = "lights",
+    max_depth: int = 4,
+    seed: int = 0,
+    engine: Engine = "fast",
+    fraction_bits: int | None = None,
+    tolerance: float = TOLERANCE,
+    placement: Placement | None = None,
+    memory_mb: float | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+    note: Note = _silent,
+) -> IntegralImage:
+    """Render the integral image of a scene for a display.
+
+    Parameters
+    ----------
+    scene
+        Mitsuba XML, or what `load_scene` returned.
+    display
+        A display file, or what `load_display` returned.
+    samples, aperture, integrator, max_depth, seed, memory_mb
+        See `lippmann.rendering.renderer.Settings`.
+    model, tolerance, engine, fraction_bits
+        See `lippmann.rendering.integral.RenderOptions`.
+    placement
+        See `load_scene`.
+    device
+        "llvm" (CPU), "cuda" (GPU) or "auto": for the fast engine and Mitsuba.
+    progress
+        Called with (tiles done, tiles in all).
+    note
+        Called with remarks, such as the model that "auto" chose.
+
+    Raises
+    ------
+    InputError
+        For a bad file or value, or an image that exceeds the memory limit.
+    MissingLibraryError
+        When Mitsuba or a tool of the engine is missing.
+    """
+    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
+    options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
+    return render_with(options, scene, display, placement, device, progress, note)
+
+
+def render_with(
+    options: RenderOptions,
+    scene: str | Path | Scene,
+    display: str | Path | Display,
+    placement: Placement | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+    note: Note = _silent,
+) -> IntegralImage:
+    """Render the integral image of a scene for a display, with options; see `render`."""
+    built = display if isinstance(display, Display) else load_display(display)
+    try:
+        check_memory(built.panel.width_px, built.panel.height_px, options.settings)
+    except InputError as error:
+        where = f"display '{built.name}'" if isinstance(display, Display) else display
+        raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
+    with _loaded(scene, placement, device) as loaded:
+        return render_image(loaded, built, options, progress, note)
+
+
+def capture(
+    scene: str | Path | Scene,
+    setup: str | Path | Setup,
+    samples: int = 4,
+    *,
+    rotate: bool | None = None,
+    aperture: Aperture | None = None,
+    integrator: str = "lights",
+    max_depth: int = 4,
+    seed: int = 0,
+    memory_mb: float | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+    note: Note = _silent,
+) -> IntegralImage:
+    """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
+
+    Parameters
+    ----------
+    scene
+        Mitsuba XML, or a scene that was loaded with `lippmann.capturing.capture.placement_before`.
+    setup
+        A set-up file, or what `load_setup` returned.
+    samples, integrator, max_depth, seed, memory_mb
+        See `lippmann.rendering.renderer.Settings`.
+    rotate
+        Whether elemental images are rotated by 180 degrees, so that depth comes out right; None: yes, but not for
+        concave lenslets.
+    aperture
+        For a pickup: "full" (None), rays over the whole lenslet, or "chief".
+    device, progress, note
+        See `render`.
+
+    Returns
+    -------
+    The image for the set-up's display; `measured` contains `vignetting_percent` and `array_loss_percent`.
+
+    Raises
+    ------
+    InputError
+        For a bad file or value, a scene that cannot be captured, or an image that exceeds the memory limit.
+    """
+    built = setup if isinstance(setup, Setup) else load_setup(setup)
+    if aperture is not None and not isinstance(built.pickup, Pickup):
+        raise InputError("--aperture is for a [pickup]: a camera's pinhole leaves no choice; leave it out")
+    rotated = not built.concave if rotate is None else rotate
+    settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb)
+    panel = built.display.panel
+    check_memory(panel.width_px, panel.height_px, settings)
+    placement = None
+    if not isinstance(scene, Scene):
+        path = None if isinstance(setup, Setup) else setup
+        placement = placement_before(built, check_scene_file(scene), path)
+    with _loaded(scene, placement, device) as loaded:
+        captured = capture_scene(loaded, built, settings, rotated, progress)
+    lost = captured.vignetting
+    if lost.lens_percent > NOTED_PERCENT:
+        note(
+            f"note: the lens's aperture cuts off {lost.lens_percent:.1f} % of the rays (black in the image); "
+            "a larger lens.aperture_mm lets them in"
+        )
+    if lost.array_percent > NOTED_PERCENT:
+        note(
+            f"note: {lost.array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
+            "rims reflect them; a longer focal length lets them out"
+        )
+    metadata = image_metadata("exact", settings, loaded.path)
+    metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
+    losses = {"vignetting_percent": lost.lens_percent, "array_loss_percent": lost.array_percent}
+    return IntegralImage(captured.rendered.radiance, built.display, metadata, {**losses, **captured.rendered.measured})
+
+
+def observe(
+    image: IntegralImage,
+    eye: tuple[float, float, float] = (0.0, 0.0, 600.0),
+    pupil_mm: float = 0.0,
+    focus_z_mm: float = 0.0,
+    width_px: int = VIEW_PX,
+    samples: int = 16,
+    *,
+    display: Display | None = None,
+    window: Window | None = None,
+    model: Model = "exact",
+    crosstalk: bool = True,
+    seed: int = 0,
+    device: str = "auto",
+) -> View:
+    """Return what an eye sees of a display that shows an image, through its lenslets.
+
+    Parameters
+    ----------
+    image
+        The image.
+    eye
+        Centre of the pupil, mm; the display is at z = 0, x right, y up, z towards the viewer.
+    pupil_mm, focus_z_mm
+        Diameter of the pupil (0: a pinhole), and the depth z in focus.
+    width_px
+        Width of the view.
+    samples
+        Rays for each pixel of the view.
+    display
+        The display as built, such as `image.display.misaligned(rotation_deg=0.1)`; None: the image's.
+    window
+        The part of the plane z = 0 that is seen; None: the whole panel, `width_px` wide.
+    model, crosstalk, seed
+        Lens model; whether a neighbour's elemental image is seen, or black; seed of the sample points.
+    device
+        "llvm" (CPU), "cuda" (GPU) or "auto".
+
+    Raises
+    ------
+    InputError
+        For an eye that cannot see the display, or values out of range.
+    """
+    built = image.display if display is None else display
+    looking = Eye(eye, pupil_mm, focus_z_mm)
+    seen = window or whole_window(image.display, width_px)
+    with own_variant(device):
+        view = observe_window(image.radiance, built, looking, seen, samples, model, seed, crosstalk)
+    return replace(view, metadata={"display": image.display.name, "eye_mm": str(looking.position_mm)})
+
+
+def view(
+    image: IntegralImage,
+    path: str | Path | None = None,
+    scene: str | Path | Scene | None = None,
+    *,
+    title: str = "Integral image",
+    placement: Placement | None = None,
+    seed: int = 0,
+    device: str = "auto",
+) -> Path:
+    """Write the page that shows an image through its lenslets in any browser with WebGL 2.
+
+    Parameters
+    ----------
+    image
+        The image.
+    path
+        The page, .html; None: a temporary file, which a browser opens.
+    scene
+        Mitsuba XML, or what `load_scene` returned, to render direct views of beside the image's.
+    title
+        Heading of the page.
+    placement
+        See `load_scene`.
+    seed
+        Of the direct views.
+    device
+        "llvm" (CPU), "cuda" (GPU) or "auto": for the direct views.
+
+    Returns
+    -------
+    Path of the page.
+
+    Raises
+    ------
+    InputError
+        When the page cannot be written, or for a bad scene.
+    """
+    target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
+    target = check_output(target, PAGE_SUFFIXES)
+    page = view_page(image, scene, title=title, placement=placement, seed=seed, device=device)
+    with replacing(target) as partial:
+        partial.write_bytes(page)
+    if path is None:
+        webbrowser.open(target.as_uri())
+    return target
+
+
+def view_page(
+    image: IntegralImage,
+    scene: str | Path | Scene | None = None,
+    directs: Sequence[Direct] = (),
+    *,
+    title: str = "Integral image",
+    placement: Placement | None = None,
+    seed: int = 0,
+    device: str = "auto",
+    progress: Progress | None = None,
+) -> bytes:
+    """Return the page of `view`; `directs` are direct views that were rendered before."""
+    if scene is not None:
+        with _loaded(scene, placement, device) as loaded:
+            directs = [*directs, *render_directs(loaded, image.display, seed, progress)]
+    return page_html(image.display, image.radiance, title, directs).encode("utf-8")

@@ -1,0 +1,129 @@
+"""Integral images: the options of a render, and the render that returns an `IntegralImage`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+from lippmann import __version__
+from lippmann.display import Display
+from lippmann.errors import InputError
+from lippmann.fixed.words import WIDEST
+from lippmann.integral_image import IntegralImage
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
+from lippmann.rendering.renderer import Progress, Settings, render_integral
+from lippmann.rendering.scene import Scene
+from lippmann.select.model import TOLERANCE, choose_model
+
+ModelOption = Literal["auto", Model]
+MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
+#: Widths of a scene, in widths of the panel, that need no remark.
+SIZE_SHARE = (0.02, 1000.0)
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Lens model, engine and settings of a render.
+
+    Attributes
+    ----------
+    model
+        "auto": the cheapest whose error stays below `tolerance` (see `lippmann.select.model`).
+    tolerance
+        Error that "auto" allows, pixels of the reconstructed view.
+    engine
+        What traces the rays through the lenslets.
+    fraction_bits
+        Word length of the engines twin and rtl; None: the longest.
+    settings
+        Samples, aperture, integrator, seed.
+    """
+
+    model: ModelOption = "auto"
+    tolerance: float = TOLERANCE
+    engine: Engine = "fast"
+    fraction_bits: int | None = None
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names, and a word length for an engine that has none."""
+        for what, name, names in (("model", self.model, MODEL_OPTIONS), ("engine", self.engine, ENGINES)):
+            if name not in names:
+                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        if self.fraction_bits is not None and self.engine in ("golden", "fast"):
+            raise InputError(f"fraction bits belong to the engines twin and rtl; leave them out with {self.engine}")
+
+
+def render_image(
+    scene: Scene,
+    display: Display,
+    options: RenderOptions,
+    progress: Progress | None = None,
+    note: Callable[[str], None] = lambda text: None,
+) -> IntegralImage:
+    """Render the integral image of a loaded scene.
+
+    Parameters
+    ----------
+    scene, display, options
+        The scene, the display, and how to render.
+    progress
+        Called with (tiles done, tiles in all).
+    note
+        Called with remarks: which model was chosen, and a scene of an odd size.
+
+    Raises
+    ------
+    InputError, MissingLibraryError
+        As `render_integral` and `choose_model`.
+    """
+    _note_odd_size(scene, display, note)
+    settings = options.settings
+    if options.model == "auto":
+        choice = choose_model(display, scene.depth_range_mm, settings.aperture, options.tolerance)
+        note(str(choice))
+        model = choice.model
+    else:
+        model = options.model
+    rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits)
+    carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
+    return IntegralImage(rendered.radiance, display, carried, rendered.measured)
+
+
+def _note_odd_size(scene: Scene, display: Display, note: Callable[[str], None]) -> None:
+    """Remark on a scene so small or large that its units may be wrong."""
+    width = scene.width_mm
+    share = width / display.panel.width_mm
+    if width > 0.0 and not SIZE_SHARE[0] <= share <= SIZE_SHARE[1]:
+        note(
+            f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
+            "if its units are not millimetres give --scale, such as 1000 for metres"
+        )
+
+
+def image_metadata(
+    model: Model,
+    settings: Settings,
+    scene_path: Path,
+    engine: Engine = "fast",
+    fraction_bits: int | None = None,
+) -> dict[str, str]:
+    """Return how an image was made, as metadata; `IntegralImage` adds the display."""
+    bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}
+    return {
+        "model": model,
+        "engine": engine,
+        **bits,
+        "aperture": settings.aperture,
+        "integrator": settings.integrator,
+        "samples": str(settings.samples),
+        "max_depth": str(settings.max_depth),
+        "seed": str(settings.seed),
+        "scene": scene_path.name,
+        "version": __version__,
+        "mitsuba": metadata.version("mitsuba"),
+        "drjit": metadata.version("drjit"),
+    }

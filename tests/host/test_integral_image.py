@@ -1,0 +1,181 @@
+"""The integral image: what its files carry, what loading refuses, and how it is shown."""
+
+import dataclasses
+import io
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from lippmann.errors import InputError
+from lippmann.images import encoded_values, read_picture, write_picture
+from lippmann.integral_image import IntegralImage
+from optics_cases import display_of
+from PIL import Image
+from scene_cases import generator
+
+TONES = [("srgb", 8), ("linear", 8), ("gamma2.2", 6), ("srgb", 1), ("linear", 10), ("srgb", 16)]
+
+
+def display_with(transfer="srgb", bits=8, **others):
+    made = display_of("square", "panel", radius=1.65, width_px=17, height_px=13, **others)
+    return dataclasses.replace(made, panel=dataclasses.replace(made.panel, transfer=transfer, bits=bits))
+
+
+def image_for(display, *key):
+    return IntegralImage(generator(77, *key).random((13, 17, 3), np.float32), display, {"model": "exact"})
+
+
+@pytest.mark.parametrize(("transfer", "bits"), TONES)
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_saved_and_loaded(tmp_path, suffix, transfer, bits):
+    display = display_with(transfer, bits)
+    image, path = image_for(display, suffix, bits), tmp_path / f"a{suffix}"
+    image.save(path)
+    back = IntegralImage.load(path, display)
+    assert back.display is display
+    assert back.metadata == image.metadata
+    assert back.metadata == {
+        "model": "exact", "display": display.name, "identity": display.identity, "transfer": transfer, "bits": str(bits)
+    }  # fmt: skip
+    if suffix == ".tif":
+        np.testing.assert_array_equal(back.radiance, image.radiance)
+    elif suffix == ".exr":
+        np.testing.assert_array_equal(back.radiance, image.radiance.astype(np.float16).astype(np.float32))
+    else:
+        # What a panel shows of the file is what it shows of the image.
+        values = encoded_values(image.radiance, transfer, bits)
+        np.testing.assert_array_equal(encoded_values(back.radiance, transfer, bits), values)
+        source = oiio.ImageInput.open(str(path))
+        np.testing.assert_array_equal(source.read_image(oiio.UINT8 if bits <= 8 else oiio.UINT16), values)
+        source.close()
+
+
+@pytest.mark.parametrize("bits", [1, 5, 6, 8, 9, 12, 16])
+@pytest.mark.parametrize("transfer", ["srgb", "linear", "gamma2.2"])
+def test_encoded_values_are_levels_spread_over_the_range(transfer, bits):
+    """Each level k of 2^bits - 1 comes out as k / (2^bits - 1) of the integer's range, in order, and none besides."""
+    values = encoded_values(np.linspace(-0.2, 1.2, 300001, dtype=np.float32), transfer, bits)
+    full = 255 if bits <= 8 else 65535
+    assert values.dtype == (np.uint8 if bits <= 8 else np.uint16)
+    assert (np.diff(values.astype(int)) >= 0).all()
+    assert (values[0], values[-1]) == (0, full)
+    levels = {round(k * full / (2**bits - 1)) for k in range(2**bits)}
+    assert set(np.unique(values).tolist()) <= levels
+    if bits <= 8:
+        assert set(np.unique(values).tolist()) == levels
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_another_display_is_refused(tmp_path, suffix):
+    display = display_with()
+    other = dataclasses.replace(display, gap_mm=display.gap_mm + 0.1)
+    path = tmp_path / f"a{suffix}"
+    image_for(display).save(path)
+    with pytest.raises(InputError, match=rf"a\{suffix}.*{display.identity}.*{other.identity}.*--force"):
+        IntegralImage.load(path, other)
+    assert IntegralImage.load(path, other, force=True).metadata["identity"] == other.identity
+    write_picture(path, image_for(display).radiance, {})
+    with pytest.raises(InputError, match=r"names no display.*--force"):
+        IntegralImage.load(path, display)
+    IntegralImage.load(path, display, force=True)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+@pytest.mark.parametrize(
+    ("tones", "said"), [(("linear", 8), "transfer srgb, .* has transfer linear"), (("srgb", 6), "bits 8, .* bits 6")]
+)
+def test_other_tones_are_refused(tmp_path, suffix, tones, said):
+    """Transfer curve and bits are not a part of the identity."""
+    display, other = display_with(), display_with(*tones)
+    assert display.identity == other.identity
+    path = tmp_path / f"a{suffix}"
+    image_for(display).save(path)
+    with pytest.raises(InputError, match=said):
+        IntegralImage.load(path, other)
+    back = IntegralImage.load(path, other, force=True)
+    assert (back.metadata["transfer"], back.metadata["bits"]) == (tones[0], str(tones[1]))
+
+
+def test_files_of_version_0_1_load(tmp_path):
+    """They carry no bits; `transfer` is the file's: linear in .exr and .tif, the panel's in .png."""
+    display = display_with("gamma2.2", 6)
+    light = image_for(display).radiance
+    carried = {"display": display.name, "identity": display.identity, "version": "0.1.0"}
+    for suffix, transfer in ((".exr", "linear"), (".tif", "linear"), (".png", "gamma2.2")):
+        path = tmp_path / f"a{suffix}"
+        pixels = encoded_values(light, "gamma2.2", 6) if suffix == ".png" else light
+        spec = oiio.ImageSpec(17, 13, 3, oiio.UINT8 if suffix == ".png" else oiio.FLOAT)
+        entries = {**carried, "transfer": transfer}
+        if suffix == ".tif":
+            spec.attribute("ImageDescription", "\n".join(f"lippmann:{k}={v}" for k, v in entries.items()))
+        else:
+            for key, value in entries.items():
+                spec.attribute(f"lippmann:{key}", value)
+        out = oiio.ImageOutput.create(str(path))
+        assert out.open(str(path), spec)
+        assert out.write_image(pixels)
+        out.close()
+        back = IntegralImage.load(path, display)
+        assert back.metadata == {**carried, "transfer": "gamma2.2", "bits": "6"}
+        if suffix == ".png":
+            np.testing.assert_array_equal(encoded_values(back.radiance, "gamma2.2", 6), pixels)
+            with pytest.raises(InputError, match=r"transfer gamma2\.2, .* has transfer srgb"):
+                IntegralImage.load(path, display_with("srgb", 6))
+        else:
+            np.testing.assert_array_equal(back.radiance, light)
+
+
+@pytest.mark.parametrize("shape", [(13, 17), (17, 13, 3), (13, 17, 4), (0, 0, 3)])
+def test_the_radiance_must_fit_the_panel(shape):
+    with pytest.raises(InputError, match="the panel 13 x 17 x 3; render it for this display"):
+        IntegralImage(np.zeros(shape, np.float32), display_with())
+
+
+def test_a_file_of_another_size_is_refused(tmp_path):
+    write_picture(tmp_path / "a.exr", np.zeros((13, 18, 3)), {})
+    with pytest.raises(InputError, match="is 18 x 13 pixels, the panel 17 x 13"):
+        IntegralImage.load(tmp_path / "a.exr", display_with())
+
+
+# --- shown ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_notebook_gets_srgb():
+    """Whatever the panel's curve: a notebook is seen on an ordinary screen."""
+    image = image_for(display_with("linear", 6))
+    values = np.asarray(Image.open(io.BytesIO(image._repr_png_())))
+    np.testing.assert_array_equal(values, encoded_values(image.radiance, "srgb", 8))
+
+
+def test_a_window_closes_after_its_seconds(monkeypatch, capfd):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    small = image_for(display_with())
+    capfd.readouterr()
+    small.show(seconds=0.01)
+    large = dataclasses.replace(display_with(), panel=dataclasses.replace(display_with().panel, width_px=5000))
+    IntegralImage(np.zeros((13, 5000, 3), np.float32), large).show(seconds=0.01)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_a_desktop_a_line_says_so(monkeypatch, capfd):
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(variable, raising=False)
+    image = image_for(display_with())
+    capfd.readouterr()
+    image.show()
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert err.startswith("lippmann: not shown: no desktop")
+    assert len(err.splitlines()) == 1
+    assert "ipykernel" not in sys.modules
+
+
+def test_a_view_is_saved_with_its_metadata(tmp_path):
+    from lippmann.observer import View
+
+    view = View(generator(3).random((4, 5, 3), np.float32), {"ok": 1.0}, {"eye_mm": "(0.0, 0.0, 600.0)"})
+    view.save(tmp_path / "v.tif")
+    back = read_picture(tmp_path / "v.tif")
+    np.testing.assert_array_equal(back.radiance, view.radiance)
+    assert back.metadata == view.metadata
