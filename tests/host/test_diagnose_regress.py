@@ -1,4 +1,4 @@
-"""`lippmann regress`: rays of a tracer written elsewhere, right and with a fault planted, and words with others."""
+"""`lippmann regress`: rays of an independent tracer, right and with planted faults, and words with other faults."""
 
 import csv
 import dataclasses

@@ -1,8 +1,8 @@
 """RTL against twin on the hard cases, and with registers at their largest and smallest words: 0 LSB.
 
-Most of these words are none that the host writes: it refuses slopes beyond 60 degrees, a negative half cell and the
-like (`lippmann.fixed.configuration`). RTL and twin are equal for them too. What the host does write goes to the ends of
-its ranges in the case register-limits.
+The host never writes most of these words: it refuses slopes beyond 60 degrees, a negative half cell and the like
+(`lippmann.fixed.configuration`). RTL and twin are equal for them, too. The case register-limits tests the ends of the
+ranges that the host writes.
 """
 
 from __future__ import annotations

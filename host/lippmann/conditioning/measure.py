@@ -108,12 +108,15 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
     if isinstance(rays, Out) and isinstance(true, TrueRays):
         got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
         values = [got.direction, got.local_mm]
-        turn, shift = (size(exact_array(value) - wanted) for value, wanted in zip(values, true, strict=False))
+        turn = size(exact_array(got.direction) - true.direction)
+        shift = size(exact_array(got.local_mm) - true.local_mm)
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
         # One rounding of a float32 half a pitch from the lenslet's centre.
         rounding = float(np.spacing(np.float32(0.5 * rays.display.array.pitch_mm)))
         fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
-    elif isinstance(rays, Back) and isinstance(true, TrueHits):
+    else:
+        assert isinstance(rays, Back)
+        assert isinstance(true, TrueHits)
         got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
         values = [got.pixel]
         shift = size(exact_array(got.pixel) - true.pixel) * rays.display.panel.pixel_pitch_mm

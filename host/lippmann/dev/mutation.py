@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -76,12 +77,25 @@ SWAPS = {
     " << ": " >> ",
     " >> ": " << ",
 }
-OPERATOR = re.compile("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)))
-CONDITION = re.compile(r"\bif \((?=\w+\))")
-UNARY = re.compile(r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)")
-CHOICE = re.compile(r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)")
-NUMBER = re.compile(r"(?<![\w'.$])(\d+)(?![\w'.])")
-SIZED = re.compile(r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)")
+
+
+def _flipped(match: re.Match[str]) -> str:
+    """Return a sized number with its lowest bit flipped: decimal, binary, or all bits alike."""
+    for head, digits in ((match[1], match[2]), (match[3], match[4])):
+        if head:
+            return f"{head}{digits[:-1]}{int(digits[-1]) ^ 1}" if head.endswith("b") else f"{head}{int(digits) ^ 1}"
+    return f"'{int(match[5]) ^ 1}"
+
+
+#: Places of a change in a line, and the text that comes there (None: leave it).
+CHANGES: tuple[tuple[str, Callable[[re.Match[str]], str | None]], ...] = (
+    ("|".join(re.escape(operator) for operator in sorted(SWAPS, key=len, reverse=True)), lambda m: SWAPS[m[0]]),
+    (r"\bif \((?=\w+\))", lambda m: f"{m[0]}!"),
+    (r"(?<=[ (,{])[!~](?=[\w(])|(?<=[(?:] )-(?=\w)|(?<=\()-(?=\w)", lambda m: ""),
+    (r"\? ([^?:;]+) : ([^?:;,]+)(?=[;,]|$)", lambda m: f"? {m[2]} : {m[1]}"),
+    (r"(?<![\w'.$])(\d+)(?![\w'.])", lambda m: str(int(m[0]) ^ 1)),
+    (r"(\d+'s?d)(\d+)|(\d+'b)([01]+)|'([01])(?!\d)", _flipped),
+)
 #: Lines without hardware, and declarations: a wider word is the same hardware, a narrower one does not elaborate.
 NO_HARDWARE = re.compile(
     r"unused|\$fatal|gen_illegal|^\s*\(\*"
@@ -106,28 +120,12 @@ def faults_of(path: Path) -> list[Fault]:
 
 def _changes(code: str) -> list[str]:
     """Return a line of code with each single change."""
-    changes = []
-    for match in OPERATOR.finditer(code):
-        other = SWAPS[match[0]]
-        if other is not None:
-            changes.append(code[: match.start()] + other + code[match.end() :])
-    for match in CONDITION.finditer(code):
-        changes.append(f"{code[: match.end()]}!{code[match.end() :]}")
-    for match in UNARY.finditer(code):
-        changes.append(code[: match.start()] + code[match.end() :])
-    for match in CHOICE.finditer(code):
-        changes.append(f"{code[: match.start()]}? {match[2]} : {match[1]}{code[match.end() :]}")
-    for match in NUMBER.finditer(code):
-        changes.append(code[: match.start()] + str(int(match[1]) ^ 1) + code[match.end() :])
-    for match in SIZED.finditer(code):
-        if match[1]:
-            now = match[1] + str(int(match[2]) ^ 1)
-        elif match[3]:
-            now = match[3] + match[4][:-1] + ("0" if match[4][-1] == "1" else "1")
-        else:
-            now = "'" + ("0" if match[5] == "1" else "1")
-        changes.append(code[: match.start()] + now + code[match.end() :])
-    return changes
+    return [
+        code[: match.start()] + text + code[match.end() :]
+        for pattern, change in CHANGES
+        for match in re.finditer(pattern, code)
+        if (text := change(match)) is not None
+    ]
 
 
 def fate(fault: Fault, seed: int, work: Path) -> str:
@@ -162,19 +160,14 @@ def fate(fault: Fault, seed: int, work: Path) -> str:
     return "caught" if refused else _caught(fault, work)
 
 
-def _caught(fault: Fault, work: Path) -> str:
-    """Return 'caught' when the tests of the fault's module fail, else 'survived'."""
-    return "caught" if _unit_tests_fail(fault, work) else "survived"
-
-
 def _elaborates(sources: list[Path]) -> bool:
     """Tell whether Verilator elaborates the register block and its modules."""
     command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
     return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
 
 
-def _unit_tests_fail(fault: Fault, work: Path) -> bool:
-    """Run the tests of the fault's module in a copy of the checkout that has the fault."""
+def _caught(fault: Fault, work: Path) -> str:
+    """Return 'caught' when the tests of the fault's module fail in a copy of the checkout, else 'survived'."""
     top = repository()
     module = fault.file.removesuffix(".sv")
     folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
@@ -186,7 +179,7 @@ def _unit_tests_fail(fault: Fault, work: Path) -> bool:
         result = subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False)
         if result.returncode not in (0, 1):
             raise LippmannError(f"the tests of {folder} do not run (pytest's exit code {result.returncode})")
-        return result.returncode == 1
+        return "caught" if result.returncode == 1 else "survived"
 
 
 def _uses(build: Build, module: str) -> bool:
