@@ -15,7 +15,7 @@ from lippmann import toml
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.dev.generate_tables import MARKED, generate
-from lippmann.display import Display, load_display, parse_display
+from lippmann.display import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.toml import key
 
@@ -84,6 +84,11 @@ def test_the_schema_says_what_the_reader_checks():
     assert schema_of("placement")["properties"]["placement"]["additionalProperties"] is False
     assert "null" not in json.dumps([schema_of(kind) for kind in FILES])
     assert "$ref" not in json.dumps([schema_of(kind) for kind in FILES])
+
+
+def test_meanings_stand_in_docstrings():
+    assert "\nAttributes\n----------\nwidth_px\n    number of pixels\n" in Panel.__doc__
+    assert "\ngap_mm\n    from the panel's emitting plane" in Display.__doc__
 
 
 @dataclass(frozen=True)
