@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 from pathlib import Path
+from typing import Annotated, get_origin, get_type_hints
 
 import lippmann
+from sphinx.util.inspect import stringify_signature
 
 project = "Lippmann"
 author = "The Lippmann authors"
@@ -74,11 +78,22 @@ def add_index(app, error):
 
 def skip_constants(app, what, name, thing, skip, options):
     """Leave out a module's constants: their comments are for readers of the source."""
-    return skip or (what == "module" and not callable(thing))
+    return skip or (what == "module" and (not callable(thing) or get_origin(thing) is Annotated))
+
+
+def plain_types(app, what, name, thing, options, signature, returned):
+    """Leave the ranges of keys out of a dataclass's signature: its attributes are described below it."""
+    if what == "class" and dataclasses.is_dataclass(thing):
+        hints = get_type_hints(thing)
+        given = inspect.signature(thing)
+        typed = [one.replace(annotation=hints[one.name]) for one in given.parameters.values()]
+        return stringify_signature(given.replace(parameters=typed, return_annotation=given.empty)), returned
+    return None
 
 
 def setup(app):
     """Called by Sphinx."""
     app.connect("autodoc-skip-member", skip_constants)
+    app.connect("autodoc-process-signature", plain_types)
     app.connect("source-read", add_contents)
     app.connect("build-finished", add_index)

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from lippmann import toml
 from lippmann.errors import InputError, input_error
 from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
-from lippmann.toml import key, variant
+from lippmann.toml import documented, key, variant
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
@@ -40,6 +40,7 @@ Index = Annotated[float, key("refractive index, the same for all colours", above
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
 
+@documented
 @dataclass(frozen=True)
 class Panel:
     """The panel that emits the light."""
@@ -62,6 +63,7 @@ class Panel:
         return self.height_px * self.pixel_pitch_mm
 
 
+@documented
 @dataclass(frozen=True)
 class Array:
     """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
@@ -105,6 +107,7 @@ class Array:
         return self.radius_mm / (self.index - 1.0)
 
 
+@documented
 @dataclass(frozen=True)
 class Display:
     """A panel, an array, and the gap between the panel's emitting plane and the array's near face (mm)."""

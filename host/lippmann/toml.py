@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import inspect
 import math
 import re
 import reprlib
@@ -15,7 +16,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -50,6 +51,16 @@ def key(
     extra = {name: words for name, words in (("x-default", default), ("x-instead-of", instead_of)) if words}
     bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high}
     return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
+
+
+def documented(form: type[Form]) -> type[Form]:
+    """Append the meanings of a dataclass's keys to its docstring."""
+    lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
+    for name, hint in get_type_hints(form, include_extras=True).items():
+        described = [note.description for part in (hint, *get_args(hint)) for note in getattr(part, "__metadata__", ())]
+        lines += [name, *(f"    {meaning}" for meaning in [text for text in described if text][-1:])]
+    form.__doc__ = "\n".join(lines)
+    return form
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:

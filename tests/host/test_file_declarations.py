@@ -2,16 +2,20 @@
 
 import json
 import re
+import tomllib
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from lippmann import toml
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.dev.generate_tables import MARKED, generate
-from lippmann.display import Display, load_display, parse_display
+from lippmann.display import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.toml import key
 
@@ -82,6 +86,11 @@ def test_the_schema_says_what_the_reader_checks():
     assert "$ref" not in json.dumps([schema_of(kind) for kind in FILES])
 
 
+def test_meanings_stand_in_docstrings():
+    assert "\nAttributes\n----------\nwidth_px\n    number of pixels\n" in Panel.__doc__
+    assert "\ngap_mm\n    from the panel's emitting plane" in Display.__doc__
+
+
 @dataclass(frozen=True)
 class Stand:
     """A table of a file to come."""
@@ -122,6 +131,37 @@ def test_a_declaration_is_all_that_a_file_needs():
 def test_its_faults_are_named(raw, said):
     with pytest.raises(InputError, match=re.escape(said)):
         toml.read(Room, raw, "f")
+
+
+SHIPPED = {"display": "displays/vga-hex", "setup": "setups/pickup", "film": "films/swim", "placement": "fish/fish"}
+SCALARS = st.one_of(
+    st.integers(), st.floats(), st.booleans(), st.sampled_from(("", "a\nb", "pair", "N-BK7")), st.dates()
+)
+VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner))
+
+
+def paths(value, before=()):
+    """Every place in nested tables and lists."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [before, *(path for name, item in inner for path in paths(item, (*before, name)))]
+
+
+@pytest.mark.parametrize("kind", FILES)
+@given(data=st.data())
+def test_any_value_anywhere_is_read_or_refused_in_one_line(kind, data):
+    form = getattr(import_module(FILES[kind][0]), FILES[kind][1])
+    raw = tomllib.loads((TOP / f"scenes/{SHIPPED[kind]}.toml").read_text())
+    *path, last = data.draw(st.sampled_from(paths(raw)[1:]))
+    place = raw
+    for name in path:
+        place = place[name]
+    place[last] = data.draw(VALUES)
+    try:
+        toml.read(form, raw, "some/file.toml")
+    except InputError as error:
+        message = str(error)
+        assert message.startswith("some/file.toml: ")
+        assert "\n" not in message
 
 
 def test_a_display_read_from_its_file_is_a_plain_dataclass():

@@ -29,12 +29,13 @@ from lippmann.display import (
 )
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
-from lippmann.toml import key
+from lippmann.toml import documented, key
 
 #: Pixels that a camera must see of a lenslet.
 MIN_ELEMENTAL_PX = 2.0
 
 
+@documented
 @dataclass(frozen=True)
 class Subject:
     """Where the scene stands. The origin of the object's frame is its centre: x right, y up, +z towards the lens."""
@@ -50,6 +51,7 @@ class Subject:
         return Placement(self.scale, self.rotation_deg, self.offset_mm)
 
 
+@documented
 @dataclass(frozen=True)
 class Camera:
     """A pinhole on the axis that sees the array's first principal plane; the display's panel there is its picture."""
@@ -57,6 +59,7 @@ class Camera:
     distance_mm: Annotated[Length, key("pinhole from the lens, or from the array's vertices without a lens")]
 
 
+@documented
 @dataclass(frozen=True)
 class Pickup:
     """A sensor of the panel's size and place behind the array."""

@@ -12,7 +12,7 @@ from lippmann.film.path import Motion, check_frames
 from lippmann.film.path import Path as FilmPath
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.toml import key, values
+from lippmann.toml import documented, key, values
 
 #: Most frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
@@ -20,6 +20,7 @@ AnyPath = TypeVar("AnyPath", bound=FilmPath)
 Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Moving(FilmPath):
     """An object of a film: shapes, and their path."""
@@ -41,6 +42,7 @@ class FilmFile:
     world: FilmPath | None = None
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Film(FilmFile):
     """A film; `name` is its file's name without extension, `scene` an absolute path."""

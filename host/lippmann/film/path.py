@@ -10,12 +10,13 @@ from msgspec import Meta
 
 from lippmann.errors import input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
-from lippmann.toml import key
+from lippmann.toml import documented, key
 
 #: How a path runs from key to key.
 Motion = Literal["smooth", "linear"]
 
 
+@documented
 @dataclass(frozen=True)
 class Key:
     """Where something stands at a frame: scaled, turned, and moved."""
@@ -26,6 +27,7 @@ class Key:
     scale: Annotated[Scale, key("factor of the size")] = 1.0
 
 
+@documented
 @dataclass(frozen=True)
 class Path:
     """Keys, and how to go from one to the next.

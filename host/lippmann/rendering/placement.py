@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lippmann import toml
 from lippmann.errors import InputError
 from lippmann.optics.panel import exact_rotation
-from lippmann.toml import key
+from lippmann.toml import documented, key
 
 Matrix = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -24,6 +24,7 @@ Scale = Annotated[float, key("", low=SCALE_RANGE[0], high=SCALE_RANGE[1])]
 Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 
 
+@documented
 @dataclass(frozen=True)
 class Placement:
     """A similarity from scene units to the display's frame (mm), and a depth range.
