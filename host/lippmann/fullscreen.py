@@ -17,7 +17,7 @@ Pixels = npt.NDArray[np.uint8]
 
 #: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
-#: Seconds between two looks at the keyboard.
+#: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
 #: Largest window, as a share of the desktop.
 WINDOW_SHARE = 0.9

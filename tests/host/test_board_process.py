@@ -75,6 +75,26 @@ def test_a_board_in_the_background_gets_the_parsed_options(tmp_path, monkeypatch
     assert given.endswith("--json")
 
 
+def test_processes_that_need_the_same_build_make_it_once(tmp_path):
+    """Two start together; one compiles, here for half a second, and the other waits for the result."""
+    program = f"""
+import time
+from pathlib import Path
+from lippmann.sim.compilation import kept
+
+def make(path):
+    with open({str(tmp_path / "made")!r}, "a") as log:
+        log.write("x")
+    time.sleep(0.5)
+    path.write_text("board")
+
+print(kept(Path({str(tmp_path / "board")!r}), ["inputs"], make).read_text())
+"""
+    both = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [process.communicate(timeout=60)[0] for process in both] == ["board\n"] * 2
+    assert (tmp_path / "made").read_text() == "x"
+
+
 # --- the search of ports ------------------------------------------------------------------------------
 
 FTDI = SimpleNamespace(device="/dev/ttyUSB0", vid=0x0403)

@@ -28,6 +28,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
+from lippmann.integral_image import IntegralImage
 from lippmann.link import port as port_module
 from lippmann.link.packets import Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
@@ -173,7 +174,7 @@ def test_an_image_is_shown_and_verified():
     display = display_of("square", "panel", width_px=96, height_px=72)
     display = replace(display, panel=replace(display.panel, transfer="linear", bits=6))
     light = generator(SEED, "image").random((72, 96, 3), np.float32)
-    image = SimpleNamespace(radiance=light, display=display, metadata={})
+    image = IntegralImage(light, display)
     levels = np.rint(np.rint(light * 63) * 255 / 63).astype(np.uint8)
     display_register, frames, panel_crc = (BOARD_REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
     with joined(identity=int(display.identity, 16)) as (model, board):

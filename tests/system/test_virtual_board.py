@@ -15,7 +15,6 @@ import time
 import tty
 import zlib
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.images import write_picture
+from lippmann.integral_image import IntegralImage
 from lippmann.link.packets import Kind, PacketReader, ReplyStatus, packed
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
@@ -348,8 +347,8 @@ def test_the_panel_gets_the_tones_that_the_display_asks_for(looped, tmp_path, ca
     light[np.abs(levels_by_hand(light, transfer, bits) % 1 - 0.5) < 1e-3] = 0
     wanted = np.rint(np.rint(levels_by_hand(light, transfer, bits)) * 255 / (2**bits - 1)).astype(np.uint8)
     path = tmp_path / f"image{suffix}"
-    metadata = {"identity": display.identity, "transfer": transfer, "bits": str(bits)}
-    write_picture(path, light, metadata, transfer, bits)
+    image = IntegralImage(light, display)
+    image.save(path)
     (tmp_path / "display.toml").write_text(display_text(display))
     stream = ["stream", str(path), "--port", looped.url]
     assert run([*stream, "--display", str(tmp_path / "display.toml"), "--verify", "--json"]) == 0
@@ -359,11 +358,11 @@ def test_the_panel_gets_the_tones_that_the_display_asks_for(looped, tmp_path, ca
     assert run([*stream, "--transfer", other]) == 2
     line = capsys.readouterr().err
     assert f"transfer is {transfer} in the file, {other} in --transfer" in line
-    image = SimpleNamespace(radiance=light, display=display, metadata=metadata)
     with Board.open(looped.url) as board:
         assert board.show(image).unchanged
+        assert board.show(IntegralImage.load(path, display)).unchanged
         assert board.panel_crc() == zlib.crc32(wanted.tobytes())
-        image.metadata = metadata | {"bits": "7"}
+        image.metadata["bits"] = "7"
         with pytest.raises(InputError, match=f"bits is 7 in its metadata, {bits} in its display"):
             board.show(image)
     assert captured(looped.folder)[-1] == wanted.tobytes()
