@@ -171,7 +171,7 @@ def write_picture(
     metadata
         Keys without prefix.
     transfer, bits
-        The panel's transfer curve and bits, for PNG (see `encoded_values`); its metadata name them.
+        The panel's transfer curve and bits, for PNG (see `encoded_values`); its metadata name the curve.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def write_picture(
     if suffix in ENCODED_SUFFIXES:
         pixels = encoded_values(radiance, transfer, bits)
         kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
-        entries = {**metadata, "transfer": transfer, "bits": str(bits)}
+        entries = {**metadata, "transfer": transfer}
     else:
         pixels = np.asarray(radiance, np.float32)
         kind = oiio.FLOAT

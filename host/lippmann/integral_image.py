@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
 from lippmann.display import Display
@@ -33,9 +34,7 @@ class Showable:
         job) a line on stderr says so and the program goes on.
         """
         if "ipykernel" in sys.modules:
-            from IPython.display import display
-
-            display(self)
+            import_module("IPython.display").display(self)
             return
         try:
             show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds)

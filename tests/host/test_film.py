@@ -257,6 +257,19 @@ def test_bad_films_are_refused_in_one_line(place, text, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("name", "refused"), [("v.gif", True), ("v.png", True), ("v.mp4", False)])
+def test_a_view_that_memory_cannot_hold_is_refused(place, capsys, name, refused):
+    """Before a frame is rendered: an animation keeps all of its frames in memory, a video one."""
+    words = ["--view", place / name, "--eye", "0,0,200", "--width", "800", "--memory-mb", "515", "--model", "exact"]
+    animate(place, *words, code=2 if refused else 0)
+    err = capsys.readouterr().err
+    if refused:
+        assert re.search(rf"{re.escape(name)}: \d+ frames of 800 x \d+ pixels in memory: needs \d+ MB", err)
+        assert "the limit is 515 MB; give a smaller --width, or an .mp4 file" in err
+    assert any((place / "out").glob("frame_*")) != refused
+    assert (place / name).exists() != refused
+
+
 def test_what_cannot_be_rendered_is_refused(place, capsys):
     def refused(said, *words):
         animate(place, *words, code=2)
@@ -345,7 +358,7 @@ def test_an_interrupted_film_goes_on(place, mi):
     display, options = load_display(place / "small.toml"), RenderOptions(settings=Settings(samples=16))
     shots = shots_of(load_film(place / "film.toml"), display, options)
     for k in (0, len(there) - 1, len(there), frames - 1):
-        radiance, _ = render_shot(shots[k])
+        radiance = render_shot(shots[k]).radiance
         frame = read_picture(place / f"out/frame_{k:04d}.exr").radiance
         np.testing.assert_array_equal(frame, radiance.astype(np.float16).astype(np.float32))
 

@@ -167,5 +167,5 @@ def test_a_scene_that_a_worker_cannot_read_is_told(mi, tmp_path):
     with pytest.raises(InputError, match=r"worker w: .*no such scene.*share the scene's folder"):
         _check_scene("worker w", tmp_path / "three.xml", "0" * 64)
     (tmp_path / "three.xml").write_text(SCENE)
-    with pytest.raises(InputError, match=r"worker w: .*three\.xml is not the same there"):
+    with pytest.raises(InputError, match=r"worker w: .*three\.xml differs there"):
         _check_scene("worker w", tmp_path / "three.xml", "0" * 64)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 
 from lippmann.board.connection import Connection
-from lippmann.board.frames import IntegralImage, image_frame
+from lippmann.board.frames import image_frame
 from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.errors import device_error
+from lippmann.integral_image import IntegralImage
 from lippmann.registers import BOARD_REGISTERS
 
 #: Frame ends until one whole frame has begun and ended.

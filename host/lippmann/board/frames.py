@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.board.connection import Hello
 from lippmann.board.tiles import Pixels
-from lippmann.display import Display, Panel, Transfer
+from lippmann.display import Panel, Transfer
 from lippmann.errors import input_error
-from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encode, read_picture
+from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
+from lippmann.integral_image import IntegralImage
 
 #: Bits of a colour on the link: a panel with more bits gets these.
 LINK_BITS = 8
@@ -34,22 +35,6 @@ class Tones(NamedTuple):
     bits: int = 8
 
 
-class IntegralImage(Protocol):
-    """An image for a display: radiance (height, width, 3) float32, linear."""
-
-    @property
-    def radiance(self) -> npt.NDArray[np.float32]:
-        """The panel's light, linear."""
-
-    @property
-    def display(self) -> Display:
-        """The display that the image was made for."""
-
-    @property
-    def metadata(self) -> dict[str, str]:
-        """Keys of the image's file."""
-
-
 def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pixels:
     """Encode linear radiance (height, width, 3) with a panel's transfer curve and quantise it to the panel's bits.
 
@@ -57,8 +42,7 @@ def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pix
     -------
     (height, width, 3) uint8; the 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
     """
-    levels = (1 << min(panel.bits, LINK_BITS)) - 1
-    return np.rint(np.rint(encode(radiance, panel.transfer) * levels) * (255 / levels)).astype(np.uint8)
+    return encoded_values(radiance, panel.transfer, min(panel.bits, LINK_BITS)).astype(np.uint8)
 
 
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:

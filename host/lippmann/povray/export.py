@@ -195,9 +195,9 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     assert near is not None
     t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
     origin = rays.origin_mm + t[:, None] * rays.direction
-    alive = gets_through(rays.status)
-    # A ray that the lenslets swallow sees nothing: it looks away from the scene.
-    direction = np.where(alive[:, None], -rays.direction, [0.0, 0.0, 1.0])
-    origin[~alive] = (0.0, 0.0, near)
+    active = gets_through(rays.status)
+    # A ray that the lenslets block shall see nothing: it looks away from the scene.
+    direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
+    origin[~active] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, spare_rows=SPARE_ROWS)
     return write_folder(scene, view, folder, (origin, direction))

@@ -105,7 +105,7 @@ def lenslets(setup: Setup) -> str:
     side = 1.0 if setup.plano_to_camera else -1.0
     depth = array.thickness_mm
     centre = -array.radius_mm if setup.concave else array.radius_mm
-    # A hollow lenslet's rims stand out from its middle.
+    # The rims of a concave lenslet protrude beyond its centre.
     front = -array.sag_mm if setup.concave else 0.0
     cell = _prism(setup, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"

@@ -1,0 +1,238 @@
+"""The public Python interface: the ten lines of the docs in a script and in a notebook, and Mitsuba's variants."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import lippmann as lp
+import mitsuba
+import numpy as np
+import pytest
+from jupyter_client.manager import start_new_kernel
+from lippmann.cli import run
+from lippmann.errors import InputError
+from lippmann.images import encoded_values, read_picture
+from model_board import ModelBoard
+from scene_cases import focused_display, glowing_sphere, write_scene
+
+TOP = Path(__file__).parents[2]
+TEN_LINES = """\
+import lippmann as lp
+display = lp.load_display("vga-square.toml")
+image = lp.render("fish.xml", display, samples=4)      # an IntegralImage: radiance, display, metadata
+image.save("fish.exr")
+lp.observe(image, eye=(20, 0, 600)).show()
+with lp.Board.open("socket://127.0.0.1:4000") as board:
+    board.show(image)                                  # identity, curve and bits checked
+"""
+HEADLESS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "XDG_RUNTIME_DIR")
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with the files that the ten lines name, and no desktop."""
+    for source in (TOP / "scenes/fish").iterdir():
+        (tmp_path / source.name).symlink_to(source)
+    shutil.copy(TOP / "scenes/displays/vga-square.toml", tmp_path)
+    for name in HEADLESS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def check(place, model):
+    """What the ten lines leave: a file for the display, and its frame on the board's panel."""
+    display = lp.load_display("vga-square.toml")
+    image = lp.IntegralImage.load("fish.exr", display)
+    assert (image.metadata["samples"], image.metadata["scene"]) == ("4", "fish.xml")
+    assert image.radiance.max() > 0.2
+    frame = encoded_values(image.radiance, display.panel.transfer, display.panel.bits)
+    # Half floats move a value by one step at most.
+    assert np.abs(model.buffers[model.front].astype(int) - frame).max() <= 1
+    assert model.buffers[model.front].any()
+
+
+def board():
+    display = lp.load_display("vga-square.toml")
+    return ModelBoard(display.panel.width_px, display.panel.height_px, identity=int(display.identity, 16))
+
+
+def lines_for(model):
+    return TEN_LINES.replace("socket://127.0.0.1:4000", model.url)
+
+
+def test_the_ten_lines_in_a_script(place):
+    with board() as model:
+        (place / "ten.py").write_text(lines_for(model))
+        done = subprocess.run([sys.executable, "ten.py"], check=False, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == ""
+        assert [line.split(":")[:2] for line in done.stderr.splitlines()] == [["lippmann", " not shown"]]
+        check(place, model)
+
+
+def test_the_ten_lines_in_a_notebook(place, monkeypatch):
+    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
+    manager, client = start_new_kernel(kernel_name="python3", cwd=str(place))
+    outputs = []
+    try:
+        with board() as model:
+            reply = client.execute_interactive(lines_for(model), timeout=300, output_hook=outputs.append)
+            assert reply["content"]["status"] == "ok", reply["content"]
+            check(place, model)
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+        manager.cleanup_resources()
+    shown = [one["content"]["data"] for one in outputs if one["msg_type"] == "display_data"]
+    assert len(shown) == 1
+    assert "image/png" in shown[0]
+    assert [one for one in outputs if one["msg_type"] == "stream"] == []
+
+
+# --- each function against the command --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    from scene_cases import display_toml
+
+    monkeypatch.chdir(tmp_path)
+    display = focused_display("square", width_px=60, height_px=40, pixel_pitch=0.2)
+    (tmp_path / "d.toml").write_text(display_toml(display))
+    write_scene(tmp_path / "ball.xml", glowing_sphere((0.5, 0.3, 0.0), 2.0, (0.2, 0.5, 0.9)))
+    return lp.load_display("d.toml")
+
+
+def test_the_command_renders_what_the_function_returns(small, capfd, mi):
+    remarks = []
+    image = lp.render("ball.xml", "d.toml", samples=3, seed=5, aperture="full", device="llvm", note=remarks.append)
+    assert image.display == small
+    assert image.measured["seconds"] > 0.0
+    assert remarks[0].startswith(f"model {image.metadata['model']}: the cheapest")
+    words = "render ball.xml --display d.toml -o c.tif --samples 3 --seed 5 --aperture full --device llvm --json"
+    assert run(words.split()) == 0
+    saved = lp.IntegralImage.load("c.tif", small)
+    np.testing.assert_array_equal(saved.radiance, image.radiance)
+    assert saved.metadata == image.metadata
+    # A scene that was loaded once, placed elsewhere.
+    scene = lp.load_scene("ball.xml", device="llvm")
+    again = lp.render(scene, small, samples=3, seed=5, aperture="full")
+    np.testing.assert_array_equal(again.radiance, image.radiance)
+    moved = lp.render(scene, small, samples=3, seed=5, placement=lp.Placement(offset_mm=(0.0, 0.0, 9.0)))
+    there = lp.render("ball.xml", small, samples=3, seed=5, placement=lp.Placement(offset_mm=(0.0, 0.0, 9.0)))
+    np.testing.assert_array_equal(moved.radiance, there.radiance)
+    assert not np.array_equal(moved.radiance, image.radiance)
+
+
+def test_the_command_observes_what_the_function_returns(small, capfd, mi):
+    image = lp.render("ball.xml", small, device="llvm")
+    image.save("a.tif")
+    built = small.misaligned(rotation_deg=0.3)
+    view = lp.observe(image, (5.0, 1.0, 300.0), 4.0, 2.0, 50, 4, display=built, seed=2, device="llvm")
+    words = (
+        "observe a.tif --display d.toml --eye 5,1,300 --pupil 4 --focus 2 --width 50 --samples 4 --seed 2 "
+        "--rotation-error 0.3 -o v.tif --device llvm"
+    )
+    assert run(words.split()) == 0
+    saved = read_picture("v.tif")
+    np.testing.assert_array_equal(saved.radiance, view.radiance)
+    assert saved.metadata == {**view.metadata, "view_of": "a.tif"}
+    assert view.radiance.max() > 0.1
+
+
+def test_the_command_writes_the_page_of_the_function(small, capfd, mi):
+    image = lp.render("ball.xml", small, device="llvm")
+    image.save("a.tif")
+    assert lp.view(image, "one.html", "ball.xml", title="a", device="llvm") == Path("one.html")
+    assert (
+        run(["view", "a.tif", "--display", "d.toml", "-o", "two.html", "--scene", "ball.xml", "--device", "llvm"]) == 0
+    )
+    assert Path("one.html").read_bytes() == Path("two.html").read_bytes()
+
+
+def test_without_a_path_a_browser_opens_the_page(small, monkeypatch, mi):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    image = lp.IntegralImage(np.zeros((40, 60, 3), np.float32), small)
+    path = lp.view(image)
+    assert opened == [path.as_uri()]
+    shutil.rmtree(path.parent)
+
+
+def test_the_command_captures_what_the_function_returns(tmp_path, capfd, monkeypatch, mi):
+    setup = TOP / "scenes/setups/fig8a.toml"
+    monkeypatch.chdir(tmp_path)
+    write_scene(tmp_path / "ball.xml", glowing_sphere((5.0, 5.0, -5.0), 4.0))
+    words = ["capture", "ball.xml", "--setup", str(setup), "-o", "c.tif", "--samples", "1", "--size", "600", "--json"]
+    assert run([*words, "--device", "llvm"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    image = lp.capture("ball.xml", lp.load_setup(setup).resized(600), samples=1, device="llvm")
+    saved = lp.IntegralImage.load("c.tif", image.display)
+    np.testing.assert_array_equal(saved.radiance, image.radiance)
+    assert saved.metadata == image.metadata
+    for key in ("vignetting_percent", "array_loss_percent"):
+        assert told[key] == image.measured[key]
+
+
+# --- Mitsuba's variants -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral", "llvm_ad_rgb"])
+def test_a_users_variant_neither_matters_nor_changes(small, mi, variant):
+    expected = lp.render("ball.xml", small, device="llvm")
+    mitsuba.set_variant(variant)
+    mitsuba.set_log_level(mitsuba.LogLevel.Warn)
+    try:
+        image = lp.render("ball.xml", small, device="llvm")
+        np.testing.assert_array_equal(image.radiance, expected.radiance)
+        lp.observe(image, samples=1, width_px=20, device="llvm")
+        lp.view(image, "page.html", lp.load_scene("ball.xml", device="llvm"))
+        with pytest.raises(InputError):
+            lp.render("none.xml", small, device="llvm")
+        with pytest.raises(InputError):
+            lp.render("ball.xml", small, integrator="none", device="llvm")
+        assert mitsuba.variant() == variant
+        assert mitsuba.log_level() == mitsuba.LogLevel.Warn
+    finally:
+        mitsuba.set_variant("llvm_ad_rgb")
+        mitsuba.set_log_level(mitsuba.LogLevel.Error)
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"model": "thick"}, "unknown model 'thick'; choose from auto, pinhole"),
+        ({"engine": "slow"}, "unknown engine 'slow'; choose from golden"),
+        ({"fraction_bits": 20}, "fraction bits belong to the engines twin and rtl"),
+        ({"samples": 0}, "samples 0 is out of range"),
+        ({"device": "tpu"}, "unknown device 'tpu'"),
+        ({"memory_mb": 1.0}, "display 'case': panel.width_px, panel.height_px: an image of 60 x 40 pixels: needs"),
+    ],
+)
+def test_bad_values(small, mi, values, said):
+    with pytest.raises(InputError, match=said):
+        lp.render("ball.xml", small, **{"device": "llvm", **values})
+
+
+def test_a_scene_belongs_to_its_device(small, mi):
+    scene = lp.load_scene("ball.xml", device="llvm")
+    with pytest.raises(InputError, match="loaded for device 'llvm', not 'cuda'; load it again"):
+        lp.render(scene, small, device="cuda")
+
+
+def test_names_are_public():
+    assert {"load_display", "render", "capture", "observe", "view", "trace", "Board", "IntegralImage"} <= set(dir(lp))
+    assert all(getattr(lp, name) is not None for name in lp.__all__)
+
+
+def test_importing_the_package_loads_nothing_large():
+    code = "import sys, lippmann; print([m for m in ('numpy', 'mitsuba', 'PIL', 'click') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env=os.environ)
+    assert done.stdout.strip() == "[]"
