@@ -71,12 +71,7 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(
-    item: Item,
-    materials: Materials,
-    textures: dict[str, str],
-    placement: Placement,
-    folder: Path,
-    number: int,
+    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, number: int
 ) -> list[str]:
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")

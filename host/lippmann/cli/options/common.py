@@ -63,13 +63,7 @@ class Finite(click.ParamType[float]):
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-display_option = click.option(
-    "--display",
-    "display_path",
-    required=True,
-    metavar="FILE",
-    help="Display file (.toml).",
-)
+display_option = click.option("--display", "display_path", required=True, metavar="FILE", help="Display file (.toml).")
 device_option = click.option(
     "--device",
     default="auto",
