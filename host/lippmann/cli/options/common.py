@@ -1,4 +1,4 @@
-"""Parameter types, and the options that most commands have."""
+"""Parameter types and options that most commands share."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Vector(click.ParamType[tuple[float, ...]]):
         return numbers
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """Name the form in help texts."""
+        """Return the form for help texts."""
         return self.form
 
 
 class Finite(click.ParamType[float]):
-    """A finite number, perhaps not below another."""
+    """A finite number, at least `least`."""
 
     name = "float"
 
