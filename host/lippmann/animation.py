@@ -52,13 +52,7 @@ def write_animation(
         if there_and_back:
             frames += frames[-2:0:-1]
         frames[0].save(
-            partial,
-            format=kind,
-            save_all=True,
-            append_images=frames[1:],
-            duration=frame_ms,
-            loop=0,
-            optimize=True,
+            partial, format=kind, save_all=True, append_images=frames[1:], duration=frame_ms, loop=0, optimize=True
         )
 
 
@@ -78,12 +72,7 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
     return strip.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
 
 
-def write_contact_sheet(
-    path: str | Path,
-    views: Sequence[Radiance],
-    captions: Sequence[str],
-    columns: int = 3,
-) -> None:
+def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
     """Write views in rows, each with a caption below it.
 
     Raises
@@ -99,9 +88,7 @@ def write_contact_sheet(
     rows = -(-len(views) // columns)
     margin, line = 8, 20
     sheet = Image.new(
-        "RGB",
-        (columns * (width + margin) + margin, rows * (height + line + margin) + margin),
-        (24, 24, 24),
+        "RGB", (columns * (width + margin) + margin, rows * (height + line + margin) + margin), (24, 24, 24)
     )
     draw = ImageDraw.Draw(sheet)
     for k, (view, caption) in enumerate(zip(views, captions, strict=True)):

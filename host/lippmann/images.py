@@ -154,11 +154,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_picture(
-    path: str | Path,
-    radiance: npt.NDArray[Any],
-    metadata: Mapping[str, str],
-    transfer: str = "srgb",
-    bits: int = 8,
+    path: str | Path, radiance: npt.NDArray[Any], metadata: Mapping[str, str], transfer: str = "srgb", bits: int = 8
 ) -> None:
     """Write an image file.
 
@@ -191,7 +187,9 @@ def write_picture(
         pixels = np.asarray(radiance, np.float32)
         kind = oiio.FLOAT
         if suffix == ".exr":
-            pixels, kind = np.minimum(pixels, np.float32(HALF_MAX)), oiio.HALF
+            kind = oiio.HALF
+            if pixels.max(initial=0.0) > HALF_MAX:
+                pixels = np.minimum(pixels, np.float32(HALF_MAX))
         entries = dict(metadata)
     spec = oiio.ImageSpec(width, height, 3, kind)
     if suffix == ".png":
@@ -235,9 +233,7 @@ def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
 
 
 def read_picture(
-    path: str | Path,
-    limit: tuple[int, int] | None = None,
-    accept: Callable[[Mapping[str, str]], None] | None = None,
+    path: str | Path, limit: tuple[int, int] | None = None, accept: Callable[[Mapping[str, str]], None] | None = None
 ) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
@@ -267,10 +263,7 @@ def read_picture(
 
 
 def _read(
-    oiio: Any,
-    path: Path,
-    limit: tuple[int, int] | None,
-    accept: Callable[[Mapping[str, str]], None] | None,
+    oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
 ) -> Picture:
     """Read a file that is there; the rest of `read_picture`."""
     _check_texts(path)

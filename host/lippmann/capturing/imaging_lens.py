@@ -1,10 +1,10 @@
-"""The imaging lens: two thick plano-convex lenses whose four faces are really traced, or an ideal thin lens.
+"""The imaging lens: two thick plano-convex lenses whose four faces are traced, or an ideal thin lens.
 
-**Frame.** Rays come from the array and go to the scene: z runs along the axis towards the object, with 0 in the
-image-side principal plane H'. Distances of images are counted from H', distances of objects from the object-side
-principal plane H; in a thin lens both are its centre.
+**Frame.** Rays go from the array to the scene: z runs along the axis towards the object, with 0 in the image-side
+principal plane H'. Image distances are counted from H', object distances from the object-side principal plane H; in a
+thin lens both planes are its centre.
 
-The numbers of a face follow the sign rule of optical design: its centre of curvature stands at z + 1/c.
+The curvature c of a face has the usual sign: its centre of curvature is at z + 1/c.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
 
-#: What the domes of a pair look at: each other, away from each other, both the image, or both the object.
+#: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
 Convex = Literal["in", "out", "image", "object"]
 
 
@@ -33,53 +33,38 @@ class Face(NamedTuple):
     index_behind: float
 
 
-class ImagingLens(Protocol):
-    """What the capture asks of a lens."""
-
-    @property
-    def focal_length_mm(self) -> float:
-        """Focal length in air, mm."""
-
-    @property
-    def aperture_mm(self) -> float:
-        """Diameter that light passes through, mm."""
-
-    @property
-    def hiatus_mm(self) -> float:
-        """Object-side principal plane H, its z in mm."""
-
-    @property
-    def extent_mm(self) -> tuple[float, float]:
-        """Outermost faces' vertices, their z in mm: towards the image, towards the object."""
-
-    def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays from the image side to the object side.
-
-        `ray` is given in the lens's frame, in b's double format, heading for the object. Returns the rays that leave,
-        their points on the last face, and which of them got through: inside the aperture at every face, without total
-        internal reflection. Those that did not are finite.
-        """
-
-
 @dataclass(frozen=True)
 class ThinLens:
-    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray."""
+    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray.
+
+    Attributes
+    ----------
+    focal_length_mm
+        Focal length in air.
+    aperture_mm
+        Diameter of the aperture.
+    """
 
     focal_length_mm: float
     aperture_mm: float
 
     @property
     def hiatus_mm(self) -> float:
-        """Both principal planes are the lens."""
+        """Object-side principal plane H, its z in mm: the lens."""
         return 0.0
 
     @property
     def extent_mm(self) -> tuple[float, float]:
-        """A plane."""
+        """Positions z of the outermost vertices, towards the image and towards the object, mm."""
         return 0.0, 0.0
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays through the lens (see `ImagingLens`)."""
+        """Trace rays from the image side to the object side.
+
+        `ray` is in the lens's frame, in b's double format, towards the object. Returns the refracted rays, their points
+        on the last face, and which passed: inside the aperture at every face, without total internal reflection. The
+        others are finite.
+        """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
         dx, dy, dz = unit(b, ray.dx / ray.dz - x * power, ray.dy / ray.dz - y * power, 1.0)
@@ -103,7 +88,7 @@ class LensPair:
     aperture_mm
         Diameter.
     convex
-        What the domes look at.
+        Where the domes face.
     """
 
     radius_mm: float
@@ -125,9 +110,9 @@ class LensPair:
     ) -> LensPair:
         """Return the pair that has a focal length f.
 
-        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes stand d apart
-        (Hecht, Optics, section 6.1). A dome's principal plane is its vertex, a flat face's lies T/n inside: d does not
-        hang on R. ValueError where no such pair exists (d > f).
+        1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes are d apart
+        (Hecht, Optics, section 6.1). A dome's principal plane is at its vertex, a flat face's T/n inside: d does not
+        depend on R. ValueError if no such pair exists (d > f).
         """
         flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[convex]
         d = separation_mm + flats_inside * thickness_mm / index
@@ -189,11 +174,11 @@ class LensPair:
 
     @property
     def extent_mm(self) -> tuple[float, float]:
-        """Outer vertices; in which a dome's vertex is the outermost point."""
+        """Positions z of the outermost vertices, towards the image and towards the object, mm."""
         return self.faces[0].z_mm, self.faces[-1].z_mm
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
-        """Trace rays through the four faces (see `ImagingLens`)."""
+        """Trace rays through the four faces (see `ThinLens.trace`)."""
         through = ray.dz > 0.0
         for face in self.faces:
             ray, passed = refract_face(b, face, ray, self.aperture_mm)
@@ -201,11 +186,14 @@ class LensPair:
         return ray, through
 
 
+ImagingLens = ThinLens | LensPair
+
+
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
     """Refract rays, with dz > 0, at the vertex side of a face.
 
-    Sphere c |p|^2 - 2 p_z = 0 about the vertex, in the perpendicular-foot form of `optics.dome`: no term grows with
-    the distance that a ray comes from. Then Snell's law in vector form. Returns the rays and which passed.
+    Sphere c |p|^2 - 2 p_z = 0 about the vertex, in the perpendicular-foot form of `optics.dome`, where no term grows
+    with the distance of a ray's origin; then Snell's law in vector form. Returns the rays and which passed.
     """
     c, ratio = face.curvature, face.index_before / face.index_behind
     z = ray.z - face.z_mm
@@ -228,5 +216,5 @@ def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[
 
 
 def _inside(x: Arr, y: Arr, aperture_mm: float) -> Arr:
-    """Tell which points lie within the aperture round the axis."""
+    """Tell which points are within the aperture."""
     return x * x + y * y <= 0.25 * aperture_mm * aperture_mm

@@ -35,19 +35,9 @@ MAX_VIEW_PX = 16384
 @click.argument("image_path", metavar="IMAGE")
 @display_option
 @click.option("--eye", type=Vector(3), required=True, help="Eye, mm; the display is at z = 0.")
+@click.option("-o", "output", required=True, metavar="VIEW", help=".png, .exr or .tif; with --sweep .gif or .png.")
 @click.option(
-    "-o",
-    "output",
-    required=True,
-    metavar="VIEW",
-    help=".png, .exr or .tif; with --sweep .gif or .png.",
-)
-@click.option(
-    "--width",
-    type=click.IntRange(1, MAX_VIEW_PX),
-    default=api.VIEW_PX,
-    show_default=True,
-    help="Pixels of the view.",
+    "--width", type=click.IntRange(1, MAX_VIEW_PX), default=api.VIEW_PX, show_default=True, help="Pixels of the view."
 )
 @click.option(
     "--samples",
@@ -64,19 +54,8 @@ MAX_VIEW_PX = 16384
 @click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Shift of the array, mm.")
 @click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Change of the gap, mm.")
 @click.option("--pitch-scale", type=Finite(), default=1.0, show_default=True, help="Factor on the array's pitch.")
-@click.option(
-    "--sweep",
-    type=Vector(2),
-    metavar="X0,X1",
-    help="Move the eye from x = X0 to X1; writes an animation.",
-)
-@click.option(
-    "--frames",
-    type=click.IntRange(2, 1000),
-    default=21,
-    show_default=True,
-    help="Views of a sweep.",
-)
+@click.option("--sweep", type=Vector(2), metavar="X0,X1", help="Move the eye from x = X0 to X1; writes an animation.")
+@click.option("--frames", type=click.IntRange(2, 1000), default=21, show_default=True, help="Views of a sweep.")
 @click.option("--sheet", metavar="SHEET.png", help="Contact sheet of a sweep.")
 @click.option("--force", is_flag=True, help="Accept an image that was made for another display.")
 @seed_option

@@ -1,4 +1,4 @@
-"""What commands print: logs on stderr, the result on stdout as text or as one JSON object, progress."""
+"""Output of the commands: logs and progress on stderr, the result on stdout as text or as one JSON object."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ EXIT_INTERRUPTED = 130
 
 
 def log(message: str) -> None:
-    """Write one line to stderr, where logs belong."""
+    """Write one line to stderr."""
     click.echo(message, err=True)
 
 
 def emit(result: Mapping[str, Any], as_json: bool, text: Callable[[], None]) -> None:
-    """Print a result: one JSON object, or the text that `text` prints."""
+    """Print a result as one JSON object, or call `text` to print it."""
     if as_json:
         click.echo(json.dumps(_finite(result), indent=None))
     else:
@@ -28,7 +28,7 @@ def emit(result: Mapping[str, Any], as_json: bool, text: Callable[[], None]) -> 
 
 
 def _finite(value: Any) -> Any:
-    """Replace infinities, which JSON lacks, by null."""
+    """Replace infinities and NaN, which JSON lacks, by null."""
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -40,18 +40,12 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Give a callback (done, total) that draws a bar with the remaining time on stderr."""
+    """Provide a callback (done, total) that draws a bar with the remaining time on stderr; None if quiet."""
     if quiet:
         yield None
         return
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
     columns = (

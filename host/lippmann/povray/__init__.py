@@ -1,1 +1,1 @@
-"""POV-Ray beside Lippmann: the founding paper's method, on the same scenes and optics."""
+"""Export to POV-Ray, which renders the same scenes and optics by the founding paper's method."""

@@ -1,7 +1,7 @@
-"""POV-Ray's cameras: a pinhole, and a camera of one ray for each pixel.
+"""POV-Ray's cameras: a pinhole, and a camera with one given ray for each pixel.
 
-Both look along rays through the pixels' centres, as Lippmann does with one sample. `right` is given with its own sign,
-so that x stays to the right although POV-Ray's frame is left-handed.
+Their rays go through the pixels' centres, as Lippmann's do with one sample. `right` has its own sign, so that x points
+right although POV-Ray's frame is left-handed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from lippmann.povray.text import block, rows, vector
 
 Floats = npt.NDArray[np.float64]
 
-#: Size of the triangles that carry rays, mm: POV-Ray keeps their corners in float32, which at 100 mm from the origin
-#: turns the normal of one of 10 mm by a microradian.
+#: Size of the triangles that define rays, mm: POV-Ray stores their corners in float32, which 100 mm from the origin
+#: rotates the normal of a triangle of 10 mm by a microradian.
 FACE_MM = 10.0
-#: POV-Ray 3.7 shows each row of such a camera one row below its place, and the first row twice.
+#: POV-Ray 3.7 renders each row of such a camera one row too low, and the first row twice.
 SPARE_ROWS = 1
 
 
@@ -47,23 +47,23 @@ def pinhole(
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
-    """Write a camera of one ray for each pixel: the ray of pixel k begins in face k's centre, along its normal.
+    """Write a camera with one ray for each pixel: the ray of pixel k starts at the centre of face k, along its normal.
 
     Parameters
     ----------
     path
         The file.
     origin_mm
-        (N, 3), row by row from the picture's top left.
+        (N, 3), row by row from the image's top left.
     direction
         (N, 3), unit.
     """
-    # Two unit vectors across each ray; the axis that it is farthest from gives the first.
+    # Two unit vectors perpendicular to each ray; the first from the axis that is most perpendicular to it.
     helper = np.eye(3)[np.abs(direction).argmin(axis=1)]
     across = np.cross(direction, helper)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     other = np.cross(direction, across)
-    # An equilateral triangle round the origin.
+    # An equilateral triangle about the origin.
     corners = [
         origin_mm + FACE_MM * (np.cos(turn) * across + np.sin(turn) * other)
         for turn in 2.0 * np.pi / 3.0 * np.arange(3)

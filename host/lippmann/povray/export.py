@@ -1,6 +1,6 @@
 """Writes a folder that POV-Ray 3.7 renders: the scene, the optics, the camera, and an .ini file that names them.
 
-Pictures come out linear (`assumed_gamma 1.0`, OpenEXR), so that they compare with Lippmann's.
+The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Exported:
     files
         Names of the files that were written, in order.
     spare_rows
-        Rows on top of POV-Ray's picture that are none of the picture's.
+        Surplus rows at the top of POV-Ray's image.
     """
 
     ini: Path
@@ -61,12 +61,12 @@ class Exported:
     spare_rows: int = 0
 
     def render(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-        """Render it; returns linear radiance (height, width, 3), and what it took (see `run_povray`)."""
+        """Render the folder; return linear radiance (height, width, 3) and the run's cost (see `run_povray`)."""
         run = run_povray(self.ini, *options)
         return read_picture(self.ini.with_suffix(".exr")).radiance[self.spare_rows :], run
 
     def render_once(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-        """Render it unless the folder keeps the picture of these very files and options, and what it took."""
+        """Render the folder, or return the result that it keeps for the same files and options."""
         content = hashlib.sha256(" ".join(options).encode())
         for name in self.files:
             content.update((self.ini.parent / name).read_bytes())
@@ -82,18 +82,20 @@ class Exported:
 
 @dataclass(frozen=True)
 class View:
-    """What POV-Ray looks at a scene with.
+    """Camera and optics that POV-Ray renders a scene through.
 
     Attributes
     ----------
     camera
-        Its text, or the name of its file.
+        The camera's text, or an include of its file.
     width_px, height_px
-        Of the picture.
+        Size of the image.
     optics
-        The text of what stands between camera and scene.
+        Text of the optics between camera and scene.
     faces
         Refracting faces of the optics that a ray may meet.
+    spare_rows
+        See `Exported`.
     """
 
     camera: str
@@ -105,12 +107,12 @@ class View:
 
 
 def write_folder(scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] | None = None) -> Exported:
-    """Write all files; they appear in `folder`, which is made when missing, when all are there.
+    """Write all files; they appear in `folder`, which is made when missing, all at once.
 
     Raises
     ------
     InputError
-        When the scene holds what POV-Ray cannot express, or the folder cannot be written.
+        When POV-Ray cannot express a part of the scene, or the folder cannot be written.
     """
     check_folder(folder)
     name = plain(scene.path.stem)
@@ -142,7 +144,7 @@ def write_folder(scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] |
 
 @contextlib.contextmanager
 def _partial(folder: Path) -> Iterator[Path]:
-    """Give a folder beside another one, removed at the end; what the file system refuses is said in one line."""
+    """Provide a temporary folder beside another one; errors of the file system become `InputError`."""
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
             yield Path(place)
@@ -153,9 +155,9 @@ def _partial(folder: Path) -> Iterator[Path]:
 
 
 def check_folder(folder: Path) -> Path:
-    """Refuse a folder that cannot be written to, before any work is done."""
+    """Check that a folder can be written to."""
     if folder.exists() and not folder.is_dir():
-        raise input_error(str(folder), "is no folder", "give the name of a folder")
+        raise input_error(str(folder), "is not a folder", "give the name of a folder")
     if not folder.parent.is_dir():
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
     if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
@@ -164,22 +166,22 @@ def check_folder(folder: Path) -> Path:
 
 
 def export_view(scene: Scene, eye_mm: tuple[float, float, float], window: Window, folder: Path) -> Exported:
-    """Write the scene as an eye sees it through a window in z = 0, with no display in between."""
+    """Write the scene as an eye sees it through a window in z = 0, without a display."""
     x, y, z = eye_mm
     camera = pinhole(eye_mm, (-x, -y, -z), (window.width_mm, 0.0, 0.0), (0.0, window.height_mm, 0.0))
     return write_folder(scene, View(camera, window.width_px, window.height_px), folder)
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
-    """Write the scene along a display's lines of sight, as `lippmann render` with one sample follows them.
+    """Write the scene with a display's lines of sight, as `lippmann render` traces them with one sample.
 
-    The lenslets are not in POV-Ray's scene: a panel pixel's line is followed from in front of everything towards the
-    display, which no camera behind the lenslets can do. Their rays come from golden, one for each pixel.
+    The lenslets are not in POV-Ray's scene: each pixel's line of sight is traced from in front of the scene towards the
+    display, which no camera behind lenslets can do. The golden engine computes the rays, one for each pixel.
 
     Raises
     ------
     InputError
-        When the panel has colour stripes or too many pixels; when the scene has what POV-Ray cannot express.
+        When the panel has colour stripes or too many pixels, or POV-Ray cannot express a part of the scene.
     """
     panel = display.panel
     if panel.subpixels != "none":

@@ -1,13 +1,13 @@
 """Mitsuba's materials as POV-Ray's textures.
 
-The factors. A diffuse surface of Mitsuba sends out a / pi times the irradiance E = I cos / d^2 of a point light of
-intensity I. POV-Ray's `diffuse 1` sends out a times the light's colour c times cos, weakened by 2 / (1 + (d / f)^2)
-with `fade_power 2` and `fade_distance f`, which is 2 f^2 / d^2 where f is small. Both agree when c = I / (2 pi f^2), as
-`point_light` writes it, but for a share of f^2 / d^2: a millionth at 1 mm.
+**Factors.** A diffuse surface in Mitsuba has the radiance a / pi times the irradiance E = I cos / d^2 of a point light
+of intensity I. In POV-Ray, `diffuse 1` has the radiance a c cos for a light of colour c, times 2 / (1 + (d / f)^2) with
+`fade_power 2` and `fade_distance f`, which is 2 f^2 / d^2 for small f. Both agree when c = I / (2 pi f^2), as
+`point_light` writes it, to a relative f^2 / d^2: a millionth at 1 mm.
 
-A smooth plastic's diffuse part is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel reflectances
-of both directions. POV-Ray has no such factors: they are taken at normal incidence, which is good to 2 % up to 50
-degrees and too bright beyond. Its reflection follows Fresnel exactly.
+The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel
+reflectances F of both directions. POV-Ray has no such factors; those of normal incidence are used, which are accurate
+to 2 % up to 50 degrees and too bright beyond. The specular reflection follows Fresnel exactly.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 @dataclass(frozen=True)
 class Picture:
-    """An image texture: the file inside the exported folder, whether it is sRGB, whether it is interpolated."""
+    """An image texture: its file in the exported folder, whether it is sRGB, and whether it is interpolated."""
 
     file: str
     srgb: bool
@@ -38,7 +38,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Side:
-    """What one side of a surface looks like: colour or picture, and POV-Ray's finish."""
+    """Appearance of one side of a surface: colour or image texture, and POV-Ray's finish."""
 
     colour: Colour | Picture
     finish: str
@@ -47,7 +47,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Material:
-    """A material: both sides, and the index of what it encloses (None: opaque and without Fresnel reflection)."""
+    """A material: both sides, and the enclosed refractive index (None: opaque, without Fresnel reflection)."""
 
     name: str
     front: Side
@@ -56,16 +56,16 @@ class Material:
 
     @property
     def clear(self) -> bool:
-        """Tell whether light passes."""
+        """Whether light passes."""
         return self.front.transmit
 
     @property
     def pictures(self) -> bool:
-        """Tell whether there is a picture on it."""
+        """Whether it has an image texture."""
         return any(isinstance(side.colour, Picture) for side in (self.front, self.back))
 
     def declarations(self, spherical: bool) -> dict[str, str]:
-        """Return the textures of front and back by their names, for a sphere, or for a mesh with uv."""
+        """Return the textures of front and back by name, for a sphere, or for a mesh with uv."""
         stem = f"{self.name}_sphere" if spherical and self.pictures else self.name
         sides = {stem: self.front} if self.back == self.front else {stem: self.front, f"{stem}_back": self.back}
         return {name: _texture(side, spherical) for name, side in sides.items()}
@@ -84,7 +84,7 @@ def _texture(side: Side, spherical: bool) -> str:
         ]
         pigment = block("image_map", " ".join(part for part in parts if part))
         if spherical:
-            # Longitude runs about Mitsuba's z, and about POV-Ray's y.
+            # Longitude is about z in Mitsuba, about y in POV-Ray.
             pigment += " matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>"
     else:
         pigment = f"rgb{'t' if side.transmit else ''} {vector([*side.colour, 1.0] if side.transmit else side.colour)}"
@@ -93,7 +93,7 @@ def _texture(side: Side, spherical: bool) -> str:
 
 
 class Materials:
-    """Reads materials, once each, and copies their pictures into the exported folder."""
+    """Reads each material once, and copies its image textures into the exported folder."""
 
     def __init__(self, folder: Path) -> None:
         mi = mitsuba()
@@ -108,7 +108,7 @@ class Materials:
         Raises
         ------
         InputError
-            Naming what POV-Ray cannot express.
+            Naming the part that POV-Ray cannot express.
         """
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
@@ -165,14 +165,14 @@ class Materials:
         return Side(colour, finish), index
 
     def _index(self, item: Item) -> float:
-        """Return the relative index, by Mitsuba's own table of materials where it is named."""
-        # The defaults of Mitsuba's dielectric and plastic: their documentation.
+        """Return the relative index; names are looked up in Mitsuba's own table of materials."""
+        # Defaults from the documentation of Mitsuba's dielectric and plastic.
         inside = item.text("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
         outside = item.text("ext_ior", "air")
         given = {name: _number_or_name(value) for name, value in (("int_ior", inside), ("ext_ior", outside))}
         try:
             glass = self._mi.load_dict({"type": "dielectric", **given})
-        except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+        except Exception as error:  # Mitsuba's errors have no common base
             raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
         return float(self._mi.traverse(glass)["eta"])
 
@@ -191,7 +191,7 @@ class Materials:
         return Picture(file, not raw, bilinear)
 
     def _picture(self, texture: Item, raw: bool) -> str:
-        """Copy a picture as an 8-bit PNG, whatever it was; returns its name in the exported folder."""
+        """Copy an image texture as an 8-bit PNG; return its name in the exported folder."""
         path = texture.path("filename")
         key = (path.resolve(), raw)
         if key not in self._pictures:
@@ -200,7 +200,7 @@ class Materials:
             except Exception as error:  # as above
                 raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
-                raise texture.refusal("holds more than 8 bits a colour", "save it as an 8-bit PNG")
+                raise texture.refusal("has more than 8 bits a colour", "save it as an 8-bit PNG")
             taken = set(self._pictures.values())
             stem = plain(path.stem)
             while f"{stem}.png" in taken:

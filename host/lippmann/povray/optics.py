@@ -1,10 +1,10 @@
-"""The capture's optics as POV-Ray's constructive solid geometry, the founding paper's way.
+"""The capture's optics as POV-Ray's constructive solid geometry, as in the founding paper.
 
-A lenslet is a sphere intersected with a square or hexagonal prism; its flat face stands so deep that the dome just
-spans its cell's corners, or deeper (paper, equations 2 to 4: `Array.flat_distance_mm`). The imaging lens is two
-cylinders intersected with a sphere each, with black walls, and a stop round each. Nothing of it throws a shadow.
+A lenslet is a sphere intersected with a square or hexagonal prism; its flat face is at least so deep that the dome
+spans its cell's corners (paper, equations 2 to 4: `Array.flat_distance_mm`). Each half of the imaging lens is a cylinder with
+black walls intersected with a sphere, and has a stop around it. The optics cast no shadows.
 
-All z are those of the object's frame: +z points at the lens, and beyond it at array and camera.
+All z are in the object's frame: +z is towards the lens, the array and the camera.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lippmann.povray.camera import pinhole
 from lippmann.povray.export import View
 from lippmann.povray.text import block, matrix, number, vector
 
-#: Lenslets beyond the window on each side, which slanting rays may reach.
+#: Lenslets beyond the window on each side, which oblique rays may reach.
 SPARE_LENSLETS = 2
 #: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
 ARRAY_FACES = 6
@@ -34,12 +34,12 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return what POV-Ray looks at the object with: camera, array, imaging lens.
+    """Return a set-up's camera, array and imaging lens for POV-Ray.
 
     Raises
     ------
     InputError
-        For an ideal lens and for a pickup, which are no objects that a ray tracer can be given.
+        For an ideal lens and for a pickup, which POV-Ray cannot express.
     """
     if isinstance(setup.pickup, Pickup):
         raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
@@ -64,20 +64,20 @@ def setup_view(setup: Setup) -> View:
 
 
 def object_from_lens(setup: Setup, z_mm: float) -> float:
-    """Return the object's z of a point on the axis, z_mm from the lens (or array) towards the object."""
+    """Return z in the object's frame of a point on the axis, z_mm from the lens (or array) towards the object."""
     hiatus = 0.0 if setup.lens is None else setup.lens.hiatus_mm
     return setup.subject.distance_mm + hiatus - z_mm
 
 
 def imaging_lens(pair: LensPair, origin_mm: float) -> list[str]:
-    """Return both lenses; `origin_mm` is the object's z of the lens's own origin."""
+    """Return both lenses; `origin_mm` is z of the lens's origin in the object's frame."""
     return [_plano_convex(pair, pair.faces[k : k + 2], origin_mm) for k in (0, 2)]
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
     radius = 0.5 * pair.aperture_mm
     curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
-    # The sphere's centre stands 1 / c behind its vertex, in the lens's z, against the object's.
+    # The sphere's centre is 1 / c behind its vertex along the lens's z, which is opposite to the object's.
     centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
     ends = [origin_mm - face.z_mm for face in (curved, flat)]
     solid = block(
@@ -89,16 +89,13 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
-    # What the scene reflects must not be the stop, which hides half of all directions.
+    # Reflections in the scene must not show the stop, which covers half of all directions.
     stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
     return f"{solid}\n{stop}"
 
 
 def lenslets(setup: Setup) -> str:
-    """Return the array over all that the camera sees: one lenslet, and a loop that repeats it.
-
-    The prism is along z, its flat end on the camera's side or the object's.
-    """
+    """Return the lenslets that the camera sees: one lenslet, and a loop that repeats it."""
     array = setup.array
     vertex = object_from_lens(setup, -setup.array_distance_mm if setup.lens is not None else 0.0)
     # +1 where the glass lies beyond the vertices' plane, seen from the object.
@@ -110,7 +107,7 @@ def lenslets(setup: Setup) -> str:
     cell = _prism(setup, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
     if depth > array.radius_mm and not setup.concave:
-        # The sphere's far side would cut the substrate: beyond its centre all of the prism is glass.
+        # The sphere's far side would cut the substrate, so the prism is solid beyond the centre.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if setup.concave else f"intersection {{ {sphere} {cell}"
@@ -149,19 +146,19 @@ def _prism(setup: Setup, near: float, far: float) -> str:
         (2.0 * half / math.sqrt(3.0) * math.cos(turn), 2.0 * half / math.sqrt(3.0) * math.sin(turn))
         for turn in np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
     ]
-    # A prism stands along y; the matrix lays it along z.
+    # POV-Ray's prisms are along y; the matrix rotates it to z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, 7, {points}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
 
 
 def lattice_rows(setup: Setup) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of the lenslets that cover the window, `SPARE_LENSLETS` more all round."""
+    """Return (row j, first i, last i) of the lenslets that cover the window and `SPARE_LENSLETS` more on each side."""
     panel, array = setup.display.panel, setup.array
     frame = PanelFrame.of(setup.captured)
     spare = (SPARE_LENSLETS + 0.5) * array.pitch_mm
     lattice = Lattice(array.grid, array.pitch_mm)
-    # Half the window's diagonal holds it whatever its turn.
+    # The window's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / array.row_pitch_mm)
     found = []

@@ -1,4 +1,4 @@
-"""The program `povray`: where it is, and a run of it with its times."""
+"""Finds and runs the program `povray`, and measures its time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get
 
 @dataclass(frozen=True)
 class Run:
-    """What a run of POV-Ray took.
+    """Cost of a run of POV-Ray.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Run:
     seconds
         Wall clock, parsing included.
     cpu_seconds
-        Of all its threads, parsing included.
+        Processor time of all threads, parsing included.
     """
 
     command: str
@@ -34,12 +34,12 @@ class Run:
 
 
 def povray() -> Path:
-    """Return where POV-Ray is.
+    """Return the path of POV-Ray.
 
     Raises
     ------
     MissingLibraryError
-        Saying how to install it.
+        When it is not installed.
     """
     found = POVRAY.find()
     if found is None:
@@ -48,12 +48,12 @@ def povray() -> Path:
 
 
 def run_povray(ini: Path, *options: str) -> Run:
-    """Render an exported folder's .ini file; options of POV-Ray's own override what it says.
+    """Render an exported folder's .ini file; options of POV-Ray override the file's.
 
     Raises
     ------
     InputError
-        When POV-Ray refuses the files: its own first complaint.
+        When POV-Ray refuses the files, with its first error.
     MissingLibraryError
         When POV-Ray is not installed.
     """
@@ -71,7 +71,9 @@ def run_povray(ini: Path, *options: str) -> Run:
     seconds = time.perf_counter() - started
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:
-        complaints = [line for line in done.stderr.splitlines() if "error" in line.lower()] or ["it ended early"]
+        complaints = [line for line in done.stderr.splitlines() if "error" in line.lower()] or [
+            "it ended without a message"
+        ]
         raise input_error(str(ini), f"POV-Ray refuses it ({complaints[0].strip()})", "export it again")
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)

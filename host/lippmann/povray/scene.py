@@ -1,6 +1,6 @@
-"""A Mitsuba scene as POV-Ray's: spheres, meshes and rectangles, their materials, point lights.
+"""Converts a Mitsuba scene for POV-Ray: spheres, meshes and rectangles, their materials, point lights.
 
-Everything comes out in the display's frame, in mm: the placement is worked into points and matrices.
+The result is in the display's frame, in mm: points and matrices include the placement.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from lippmann.variant import mitsuba
 
 Array = npt.NDArray[Any]
 
-#: Objects of a scene file that say how Mitsuba renders, not what there is.
+#: Objects of a scene file that are no part of the scene.
 ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
-#: Corners of a mesh nearer to each other than this share of its size are one corner.
+#: Vertices of a mesh closer than this share of its size count as one vertex.
 GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, a file for each mesh, and the pictures.
+    """Write `scene.inc`, a file for each mesh, and the image textures.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
     placement
         From scene units to mm.
     folder
-        Where to; exists.
+        An existing folder.
 
     Raises
     ------
     InputError
-        Naming the first thing in the scene that POV-Ray cannot express as Mitsuba renders it.
+        Naming the first part of the scene that POV-Ray cannot express.
     """
     materials = Materials(folder)
     textures: dict[str, str] = {}
@@ -63,7 +63,7 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
     place = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", (0.0, 0.0, 0.0)), 1.0])
-    # In scene units a surface at distance d gets I / d^2; in mm both squares grow by the scale's.
+    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
     area = placement.scale**2
     red, green, blue = item.triple("intensity", (1.0, 1.0, 1.0))
     item.refuse_leftovers()
@@ -71,12 +71,7 @@ def _light(item: Item, placement: Placement) -> str:
 
 
 def _shape(
-    item: Item,
-    materials: Materials,
-    textures: dict[str, str],
-    placement: Placement,
-    folder: Path,
-    number: int,
+    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, number: int
 ) -> list[str]:
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
@@ -98,25 +93,25 @@ def _shape(
 
 
 def _sphere(item: Item, placement: Placement) -> str:
-    """Return a sphere: the unit sphere and what brings it to its place, along which its picture is turned too."""
+    """Return the unit sphere with its transform, which applies to its image texture too."""
     to_world = item.matrix()
     to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", (0.0, 0.0, 0.0)))
     to_world[:3, :3] *= item.number("radius", 1.0)
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
-        raise item.refusal("is no sphere where it stands", "scale it alike in all directions")
-    # Mitsuba turns a sphere inside out for flip_normals, for a negative radius and for a mirror in its transform.
+        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
+    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a transform that mirrors.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.flag("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
 
 def _mesh(item: Item, material: Material, placement: Placement, folder: Path, number: int) -> str:
-    """Write a mesh's file and return how it is included."""
+    """Write a mesh's file and return the lines that include it."""
     mesh, stem = _load(item)
     points = _column(mesh.vertex_positions_buffer(), 3)
     faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
-    # A face's outside is where its corners go clockwise, in POV-Ray's left-handed frame.
+    # In POV-Ray's left-handed frame, a face's vertices are clockwise seen from outside.
     outside = _outside(mesh, points, faces)
     faces = np.where(outside[:, None], faces[:, ::-1], faces)
     if material.clear:
@@ -126,14 +121,14 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
     parts = ["vertex_vectors", rows(points)]
     if mesh.has_vertex_normals():
         normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
-        # The file's, which flip_normals leaves as they are.
+        # flip_normals does not change the file's normals.
         facing = -1.0 if item.flag("flip_normals", False) else 1.0
         parts += ["normal_vectors", rows(facing * normals / placement.scale)]
     if mesh.has_vertex_texcoords():
-        # The first row of a picture is v = 0 in Mitsuba and v = 1 in POV-Ray.
+        # The first row of a texture is v = 0 in Mitsuba and v = 1 in POV-Ray.
         parts += ["uv_vectors", rows(_column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0])]
     elif material.pictures:
-        raise item.refusal("has a picture on it but no uv", "give the mesh uv, or the material a colour")
+        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
     parts += ["face_indices", rows(faces)]
     name = f"{stem}-{number}.inc"
     body = "\n".join(_braced(parts))
@@ -143,10 +138,10 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
 
 
 def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
-    """Tell which faces' corners go counter-clockwise seen from their front, which is where Mitsuba's normal points.
+    """Tell which faces' vertices are counter-clockwise seen from the front, where Mitsuba's normal points.
 
-    Mitsuba's own normal in each face's centre: winding, vertex normals, flip_normals and a mirror in the transform all
-    have their say in it.
+    The normal is Mitsuba's own at each face's centre: it depends on winding, vertex normals, flip_normals and whether
+    the transform mirrors.
     """
     mi = mitsuba()
     import drjit as dr
@@ -162,15 +157,15 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
 
 
 def _area(points: Array, faces: Array) -> Array:
-    """Return the faces' normals by their corners' order, as long as twice their areas."""
+    """Return the faces' normals by the order of their vertices; their lengths are twice the areas."""
     first, second, third = (points[faces[:, k]] for k in range(3))
     return np.cross(second - first, third - first)
 
 
 def _check_closed(item: Item, points: Array, faces: Array) -> None:
-    """Refuse a mesh that encloses no glass: with an edge of one face, or with its outside inside.
+    """Refuse a mesh that is not closed (an edge has one face) or that is inside out.
 
-    Corners at one place are one corner: normals and uv split them.
+    Vertices at one place count as one: normals and uv split them.
     """
     grain = GRAIN * np.ptp(points, axis=0).max()
     _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
@@ -178,7 +173,7 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
     _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     if (faces_there % 2).any():
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    # Six times the volume, its sign telling which side the faces' fronts (corners clockwise) look to.
+    # Six times the signed volume, positive if the faces' fronts (vertices clockwise) face inwards.
     if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
         raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 
@@ -203,7 +198,7 @@ def _load(item: Item) -> tuple[Any, str]:
         given["flip_normals"] = True
     try:
         shape = mi.load_dict(given)
-    except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+    except Exception as error:  # Mitsuba's errors have no common base
         raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
     return shape, stem
 
@@ -213,7 +208,7 @@ def _column(buffer: Any, width: int) -> Array:
 
 
 def _object(geometry: str, material: Material, textures: dict[str, str], spherical: bool) -> list[str]:
-    """Return the objects of a shape; @ in `geometry` stands for texture and interior."""
+    """Return the objects of a shape; `@` in `geometry` is replaced by texture and interior."""
     declared = material.declarations(spherical)
     textures.update(declared)
     front, back = next(iter(declared)), list(declared)[-1]
@@ -222,6 +217,6 @@ def _object(geometry: str, material: Material, textures: dict[str, str], spheric
         look += " interior { ior " + f"{material.index:.9g}" + " }"
     if not material.clear:
         return [geometry.replace("@", look)]
-    # Glass stops the light of Mitsuba's point lights, and lets POV-Ray's pass: its shadow is an object of its own.
+    # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.
     shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
     return [geometry.replace("@", f"{look} no_shadow"), shadow]

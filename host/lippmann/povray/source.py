@@ -1,7 +1,7 @@
-"""A Mitsuba scene file as what it says: its objects with their properties, references resolved.
+"""A parsed Mitsuba scene file: its objects with their properties, references resolved.
 
-The parser is Mitsuba's own, so that defaults, includes and nested files mean what they mean to Mitsuba. A reader takes
-the properties that it understands; what is left over is refused by name, with the place in the file.
+Mitsuba's own parser reads it, including defaults, includes and nested files. The caller reads the properties that it
+supports; the remaining ones are errors that name property, file and line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 class Item:
-    """One object of a scene file, such as a shape; every reading method marks its property as understood."""
+    """One object of a scene file, such as a shape; each reading method marks its property as read."""
 
     def __init__(self, tree: Tree, index: int) -> None:
         node = tree.state.nodes[index]
@@ -34,28 +34,24 @@ class Item:
 
     @property
     def where(self) -> str:
-        """Where it stands: file, line and column."""
+        """Its file, line and column."""
         place: str = self.tree.mi.parser.file_location(self.tree.state, self._node)
         return place
 
     def path(self, name: str) -> Path:
-        """Return the file that a property names: beside the scene, or beside the included file that names it."""
+        """Return the path that a property names, relative to the scene or to the included file that names it."""
         given = self.text(name, "")
         beside = self.tree.path.parent / given
         return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
 
     def refusal(self, what: str, remedy: str) -> InputError:
-        """Return the error that names this object and what POV-Ray cannot express of it."""
+        """Return an error that names this object and the part that POV-Ray cannot express."""
         named = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
         return input_error(self.where, f"{named} {what}", remedy)
 
     def _take(self, name: str) -> Any:
         self._read.add(name)
         return self._properties.get(name)
-
-    def ignore(self, *names: str) -> None:
-        """Mark properties that mean nothing here as understood."""
-        self._read.update(names)
 
     def has(self, name: str) -> bool:
         """Tell whether a property is given."""
@@ -67,11 +63,11 @@ class Item:
         if value is None:
             return default
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.refusal(f"has a {name} that is no number", "give a number")
+            raise self.refusal(f"has a {name} that is not a number", "give a number")
         return float(value)
 
     def flag(self, name: str, default: bool) -> bool:
-        """Return a truth value."""
+        """Return a Boolean."""
         value = self._take(name)
         return default if value is None else bool(value)
 
@@ -93,7 +89,7 @@ class Item:
         try:
             x, y, z = (float(component) for component in value)
         except (TypeError, ValueError):
-            raise self.refusal(f"has a {name} that is no colour of three", f"give {name} as rgb") from None
+            raise self.refusal(f"has a {name} that is not an RGB colour", f"give {name} as rgb") from None
         return x, y, z
 
     def matrix(self, name: str = "to_world") -> Matrix:
@@ -102,7 +98,7 @@ class Item:
         return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
 
     def child(self, name: str) -> Item | None:
-        """Return the object that a property refers to, such as a texture; None for a plain value."""
+        """Return the object that a property refers to, such as a texture; None for a value."""
         value = self._properties.get(name)
         if not isinstance(value, self.tree.reference):
             return None
@@ -110,7 +106,7 @@ class Item:
         return Item(self.tree, value.index())
 
     def children(self) -> list[Item]:
-        """Return all objects that this one holds or refers to and that are not yet read, in their order."""
+        """Return the nested and referenced objects that are not yet read, in order."""
         found = [
             (name, Item(self.tree, value.index()))
             for name, value in self._properties.items()
@@ -120,7 +116,7 @@ class Item:
         return [item for _, item in found]
 
     def refuse_leftovers(self) -> None:
-        """Raise for the first property that nothing has read."""
+        """Raise for the first property that has not been read."""
         for name in self._properties:
             if name not in self._read:
                 raise self.refusal(f"has a {name}, which has no counterpart", f"leave {name} out")
@@ -139,7 +135,7 @@ class Tree:
             self.state = mi.parser.parse_file(configuration, str(path))
             mi.parser.transform_upgrade(configuration, self.state)
             mi.parser.transform_resolve(configuration, self.state)
-        except Exception as error:  # Mitsuba raises RuntimeError and friends without a common base
+        except Exception as error:  # Mitsuba's errors have no common base
             raise input_error(str(path), " ".join(str(error).split())[:400], "mend the scene file") from None
 
     @property

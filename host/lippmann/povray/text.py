@@ -1,7 +1,7 @@
 """Numbers, vectors and blocks as POV-Ray's scene language writes them.
 
-POV-Ray's frame is left-handed by custom only: points and matrices are written as they are, and the camera names its
-own right, so that pictures come out unmirrored.
+POV-Ray's frame is left-handed only by convention: points and matrices are written unchanged, and the camera defines its
+own right, so that images are not mirrored.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: Characters of a name that are kept: file systems end at 255 bytes.
+#: Longest part of a name that is kept, characters: file systems allow 255 bytes.
 MAX_NAME = 100
 
 
 def number(value: float) -> str:
-    """Return a number with all that float32 holds, and a little more."""
+    """Return a number with more digits than float32 has."""
     return f"{float(value) + 0.0:.10g}"
 
 
@@ -37,12 +37,12 @@ def block(name: str, *parts: str) -> str:
 
 
 def matrix(values: npt.NDArray[Any]) -> str:
-    """Return a transform from a (4, 4) matrix for columns of points; POV-Ray multiplies rows: written transposed."""
+    """Return a transform from a (4, 4) matrix for column vectors, transposed for POV-Ray's row vectors."""
     return "matrix " + vector(np.asarray(values)[:3, :4].T.ravel())
 
 
 def rows(values: npt.NDArray[Any]) -> str:
-    """Return the rows of an (N, k) array as vectors, after their number, as meshes want them."""
+    """Return the number of rows of an (N, k) array, then the rows as vectors, as meshes need them."""
     whole = np.issubdtype(values.dtype, np.integer)
     form = "%d" if whole else "%.9g"
     line = "<" + ",".join([form] * values.shape[1]) + ">"
@@ -50,10 +50,10 @@ def rows(values: npt.NDArray[Any]) -> str:
 
 
 def plain(name: str) -> str:
-    """Return a name with nothing but ASCII letters, digits and _: for files, and as a part of identifiers."""
+    """Return a name of ASCII letters, digits and _ only, for files and parts of identifiers."""
     return re.sub(r"\W", "_", name[:MAX_NAME], flags=re.ASCII)
 
 
 def identifier(kind: str, number: int, name: str) -> str:
-    """Return a name that POV-Ray takes and none of its keywords; kind and number make it the only one."""
+    """Return a valid identifier that is not a keyword; kind and number make it unique."""
     return f"L_{kind}{number}_{plain(name)}"

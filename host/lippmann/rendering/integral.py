@@ -105,11 +105,7 @@ def _note_odd_size(scene: Scene, display: Display, note: Callable[[str], None]) 
 
 
 def image_metadata(
-    model: Model,
-    settings: Settings,
-    scene_path: Path,
-    engine: Engine = "fast",
-    fraction_bits: int | None = None,
+    model: Model, settings: Settings, scene_path: Path, engine: Engine = "fast", fraction_bits: int | None = None
 ) -> dict[str, str]:
     """Return how an image was made, as metadata; `IntegralImage` adds the display."""
     bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}

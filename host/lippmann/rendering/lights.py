@@ -48,13 +48,7 @@ def register_lights() -> None:
             mirror_only.type_mask = mi.BSDFFlags.Delta
 
             def bounce(
-                sampler: Any,
-                ray: Any,
-                throughput: Any,
-                radiance: Any,
-                depth: Any,
-                seen: Any,
-                active: Any,
+                sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
             ) -> tuple[Any, ...]:
                 si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=True, active=active)
                 if visible_emitters:
@@ -78,9 +72,7 @@ def register_lights() -> None:
             def lit_by_all(sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
                 arrivals = [
                     emitter.sample_direction(
-                        si,
-                        mi.Point2f(0.5) if is_delta(emitter) else sampler.next_2d(active),
-                        active,
+                        si, mi.Point2f(0.5) if is_delta(emitter) else sampler.next_2d(active), active
                     )
                     for emitter in emitters
                 ]

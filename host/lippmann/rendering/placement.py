@@ -40,13 +40,7 @@ class Placement:
 
     def __post_init__(self) -> None:
         """Refuse what is not a similarity."""
-        numbers = (
-            self.scale,
-            *self.rotation_deg,
-            *self.offset_mm,
-            self.near_mm or 0.0,
-            self.far_mm or 0.0,
-        )
+        numbers = (self.scale, *self.rotation_deg, *self.offset_mm, self.near_mm or 0.0, self.far_mm or 0.0)
         if not all(math.isfinite(x) for x in numbers):
             raise InputError("placement: a value is not finite; give finite numbers")
         if not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:

@@ -207,10 +207,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
             pixel, inside, colour = traced(
-                dr.opaque(mi.UInt32, first_tile),
-                count,
-                seed,
-                (dr.opaque(mi.Float, offset), stripe_width),
+                dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
             )
             for k in channels:
                 dr.scatter(planes[k], colour[k], pixel, inside)

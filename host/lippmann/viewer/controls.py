@@ -1,4 +1,4 @@
-"""The page's sliders: which there are, and how far they go for a display."""
+"""The page's sliders, and their ranges for a display."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from lippmann.display import Display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
 from lippmann.viewer.template import filled
 
-#: Eye's distances, in usual viewing distances.
+#: Range of the eye's distance, in usual viewing distances.
 DISTANCES = (0.25, 4.0)
-#: Widest pupil, mm: a camera's lens; a wide one shows focus best.
+#: Widest pupil, mm: as wide as a camera's lens, which shows focus best.
 PUPIL_MM = 20.0
-#: Largest turn of the array, degrees, and stretch, as a share.
+#: Largest rotation of the array, degrees, and largest relative change of its pitch.
 TURN_DEG, STRETCH = 5.0, 0.05
 #: Step of the stretch.
 FINE = 1e-4
@@ -22,7 +22,7 @@ FINE = 1e-4
 
 @dataclass(frozen=True)
 class Slider:
-    """A slider: its values run from `low` to `high` by `step`, and start at `value`."""
+    """A slider from `low` to `high` by `step`, initially at `value`."""
 
     id: str
     label: str
@@ -33,19 +33,19 @@ class Slider:
     value: float = 0.0
 
     def html(self) -> str:
-        """Return the slider with its label and its value's place."""
+        """Return the slider with its label and the display of its value."""
         numbers = {key: f"{getattr(self, key):.12g}" for key in ("low", "high", "step", "value")}
         return filled("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
 
 
 def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
-    """Return how far aside an eye is let go: until even the panel's far edge shows neighbours' images."""
+    """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
     zone = VIEWING_DISTANCE_MM * display.array.pitch_mm / derived.aperture_distance_mm
     return _neat(0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
 
 
 def focus_reach_mm(derived: DisplayProperties) -> float:
-    """Return how far from the display an eye may focus: twice the depth range, but not as far as the nearest eye."""
+    """Return the largest focus depth: twice the depth range, but less than the shortest viewing distance."""
     return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * VIEWING_DISTANCE_MM))
 
 
@@ -56,7 +56,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     reach, focus = eye_reach_mm(display, derived), focus_reach_mm(derived)
     near, far = (share * VIEWING_DISTANCE_MM for share in DISTANCES)
     shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
-    # Lenslets keep at least a pixel, and a radius that spans their cell.
+    # A lenslet must cover at least a pixel, and its radius must span its cell.
     shrink = max(1.0 - STRETCH, display.panel.pixel_pitch_mm / array.pitch_mm)
     stretch = min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm)
     return {
@@ -107,5 +107,5 @@ def _step(reach: float) -> float:
 
 
 def _whole(value: float, step: float) -> float:
-    """Round down to whole steps: browsers count a slider's steps from its low end, and 0 must be one of them."""
+    """Round down to a multiple of the step: browsers count steps from the low end, and 0 must be one."""
     return math.floor(value / step + 1e-9) * step

@@ -1,4 +1,4 @@
-"""Direct renders of a scene for the page: from a few eyes, with no display in between."""
+"""Direct renders of a scene for the page: from a grid of eyes, without a display."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GRID = (7, 3)
 #: Width of a render, pixels, and its samples.
 WIDTH_PX = 400
 SAMPLES = 16
-#: How far aside the grid goes where the display has no viewing zone, as a share of the viewing distance.
+#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
 LEAST_REACH = 0.05
 
 

@@ -148,8 +148,5 @@ def _depth_drawing(display: Display) -> str:
     focus = focus_reach_mm(derived)
     scale = focus / DRAWN
     return filled(
-        "depth.svg",
-        mm_per_unit=f"{scale:.9g}",
-        reach=f"{derived.depth_range_mm[1] / scale:.6g}",
-        left_mm=f"−{focus:g}",
+        "depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{derived.depth_range_mm[1] / scale:.6g}", left_mm=f"−{focus:g}"
     )

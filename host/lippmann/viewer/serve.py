@@ -1,4 +1,4 @@
-"""Serves one page on loopback, for browsers that refuse local files."""
+"""Serves the page on loopback, for browsers that refuse local files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LOOPBACK = "127.0.0.1"
 
 
 def page_server(page: bytes, tcp_port: int = 0) -> ThreadingHTTPServer:
-    """Return a server of the page, bound to loopback and not yet serving; port 0 takes any that is free.
+    """Return a server of the page, bound to loopback but not started; port 0 means any free port.
 
     Raises
     ------
@@ -21,7 +21,7 @@ def page_server(page: bytes, tcp_port: int = 0) -> ThreadingHTTPServer:
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            """Send the page, which is all there is."""
+            """Send the page."""
             if self.path != "/":
                 self.send_error(HTTPStatus.NOT_FOUND)
                 return
@@ -32,7 +32,7 @@ def page_server(page: bytes, tcp_port: int = 0) -> ThreadingHTTPServer:
             self.wfile.write(page)
 
         def log_message(self, format: str, *arguments: object) -> None:
-            """Say nothing: who looks knows it."""
+            """Do not log requests."""
 
     try:
         return ThreadingHTTPServer((LOOPBACK, tcp_port), Handler)

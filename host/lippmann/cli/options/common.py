@@ -1,4 +1,4 @@
-"""Parameter types, and the options that most commands have."""
+"""Parameter types and options that most commands share."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Vector(click.ParamType[tuple[float, ...]]):
         return numbers
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """Name the form in help texts."""
+        """Return the form for help texts."""
         return self.form
 
 
 class Finite(click.ParamType[float]):
-    """A finite number, perhaps not below another."""
+    """A finite number, at least `least`."""
 
     name = "float"
 
@@ -63,13 +63,7 @@ class Finite(click.ParamType[float]):
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on stdout.")
-display_option = click.option(
-    "--display",
-    "display_path",
-    required=True,
-    metavar="FILE",
-    help="Display file (.toml).",
-)
+display_option = click.option("--display", "display_path", required=True, metavar="FILE", help="Display file (.toml).")
 device_option = click.option(
     "--device",
     default="auto",
