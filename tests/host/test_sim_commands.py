@@ -1,4 +1,4 @@
-"""The commands behind make's targets, `python -m lippmann.sim.*`: errors in one line, exit codes as of `lippmann`."""
+"""The commands behind make's targets, `python -m lippmann.dev.*`: errors in one line, exit codes as of `lippmann`."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ COMMANDS = ("formal", "generate_registers", "lint", "mutation", "synthesis")
 
 def called(place, module, *arguments):
     """Call a command in a folder; its exit code and lines of stdout and stderr."""
-    command = [sys.executable, "-m", f"lippmann.sim.{module}", *map(str, arguments)]
+    command = [sys.executable, "-m", f"lippmann.dev.{module}", *map(str, arguments)]
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False, timeout=60)
     return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
 
@@ -24,7 +24,7 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
     assert (code, out, err) == (2, [], ["lippmann: No such option '--qqq'. (see --help)"])
     code, out, err = called(tmp_path, module, "--help")
     assert (code, err) == (0, [])
-    assert out[0].startswith(f"Usage: python -m lippmann.sim.{module}")
+    assert out[0].startswith(f"Usage: python -m lippmann.dev.{module}")
     assert any(line.strip().startswith("Example: ") for line in out)
     assert not list(tmp_path.iterdir())
 

