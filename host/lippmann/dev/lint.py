@@ -35,7 +35,7 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
-    command = ["verilator", "--lint-only", "-Wall", "--top-module", module]
+    command = ["verilator_bin", "--lint-only", "-Wall", "--top-module", module]
     command += [f"-G{name}={value}" for name, value in (parameters or {}).items()]
     command += map(str, (top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))))
     environment = verilator_environment()

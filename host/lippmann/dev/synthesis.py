@@ -200,7 +200,7 @@ def stages(named: Named) -> int:
     files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
     # Where the cross terms are computed does not count.
     values = [f"-G{name}={value}" for name, value in parameters(named.build).items() if name != "CrossCells"]
-    command = ["verilator", "--lint-only", *values, "--top-module", "latency", *files]
+    command = ["verilator_bin", "--lint-only", *values, "--top-module", "latency", *files]
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:

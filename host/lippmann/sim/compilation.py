@@ -105,7 +105,7 @@ def verilated(
         work = Path(folder)
         _run(
             [
-                "verilator", "--cc", "--prefix", "Vtop", "-Mdir", folder, "--top-module", top, "-O3", *options,
+                "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", folder, "--top-module", top, "-O3", *options,
                 *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
             ]
         )  # fmt: skip

