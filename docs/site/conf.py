@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import types
 from pathlib import Path
 
 import lippmann
@@ -73,8 +74,8 @@ def add_index(app, error):
 
 
 def skip_constants(app, what, name, thing, skip, options):
-    """Leave out a module's constants: their comments are for readers of the source."""
-    return skip or (what == "module" and not callable(thing))
+    """Leave out a module's constants and type aliases: their comments are for readers of the source."""
+    return skip or (what == "module" and (not callable(thing) or isinstance(thing, types.GenericAlias)))
 
 
 def setup(app):
