@@ -6,13 +6,16 @@ Takes a minute or two on two cores. `--table` makes the table alone, in a few se
 import sys
 from pathlib import Path
 
+import lippmann as lp
 import numpy as np
 from lippmann import load_display, parse_display, trace
-from lippmann.animation import to_srgb8
 from lippmann.display import Display
-from lippmann.observer import Eye, observe, whole_window
+from lippmann.images import encoded_values
+from lippmann.observer import whole_window
 from lippmann.optics.rays import MODELS
+from lippmann.rendering.renderer import Settings, render_view
 from lippmann.select.model import TOLERANCE, choose_model, model_error_px, probe
+from lippmann.variant import own_variant
 from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent
@@ -64,14 +67,13 @@ def picture(linear, width_px):
     height_px = round(width_px * height / width)
     planes = [Image.fromarray(np.ascontiguousarray(linear[:, :, k])) for k in range(3)]
     small = [np.asarray(p.resize((width_px, height_px), Image.Resampling.BOX)) for p in planes]
-    return Image.fromarray(to_srgb8(np.stack(small, axis=2)))
+    return srgb(np.stack(small, axis=2))
 
 
 def crop(linear, centre, side, width_px):
     """Return a square crop of the panel, enlarged without smoothing."""
     x, y = centre[0] - side // 2, centre[1] - side // 2
-    cut = Image.fromarray(to_srgb8(linear[y : y + side, x : x + side]))
-    return cut.resize((width_px, width_px), Image.Resampling.NEAREST)
+    return srgb(linear[y : y + side, x : x + side]).resize((width_px, width_px), Image.Resampling.NEAREST)
 
 
 def row(pictures, captions, name):
@@ -93,44 +95,43 @@ def save(image, name, **options):
     print(f"{path.relative_to(TOP)}  {path.stat().st_size // 1000} kB")
 
 
-def make_pictures(mi):
-    from lippmann.rendering.renderer import Settings, render_integral, render_view
-    from lippmann.rendering.scene import load_scene
+def srgb(radiance):
+    """Return an 8-bit sRGB picture of linear radiance."""
+    return Image.fromarray(encoded_values(radiance, "srgb", 8))
 
+
+def look(image, x_mm, width_px=300, **options):
+    """Return the view of an eye at a height of 0, as a picture."""
+    return srgb(lp.observe(image, (x_mm, 0.0, EYE_MM), width_px=width_px, **options).radiance)
+
+
+def make_pictures():
     square, hexagonal = (load_display(SCENES / f"displays/paper-{name}.toml") for name in ("square", "hex"))
-    fish, chart = (load_scene(SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
-
-    def integral(scene, display):
-        return render_integral(scene, display, "exact", Settings(samples=4)).radiance
-
-    def look(image, display, eye, width_px=300, **options):
-        return observe(image, display, Eye((*eye, EYE_MM), **options), whole_window(display, width_px)).radiance
-
-    on_square, on_hex = integral(fish, square), integral(fish, hexagonal)
+    fish, chart = (lp.load_scene(SCENES / f"{name}/{name}.xml") for name in ("fish", "chart"))
+    on_square, on_hex = (lp.render(fish, display, model="exact") for display in (square, hexagonal))
 
     # The integral image, whole and enlarged.
     centre, side, width_px = (1000, 1080), 144, 288
-    whole = picture(on_square, width_px)
+    whole = picture(on_square.radiance, width_px)
     scale = width_px / square.panel.width_px
     ImageDraw.Draw(whole).rectangle(
         [(c + s * side / 2) * scale for s in (-1, 1) for c in centre], outline=MARK, width=2
     )
     row(
-        [whole, crop(on_square, centre, side, width_px), crop(on_hex, centre, side, width_px)],
+        [whole, *(crop(image.radiance, centre, side, width_px) for image in (on_square, on_hex))],
         ["the whole panel", "the marked part, 1 mm square lenslets", "the same part, 2.3 mm hexagonal lenslets"],
         "integral.png",
     )
 
     # Views of several eyes.
-    for name, image, display, reach in (("square", on_square, square, 30), ("hex", on_hex, hexagonal, 100)):
+    for name, image, reach in (("square", on_square, 30), ("hex", on_hex, 100)):
         xs = (-reach, 0, reach)
-        views = [Image.fromarray(to_srgb8(look(image, display, (x, 0.0)))) for x in xs]
-        row(views, [f"eye at x = {x:+d} mm" if x else "eye on the axis" for x in xs], f"views-{name}.png")
+        captions = [f"eye at x = {x:+d} mm" if x else "eye on the axis" for x in xs]
+        row([look(image, x) for x in xs], captions, f"views-{name}.png")
 
     # The animation.
     reach, frames = 30.0, 13
-    views = [look(on_square, square, (x, 0.0), 240) for x in np.linspace(-reach, reach, frames)]
-    stills = [Image.fromarray(to_srgb8(view)) for view in views]
+    stills = [look(on_square, x, 240) for x in np.linspace(-reach, reach, frames).tolist()]
     palette = stills[frames // 2].quantize(112, Image.Quantize.MAXCOVERAGE, kmeans=4)
     stills = [s.quantize(palette=palette, dither=Image.Dither.NONE) for s in stills]
     stills += stills[-2:0:-1]
@@ -138,29 +139,27 @@ def make_pictures(mi):
 
     # Misalignment, and an eye outside the viewing zone.
     wrong = (
-        ("as designed", square, (0.0, 0.0)),
-        ("array turned by 1 degree", square.misaligned(rotation_deg=1.0), (0.0, 0.0)),
-        ("array 1 % too coarse", square.misaligned(pitch_scale=1.01), (0.0, 0.0)),
-        ("eye at x = 80 mm: the flip", square, (80.0, 0.0)),
+        ("as designed", square, 0.0),
+        ("array turned by 1 degree", square.misaligned(rotation_deg=1.0), 0.0),
+        ("array 1 % too coarse", square.misaligned(pitch_scale=1.01), 0.0),
+        ("eye at x = 80 mm: the flip", square, 80.0),
     )
-    views = [Image.fromarray(to_srgb8(look(on_square, display, eye, 220))) for _, display, eye in wrong]
+    views = [look(on_square, x, 220, display=built) for _, built, x in wrong]
     row(views, [name for name, _, _ in wrong], "faults.png")
 
     # The chart: known depths, direct and through the arrays.
-    window = whole_window(square, 300)
-    direct = render_view(chart, (20.0, 0.0, EYE_MM), window, Settings(samples=16)).radiance
-    on_panels = [integral(chart, display) for display in (square, hexagonal)]
-    charts = [look(image, one, (20.0, 0.0)) for image, one in zip(on_panels, (square, hexagonal), strict=True)]
+    with own_variant():
+        direct = render_view(chart, (20.0, 0.0, EYE_MM), whole_window(square, 300), Settings(samples=16)).radiance
+    charts = [lp.render(chart, display, model="exact") for display in (square, hexagonal)]
     row(
-        [Image.fromarray(to_srgb8(one)) for one in (direct, *charts)],
+        [srgb(direct), *(look(image, 20.0) for image in charts)],
         ["the scene itself, eye at x = 20 mm", "through 1 mm square lenslets", "through 2.3 mm hexagonal lenslets"],
         "chart.png",
     )
 
     # An eye with a pupil.
-    focused = [look(on_panels[0], square, (0.0, 0.0), pupil_mm=20.0, focus_z_mm=z) for z in (0.0, 60.0, -60.0)]
     row(
-        [Image.fromarray(to_srgb8(one)) for one in focused],
+        [look(charts[0], 0.0, pupil_mm=20.0, focus_z_mm=z) for z in (0.0, 60.0, -60.0)],
         ["pupil 20 mm, focus on the display", "focus at z = +60 mm", "focus at z = -60 mm"],
         "focus.png",
     )
@@ -241,10 +240,8 @@ def make_plot():
 def main():
     write_table()
     if "--table" not in sys.argv[1:]:
-        from lippmann.variant import start_mitsuba
-
         make_plot()
-        make_pictures(start_mitsuba())
+        make_pictures()
 
 
 if __name__ == "__main__":

@@ -5,12 +5,11 @@ import io
 import tempfile
 from pathlib import Path
 
-from lippmann import load_display
+import lippmann as lp
 from lippmann.dev.browser import Browser
 from lippmann.observer import whole_window
-from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.scene import load_scene
-from lippmann.variant import start_mitsuba
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.variant import own_variant
 from lippmann.viewer.page import Direct, page_html
 from PIL import Image
 
@@ -37,11 +36,11 @@ lippmann.viewer.then(async () => {
 
 
 def main():
-    start_mitsuba()
-    display = load_display(TOP / "scenes/displays/paper-square.toml")
-    scene = load_scene(TOP / "scenes/fish/fish.xml")
-    integral = render_integral(scene, display, "exact", Settings(samples=4)).radiance
-    direct = render_view(scene, EYE_MM, whole_window(display, 500), Settings(samples=4)).radiance
+    display = lp.load_display(TOP / "scenes/displays/paper-square.toml")
+    scene = lp.load_scene(TOP / "scenes/fish/fish.xml")
+    integral = lp.render(scene, display, model="exact").radiance
+    with own_variant():
+        direct = render_view(scene, EYE_MM, whole_window(display, 500), Settings(samples=4)).radiance
     with tempfile.TemporaryDirectory() as folder, Browser(*SIZE_PX) as browser:
         page = Path(folder) / "page.html"
         page.write_text(page_html(display, integral, "The fish", [Direct(EYE_MM, direct)]), encoding="utf-8")

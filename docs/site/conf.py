@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import types
 from pathlib import Path
 from typing import Annotated, get_origin, get_type_hints
 
@@ -77,8 +78,11 @@ def add_index(app, error):
 
 
 def skip_constants(app, what, name, thing, skip, options):
-    """Leave out a module's constants: their comments are for readers of the source."""
-    return skip or (what == "module" and (not callable(thing) or get_origin(thing) is Annotated))
+    """Leave out a module's constants and type aliases: their comments are for readers of the source."""
+    return skip or (
+        what == "module"
+        and (not callable(thing) or isinstance(thing, types.GenericAlias) or get_origin(thing) is Annotated)
+    )
 
 
 def plain_types(app, what, name, thing, options, signature, returned):
