@@ -50,11 +50,9 @@ lint: $(READY) ## style, format, types and import layers; every RTL module alone
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
 	$(BIN)/python -m lippmann.dev.lint
 
-bench: $(READY) ## how fast rays are traced, scenes rendered and pages shown
-	$(BIN)/lippmann bench trace
-	$(BIN)/lippmann bench render
-	$(BIN)/lippmann bench rtl
-	$(BIN)/lippmann bench view
+bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour, on a quiet machine)
+	@for name in trace render rtl view animate observe; do \
+	  $(BIN)/lippmann bench $$name --report docs > /dev/null || exit; done
 
 docs-tables: $(READY) ## make the key tables and JSON Schemas of the TOML files again
 	$(BIN)/python -m lippmann.dev.generate_tables
@@ -65,7 +63,7 @@ registers: $(READY) ## make RTL, host constants and documentation of rtl/registe
 synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis
 
-report: $(READY) ## speed against error of everything, into docs/reports (quarter of an hour; report.html too)
+report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
 	$(BIN)/lippmann report -o docs/reports
 
 report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
@@ -77,11 +75,11 @@ report-link: $(READY) ## the link's efficiency and whole frames on the virtual b
 report-depth: $(READY) ## depths and views of the founding paper's set-ups, into docs/reports
 	$(BIN)/lippmann bench depth --report docs/reports > /dev/null
 
-peers: $(READY) ## time and picture beside POV-Ray, and the founding paper's benchmark, into docs/reports
+peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null
 	$(BIN)/lippmann bench seed --report docs/reports > /dev/null
 
-report-hard: $(READY) ## every engine on the hard cases, and what the formulas gain, into docs/reports
+report-hard: $(READY) ## every engine and the formulas on the hard cases, into docs/reports
 	$(BIN)/lippmann bench hard --report docs/reports > /dev/null
 
 mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)

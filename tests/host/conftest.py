@@ -1,6 +1,10 @@
-"""Fixtures that several tests share: Mitsuba started once a worker."""
+"""Fixtures that several tests share: Mitsuba started once a worker; measurements of the maintainers' programs."""
+
+import importlib.metadata
+import tomllib
 
 import pytest
+from lippmann.sim.tools import repository as top
 from lippmann.variant import mitsuba, start_mitsuba
 
 
@@ -9,3 +13,17 @@ def mi():
     """Mitsuba on the CPU, whatever else the machine has."""
     start_mitsuba("llvm")
     return mitsuba()
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """The entry points of pyproject.toml, whether the environment was set up since they changed or not."""
+    table = tomllib.loads((top() / "pyproject.toml").read_text())["project"]["entry-points"]
+    points = [
+        importlib.metadata.EntryPoint(name, value, group)
+        for group, names in table.items()
+        for name, value in names.items()
+    ]
+    monkeypatch.setattr(
+        importlib.metadata, "entry_points", lambda **wanted: importlib.metadata.EntryPoints(points).select(**wanted)
+    )

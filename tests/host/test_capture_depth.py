@@ -8,8 +8,10 @@ import pytest
 from lippmann.capturing.depths import appearance
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.setup import Pickup, load_setup
-from lippmann.measure.depth import CENTRES, WIDE, Depth, measure_depths, report_text, strip_of
+from lippmann.measure.depth import CENTRES, WIDE, Depth, measure_depths, strip_of
 from lippmann.measure.depth import SETUPS as FIGURE
+from lippmann.measure.figures import row_of
+from lippmann.report.benches import depth_page
 
 SETUPS = Path(__file__).parents[2] / "scenes/setups"
 
@@ -109,9 +111,13 @@ def test_the_report_says_how_far_its_eyes_move():
         for name, error in zip(FIGURE, (-0.03, -0.05, -0.1, 0.2), strict=True)
         for rotated in (True, False)
     ]
-    text = report_text(rows)
+    text = depth_page({}, [row_of(row) for row in rows]).text()
     assert "4 of 4 objects have the right sign and are within 5 % of the lens equations for an eye near" in text
     assert "near the axis (-5 to +5 mm)" in text
     assert "moves -30 to +30 mm" in text
-    assert "-1.5 to -1.5 mm (fig8a), -2.5 to -2.5 mm (fig8b), -5.0 to -5.0 mm (fig8c), +10.0 to +10.0 mm (f" in text
-    assert "| +48.50 | -3.0 % |" in text
+    assert "shift the depths by -5.0 to 10.0 mm" in text
+    for name, shift in zip(FIGURE, ("-1.5", "-2.5", "-5.0", "+10.0"), strict=True):
+        for images in ("rotated", "as captured"):
+            line = next(line for line in text.splitlines() if line.startswith(f"| {name} |") and images in line)
+            assert line.endswith(f"| {shift} to {shift} |")
+    assert row_of(rows[0])["wide_error_percent"] == pytest.approx(-3.0)

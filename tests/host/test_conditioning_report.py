@@ -3,7 +3,7 @@
 import csv
 
 from lippmann.conditioning.cases import CASES
-from lippmann.measure.naive import measured
+from lippmann.conditioning.formulas import measure
 from lippmann.sim.tools import repository
 
 REPORTS = repository() / "docs/reports"
@@ -37,7 +37,7 @@ def test_nothing_overflows_unseen_and_rtl_is_the_twin():
 
 
 def test_every_formula_gains():
-    gains = measured(7)
+    gains = measure(7)
     assert len(gains) >= 12
     for gain in gains:
         assert gain.chosen < gain.naive, gain

@@ -12,12 +12,13 @@ import click.testing
 import numpy as np
 import pytest
 from lippmann.cli import cli
+from lippmann.conditioning import word_sets
 from lippmann.display import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, turned_over
-from lippmann.fixed.conversion import aims_of_words, words_of_aims
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend
@@ -43,12 +44,12 @@ def random_words(display, build, count=RAYS, seed=SEED):
     random = np.random.default_rng(seed)
     panel = display.panel
     size = (panel.width_px, panel.height_px)
-    u, v = fixed.words_of_pixels(display, random.uniform((0, 0), size, (count, 2)))
+    u, v = words_of_pixels(display, random.uniform((0, 0), size, (count, 2)))
     if not build.aims:
-        return fixed.Words(u, v, 0 * u, 0 * u)
+        return word_sets.Words(u, v, 0 * u, 0 * u)
     points = random_in_cell(random, display, count)
     assert len(points) == count
-    return fixed.Words(u, v, *words_of_aims(display, points, build.fraction_bits))
+    return word_sets.Words(u, v, *words_of_aims(display, points, build.fraction_bits))
 
 
 def direction_bound(display, model, f):
@@ -77,7 +78,7 @@ def test_against_golden(model, aperture, name, side, f):
     words = random_words(display, build)
     aims = aims_of_words(display, words.a, words.b, f) if build.aims else None
     # The pixels are words already: nothing is rounded away before the comparison.
-    pixel = fixed.pixels_of_words(display, words.u, words.v)
+    pixel = pixels_of_words(display, words.u, words.v)
     twin = trace_fixed(display, pixel, aims, model, f)
     golden = trace(display, twin.pixel, aims, model)
     assert (twin.pixel == pixel).all()
@@ -103,8 +104,8 @@ def test_against_golden(model, aperture, name, side, f):
     differs = np.flatnonzero(~same)
     assert len(differs) < 0.001 * RAYS
     if len(differs):
-        some = fixed.Words(*(column[differs] for column in words))
-        away = fixed.edge_distance_nm(display, build, some, fixed._rows(twin, differs), stated_nm, model)
+        some = word_sets.Words(*(column[differs] for column in words))
+        away = word_sets.edge_distance_nm(display, build, some, fixed._rows(twin, differs), stated_nm, model)
         assert away.max() <= stated_nm
 
 
@@ -121,13 +122,13 @@ def test_rays_near_the_critical_angle_and_on_edges():
     """Pairs of rays, a word of the aim apart, on both sides of golden's boundaries."""
     named = CONFIGURATIONS["widest-aims-hex"]
     display = named.displays(SCENES)[0]
-    words = fixed.boundary_words(display, named.build, SEED, 1000)
+    words = word_sets.boundary_words(display, named.build, SEED, 1000)
     half = len(words.u) // 2
     assert half > 200
     a, b = words.a, words.b
     assert np.abs(a[:half] - a[half:]).max() <= 1
     assert np.abs(b[:half] - b[half:]).max() <= 1
-    fates = fixed.fates(display, named.build, *words)
+    fates = word_sets.fates(display, named.build, *words)
     assert (fates[:half] != fates[half:]).any(axis=1).all()
     # Total internal reflection is among them.
     assert (fates[:, 0] == Status.INTERNAL_REFLECTION).sum() > 100
@@ -140,9 +141,9 @@ def test_rays_near_the_critical_angle_and_on_edges():
 def test_edge_words_lie_on_edges(name):
     named = CONFIGURATIONS[name]
     for display in named.displays(SCENES):
-        words = fixed.edge_words(display, named.build, SEED, 2000)
+        words = word_sets.edge_words(display, named.build, SEED, 2000)
         system = System.of(display)
-        pixel = fixed.pixels_of_words(display, words.u, words.v)
+        pixel = pixels_of_words(display, words.u, words.v)
         # Pixels at the panel's rim were moved onto it.
         inner = (pixel > 1.0).all(axis=1) & (pixel < (display.panel.width_px - 1, display.panel.height_px - 1)).all(
             axis=1
@@ -161,11 +162,11 @@ def test_edge_words_lie_on_edges(name):
 def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
     named = CONFIGURATIONS["widest-aims-hex"]
     display = named.displays(SCENES)[0]
-    row = fixed.measure(named, display, "wide", iter([fixed.wide_words(display, named.build, SEED, 20_000)]))
+    row = fixed.measure(named, display, "wide", iter([word_sets.wide_words(display, named.build, SEED, 20_000)]))
     assert 0 < row.refused < 0.05 * row.rays
     # With enough domes to try none is lost.
     more = dataclasses.replace(named, build=dataclasses.replace(named.build, max_cell_steps=4))
-    row = fixed.measure(more, display, "wide", iter([fixed.wide_words(display, more.build, SEED, 20_000)]))
+    row = fixed.measure(more, display, "wide", iter([word_sets.wide_words(display, more.build, SEED, 20_000)]))
     assert row.lost == 0
     assert row.edge_nm <= 2.0
 
@@ -244,12 +245,13 @@ def test_report(monkeypatch, tmp_path):
     result = click.testing.CliRunner().invoke(cli, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     page = (tmp_path / "fixed-point-error.md").read_text()
-    for said in ("machine: ", "date: ", "command: lippmann bench fixed", "--seed 0", "| widest-square | 23 | uhd-8k |"):
+    for said in ("machine: ", "date: ", "command: lippmann bench fixed", "--seed 0", "| widest-square | 23 |"):
         assert said in page
     assert "**no**" not in page
     rows = (tmp_path / "fixed-point-error.csv").read_text().splitlines()
     assert rows[-1].startswith("widest-square,23,uhd-8k,edges,")
     assert (tmp_path / "fixed-point-budget.csv").exists()
+    assert (tmp_path / "fixed-point-error.png").exists()
 
 
 def test_unknown_configuration_is_refused():

@@ -8,7 +8,7 @@ import pytest
 from lippmann.capturing.rays import CaptureSource
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
-from lippmann.dev.peers import OUTLINE_PX, Rows, around, compare, near_seams
+from lippmann.dev.peers import OUTLINE_PX, Part, around, compare, near_seams
 from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
 from lippmann.display import load_display
 from lippmann.errors import InputError
@@ -98,7 +98,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
     assert difference.unexplained < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
-    rows = render_rays(scene, Rows(source, 8), Settings()).radiance
+    rows = render_rays(scene, Part(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 
@@ -224,7 +224,7 @@ def test_differences_are_told_apart(repository):
     assert two.unexplained + two.seams * two.differing == pytest.approx((1.0 - two.displaced) * two.differing, abs=0.02)
 
 
-def test_bench_seed_quick(mi, capfd, repository, monkeypatch, tmp_path):
+def test_bench_seed_quick(mi, registered, capfd, repository, monkeypatch, tmp_path):
     """The whole benchmark on small windows: rows, findings, report, plot."""
     monkeypatch.chdir(repository)
     assert run(["bench", "seed", "--quick", "--report", str(tmp_path), "--json"]) == 0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from lippmann.cli import run
+from lippmann.measure.figures import read_stored
 from lippmann.report.compare import compare
-from lippmann.report.figures import read_stored
 from lippmann.report.run import TABLES
 from lippmann.sim.tools import repository
 from PIL import Image
@@ -48,7 +48,7 @@ def test_a_quick_run_writes_pages_plots_and_tables(made):
 
 def test_its_page_needs_nothing_else(made):
     folder, result = made
-    check_page((folder / "report.html").read_text(), result, 6)
+    check_page((folder / "report.html").read_text(), result, images=6, tables=5)
     assert (folder / "report.html").stat().st_size < 2_000_000
 
 
@@ -56,7 +56,9 @@ def test_every_picture_of_the_markdown_is_there(made):
     folder, result = made
     text = (folder / "report.md").read_text()
     assert all(f"]({path.name})" in text for path in folder.iterdir() if path.suffix in (".png", ".csv"))
+    # At the top, by six plots and by five tables.
     assert text.count(f"command: {result['command']}") >= 12
+    assert text.count("![") == 6
 
 
 def test_its_tables_hold_what_was_asked_for(made):
@@ -135,15 +137,15 @@ def test_a_page_that_cannot_be_written_is_refused(tmp_path, capsys):
 def test_a_broken_run_before_is_refused(tmp_path, capsys):
     (tmp_path / "report-growth.csv").write_text("# machine: one\nwith,size\npixels,3\n")
     assert report(tmp_path / "new", "--quick", "--against", str(tmp_path)) == 2
-    wrong(capsys, "report-growth.csv: holds no figures", "remove it")
+    wrong(capsys, "report-growth.csv: holds no measured values", "remove it")
     assert report(tmp_path, "--quick") == 2
-    wrong(capsys, "report-growth.csv: holds no figures")
+    wrong(capsys, "report-growth.csv: holds no measured values")
     assert not (tmp_path / "report.md").exists()
 
 
 def test_no_run_to_compare_with_is_refused(tmp_path, capsys):
     assert report(tmp_path / "new", "--quick", "--against", str(tmp_path)) == 2
-    wrong(capsys, "no run of the report was kept there", "report-*.csv")
+    wrong(capsys, "holds no run of the report", "report-*.csv")
     assert not (tmp_path / "new").exists()
 
 

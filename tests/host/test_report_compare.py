@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.report import changes
+from lippmann.measure.configurations import pareto_front
+from lippmann.measure.figures import Figures, Measured, in_turn, read_figures, read_stored
 from lippmann.report.compare import compare, has_moved
-from lippmann.report.figures import Figures, Measured, in_turn, read_figures, read_stored
-from lippmann.report.pareto import pareto_front
+from lippmann.report.pages import TEMPLATES, Page
 from lippmann.report.tables import write_report
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
@@ -25,6 +25,13 @@ def made(values, name="report-made", **others):
 def kept(folder, *tables, origin=None):
     write_report(folder, "report", origin or ORIGIN, "# Title\n\ntext", {table.name: table.flat() for table in tables})
     return read_stored(folder, [table.name for table in tables])
+
+
+def told(found, folder):
+    """The section of the report that tells a comparison."""
+    text = (TEMPLATES / "report.md").read_text()
+    (folder / "moves.md").write_text(text.splitlines()[0] + "\n## Since" + text.partition("## Since")[2])
+    return Page("moves", ORIGIN, context={"found": found}, templates=folder).text()
 
 
 @pytest.mark.parametrize(
@@ -133,9 +140,8 @@ def test_comparison_tells_the_moves_and_no_others(tmp_path):
     assert (move.table, move.row, move.figure) == ("report-made", "fast", "rate")
     assert (move.before, move.now) == (Measured(400.0, 9.0), Measured(300.0, 9.0))
     assert move.ratio == 0.75
-    told = changes.section(found, ORIGIN)
-    assert told.tables[0].columns["row"] == ["fast"]
-    assert any("1 of 2 figures moved" in text for text in told.text)
+    assert "1 of 2 figures moved" in told(found, tmp_path)
+    assert "| report-made | fast | rate | 400 | 300 | 0.75 |" in told(found, tmp_path)
 
 
 def test_a_run_has_not_moved_against_itself(tmp_path):
@@ -154,7 +160,7 @@ def test_runs_that_measured_something_else_are_not_compared(tmp_path, key):
     before = kept(tmp_path, made({"fast": (1.0, 0.0)}), origin={**ORIGIN, key: "other"})
     found = compare(ORIGIN, [made({"fast": (2.0, 0.0)})], before)
     assert (found.differs, found.compared, found.moved) == ((key,), 0, ())
-    assert any(f"{key} differ" in text for text in changes.section(found, ORIGIN).text)
+    assert f"{key} differ" in told(found, tmp_path)
 
 
 @pytest.mark.parametrize("key", ["machine", "versions"])
@@ -162,13 +168,13 @@ def test_another_machine_or_version_is_told(tmp_path, key):
     before = kept(tmp_path, made({"fast": (1.0, 0.0)}), origin={**ORIGIN, key: "other"})
     found = compare(ORIGIN, [made({"fast": (2.0, 0.0)})], before)
     assert (found.changed, len(found.moved)) == ((key,), 1)
-    assert any(f"{key}, now {ORIGIN[key]}, then other" in text for text in changes.section(found, ORIGIN).text)
+    assert f"{key}, now {ORIGIN[key]}, then other" in told(found, tmp_path)
 
 
-def test_without_a_run_before_nothing_is_compared():
+def test_without_a_run_before_nothing_is_compared(tmp_path):
     found = compare(ORIGIN, [made({"fast": (1.0, 0.0)})], None)
     assert (dict(found.before), found.moved) == ({}, ())
-    assert "nothing to compare with" in changes.section(found, ORIGIN).text[0]
+    assert "nothing to compare with" in told(found, tmp_path)
 
 
 def test_works_are_done_in_turn():

@@ -5,10 +5,10 @@ import re
 
 import pytest
 from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.measure.configurations import on_front
+from lippmann.measure.figures import read_stored
+from lippmann.measure.plan import WHOLE
 from lippmann.optics.rays import ENGINES, MODELS
-from lippmann.report.figures import read_stored
-from lippmann.report.hardware import on_front
-from lippmann.report.plan import WHOLE
 from lippmann.report.run import TABLES
 from lippmann.sim.tools import repository
 

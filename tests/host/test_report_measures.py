@@ -13,11 +13,12 @@ from lippmann.errors import InputError
 from lippmann.fixed.configurations import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import decode
+from lippmann.measure import configurations, engines, load, renderer
+from lippmann.measure.figures import Figures, Measured
+from lippmann.measure.pictures import middle, noise_levels
+from lippmann.measure.plan import QUICK, WHOLE
 from lippmann.optics.rays import Status
-from lippmann.report import engines, growth, hardware, load, renderer
-from lippmann.report.figures import Figures, Measured
-from lippmann.report.plan import QUICK, WHOLE
-from lippmann.report.views import middle
+from lippmann.report.plots import size_label
 from lippmann.sim.tools import repository
 
 SCENES = repository() / "scenes"
@@ -100,12 +101,12 @@ def test_noise_is_its_standard_deviation(levels):
     random = np.random.default_rng(seed)
     pictures = (decode(0.5 + random.normal(0.0, levels / 255.0, (200, 200, 3)), "srgb") for _ in range(2))
     # Of 120,000 values: the estimate's own deviation is 0.2 %.
-    assert renderer.noise_levels(*pictures) == pytest.approx(levels, rel=0.01)
+    assert noise_levels(*pictures) == pytest.approx(levels, rel=0.01)
 
 
 def test_alike_pictures_have_no_noise():
     picture = np.full((4, 4, 3), 0.3, np.float32)
-    assert renderer.noise_levels(picture, picture) == 0.0
+    assert noise_levels(picture, picture) == 0.0
 
 
 @pytest.mark.parametrize(("most", "size"), [(1200, (1200, 1200)), (3000, (3000, 2160)), (9000, (3840, 2160))])
@@ -135,8 +136,8 @@ def test_what_scatters_is_measured_three_times(plan):
 @pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 1.0, 2.0])
 def test_exponent_of_a_power_law(power):
     sizes = np.array([1, 2, 5, 30])
-    assert growth.exponent(sizes, 3.0 * sizes**power) == pytest.approx(power, abs=1e-12)
-    assert growth.exponent([4], [1.0]) is None
+    assert renderer.exponent(sizes, 3.0 * sizes**power) == pytest.approx(power, abs=1e-12)
+    assert renderer.exponent([4], [1.0]) is None
 
 
 @pytest.mark.parametrize(
@@ -144,13 +145,13 @@ def test_exponent_of_a_power_law(power):
 )
 def test_sizes_have_short_labels(size, label):
     """Ticks of 10.323k and 41.453k ran into each other."""
-    assert growth.size_label(size) == label
+    assert size_label(size) == label
 
 
 @pytest.mark.parametrize("across", [600, 1200, 4800])
 def test_more_pixels_fill_the_same_window(across):
     display = shipped("uhd-4k")
-    panel = growth.resized(display, across).panel
+    panel = renderer.resized(display, across).panel
     assert panel.width_px == across
     assert panel.width_mm == pytest.approx(display.panel.width_mm)
     assert abs(panel.height_mm - display.panel.height_mm) <= 0.5 * panel.pixel_pitch_mm
@@ -158,7 +159,7 @@ def test_more_pixels_fill_the_same_window(across):
 
 @pytest.mark.parametrize(("triangles", "lights"), [(200, 1), (2_000, 5)])
 def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
-    scene = growth.waves(triangles, lights).mitsuba
+    scene = renderer.waves(triangles, lights).mitsuba
     (mesh,) = scene.shapes()
     assert mesh.face_count() == pytest.approx(triangles, rel=0.05)
     assert len(scene.emitters()) == lights
@@ -176,7 +177,7 @@ def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
 
 
 def test_the_whole_plan_measures_every_configuration_and_word_length():
-    found = hardware.configurations(WHOLE)
+    found = configurations.configurations(WHOLE)
     assert {c.name for c in found} >= set(CONFIGURATIONS)
     assert len({c.name for c in found}) == len({c.build for c in found}) == len(found)
     exact = {(c.build.grid, c.build.fraction_bits) for c in found if c.build.model == "exact"}
@@ -184,22 +185,22 @@ def test_the_whole_plan_measures_every_configuration_and_word_length():
 
 
 def test_the_quick_plan_measures_a_few():
-    assert {c.name for c in hardware.configurations(QUICK)} == set(hardware.SIMULATED)
+    assert {c.name for c in configurations.configurations(QUICK)} == set(configurations.SIMULATED)
 
 
 def test_placed_figures_are_those_that_are_kept():
-    sizes = hardware.placed()
+    sizes = configurations.placed()
     assert {"machine", "date", "command"} <= set(sizes.origin)
-    assert set(hardware.SIMULATED) <= set(sizes.of)
+    assert set(configurations.SIMULATED) <= set(sizes.of)
     assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.of.values())
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
     (tmp_path / "docs/reports").mkdir(parents=True)
-    (tmp_path / hardware.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
-    monkeypatch.setattr(hardware, "repository", lambda: tmp_path)
+    (tmp_path / configurations.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
+    monkeypatch.setattr(configurations, "repository", lambda: tmp_path)
     with pytest.raises(InputError, match=r"synthesis\.csv: holds no figures of place-and-route .*; run make synth"):
-        hardware.placed()
+        configurations.placed()
 
 
 def test_the_front_counts_cells_clock_and_error():
@@ -217,7 +218,7 @@ def test_the_front_counts_cells_clock_and_error():
         row("elsewhere", 90000, 10, 1.0, display="other"),
         row("aims", 90000, 10, 1.0, rays="full"),
     ]
-    found = hardware.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
+    found = configurations.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
     assert found == {"small": True, "exact": True, "worse": False, "fast": True, "elsewhere": True, "aims": True}
 
 

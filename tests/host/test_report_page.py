@@ -4,12 +4,11 @@ import html.parser
 import io
 import re
 
-from lippmann.report.figures import Figures, Measured
-from lippmann.report.markdown import page_text
-from lippmann.report.page import page_html
-from lippmann.report.plots import drawn, finish
-from lippmann.report.run import stamped
-from lippmann.report.section import Plot, Section, Shown
+import jinja2
+import pytest
+from lippmann.measure.figures import Figures, Measured
+from lippmann.report.pages import Page, stamped
+from lippmann.report.plots import Plot, drawn, finish
 from PIL import Image
 
 ORIGIN = {
@@ -52,24 +51,39 @@ class Reader(html.parser.HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
-def made_sections():
+TEMPLATE = """{% from macros import plot, table, file, link, origins with context %}
+# Speed & error
+
+{{ plot("report-made", "What `a` does", 'A line that falls, "so".') }}
+
+{{ origins() }}
+
+## First & best
+
+Text with `code` < 3, {{ link("more", "../more.md") }}. All of it: {{ file("report-made.csv") }}.
+
+{{ table("Rates <of> engines", rows | columns({"engine": "engine", "rate": "rate"})) }}
+
+## Second
+"""
+
+
+@pytest.fixture
+def page(tmp_path):
+    (tmp_path / "made.md").write_text(TEMPLATE)
     picture, axes = drawn(1, 1)
     axes[0][0].plot([0, 1], [1, 0])
-    plot = Plot("report-made", finish(picture), "What `a` does.", 'A line that falls, "so".')
-    table = Shown("Rates <of> engines", {"engine": ["fast", "a<b"], "rate": [1234567.0, None]})
-    rows = [{"engine": "fast", "rate": Measured(1.0, 0.5)}]
+    rows = [{"engine": "fast", "rate": Measured(1234567.0, 0.5)}, {"engine": "a<b", "rate": None}]
     data = Figures("report-made", ("engine",), rows)
-    return [
-        Section("First & best", ("Text with `code` < 3.",), (table,), (plot,), (data,)),
-        Section("Second", (), (), (), ()),
-    ]
+    context = {"rows": rows, "repeat_origin": True}
+    return Page("made", ORIGIN, [Plot("report-made", finish(picture))], {"report-made": data.flat()}, context, tmp_path)
 
 
-def check_page(text, origin, least):
+def check_page(text, origin, images, tables):
     """Assert what holds for every page: self-contained, told where from, read without seeing."""
     page = Reader(text)
-    assert len(page.named("img")) >= least
-    assert len(page.named("table")) >= least
+    assert len(page.named("img")) >= images
+    assert len(page.named("table")) >= tables
     # Nothing is fetched from anywhere.
     assert {name for name, _ in page.elements} & {"script", "link", "iframe", "object", "base"} == set()
     addresses = [value for _, a in page.elements for key, value in a.items() if key in ("src", "href", "srcset")]
@@ -94,25 +108,38 @@ def check_page(text, origin, least):
     assert all(a.get("scope") in ("row", "col") for a in page.named("th"))
 
 
-def test_the_page_is_self_contained_and_says_where_its_figures_come_from():
-    text = page_html("Speed & error", ORIGIN, made_sections())
-    check_page(text, ORIGIN, 1)
+def test_the_page_is_self_contained_and_says_where_its_figures_come_from(page):
+    text = page.html()
+    check_page(text, ORIGIN, images=1, tables=1)
     assert "<code>code</code> &lt; 3" in text
     assert "a&lt;b" in text
     assert "<td>1234567</td>" in text
     assert "<td>-</td>" in text
+    assert '<li><a href="#section-1">First &amp; best</a></li>' in text
 
 
-def test_markdown_says_it_too_and_links_the_data():
-    text = page_text("Speed & error", ORIGIN, made_sections())
+def test_markdown_says_it_too_and_links_the_data(page):
+    text = page.text()
     assert text.startswith("# Speed & error\n")
     assert '![A line that falls, "so".](report-made.png)' in text
     assert "[report-made.csv](report-made.csv)" in text
-    assert text.count(f"command: {ORIGIN['command']}") == 2
+    assert "[more](../more.md)" in text
+    assert text.count(f"command: {ORIGIN['command']}") == 3
     assert "| fast | 1234567 |" in text
 
 
-def test_pictures_carry_where_they_come_from():
-    (first, _) = made_sections()
-    with Image.open(io.BytesIO(stamped(first.plots[0].png, ORIGIN))) as picture:
+def test_a_template_that_names_what_is_not_there_fails(page, tmp_path):
+    (tmp_path / "made.md").write_text("{{ nothing }}")
+    with pytest.raises(jinja2.UndefinedError, match="nothing"):
+        page.text()
+
+
+def test_pictures_carry_where_they_come_from(page):
+    with Image.open(io.BytesIO(stamped(page.plots[0].png, ORIGIN))) as picture:
         assert {key: picture.text[f"lippmann:{key}"] for key in ORIGIN} == ORIGIN
+
+
+def test_written_files_are_those_that_are_told(page, tmp_path):
+    files = page.write(tmp_path / "new", as_html=True)
+    assert {path.name for path in files} == {"made.md", "made.html", "report-made.csv", "report-made.png"}
+    assert set(files) == set((tmp_path / "new").iterdir())

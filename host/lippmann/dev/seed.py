@@ -1,47 +1,55 @@
-"""`lippmann bench seed`: the founding paper's benchmark, its figure 9, by us and by POV-Ray on the same files.
+"""The founding paper's benchmark, its figure 9, by Lippmann and by POV-Ray on the same files (`lippmann bench seed`).
 
 Relative time t_R = t_SR / T (paper, equation 6) over the number of lenslets in the rendered window. T is the tracer's
 own time for the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are
-CPU seconds of all threads: what one core would take, as in 2005, and little moved by what else the machine does.
-POV-Ray's hold the parsing of its files; ours are counted without loading and compiling.
+CPU seconds of all threads, which other programs hardly change. POV-Ray's include the parsing of its files; ours leave
+out loading and compiling.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import click
 import numpy as np
 
 from lippmann.capturing.rays import CaptureSource
 from lippmann.capturing.setup import Setup, load_setup
-from lippmann.display import MM_PER_INCH, Array, Display
+from lippmann.cli.bench import Bench, measurement
+from lippmann.display import MM_PER_INCH, Display
+from lippmann.measure.figures import row_of
+from lippmann.measure.renderer import with_pitch
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
+from lippmann.povray.program import povray
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.rendering.sources import PerspectiveSource, RaySource, Window
-from lippmann.report.tables import table
+from lippmann.report.pages import Page
+from lippmann.report.plots import MARKS, Plot, drawn, finish
 from lippmann.variant import current_device
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Rendered window sizes, px (at 600 dpi), and lenslet pitches, mm.
+#: Sizes of the rendered window, px (at 600 dpi), and lenslet pitches, mm.
 WINDOWS_PX = (720, 1200, 1800, 2400, 3600)
 PITCHES_MM = (1.0, 2.0, 4.0, 9.0)
-#: The largest windows that we render with anti-aliasing, and that POV-Ray renders.
+#: The largest window that Lippmann renders with anti-aliasing, and the largest that POV-Ray renders.
 ANTIALIASED_PX, POVRAY_PX = 2400, 720
-#: Our samples for each pixel where POV-Ray anti-aliases with threshold 0.3: about its noise (`bench peers`).
+#: Lippmann's samples a pixel with about the noise of POV-Ray's anti-aliasing with threshold 0.3 (`bench peers`).
 SAMPLES = 8
-#: How often our quick pictures, those without anti-aliasing, are taken.
+#: Repeats of Lippmann's pictures without anti-aliasing, of which the fastest counts.
 ROUNDS = 2
 ANTIALIAS = ("+WT2", "+A0.3")
 BASE_PX = 720
-#: `--quick`: what tests run. Windows as small as these take as long as starting does: they measure nothing.
+#: `--quick`, for tests. Windows as small as these measure nothing: most of the time goes into starting.
 QUICK: dict[str, Any] = {
     "windows": (48,),
     "pitches": (1.0, 2.0),
@@ -50,56 +58,36 @@ QUICK: dict[str, Any] = {
     "base_px": 96,
 }
 EYE_MM = (0.0, 0.0, 600.0)
-#: What the paper says of its own tracer.
+TEMPLATES = Path(__file__).with_name("templates")
+#: The paper's shares for its own tracer: hexagonal against square, and anti-aliasing off against on.
 PAPER_HEX, PAPER_PLAIN = 0.10, -0.37
 
 
 @dataclass(frozen=True)
 class Timed:
-    """One picture's time.
+    """One picture's time."""
 
-    Attributes
-    ----------
-    tracer
-        "lippmann" or "POV-Ray".
-    window_px, pitch_mm, grid
-        Side of the square window, and the array; pitch None without one.
-    lenslets
-        In the window (paper, equation 5; rows of a hexagonal array stand closer).
-    antialias
-        Whether edges are smoothed.
-    seconds, cpu_seconds
-        Wall clock and CPU, all threads.
-    relative
-        CPU seconds over the tracer's own T.
-    """
-
+    #: "lippmann" or "POV-Ray".
     tracer: str
+    #: Grid of the array ("none": no array), side of the square window, pitch (None without an array).
     grid: str
     window_px: int
     pitch_mm: float | None
+    #: Lenslets in the window (paper, equation 5; rows of a hexagonal array are closer).
     lenslets: int
+    #: Whether edges are anti-aliased.
     antialias: bool
+    #: Wall-clock time, CPU time of all threads, and the latter over the tracer's own T.
     seconds: float
     cpu_seconds: float
     relative: float
 
 
 def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
-    """Return a set-up whose camera sees another number of equal pixels, through lenslets scaled to a pitch."""
+    """Return a set-up whose camera has another number of the same pixels, behind lenslets scaled to a pitch."""
     panel = dataclasses.replace(setup.display.panel, width_px=width_px, height_px=width_px)
-
-    def scaled(array: Array) -> Array:
-        share = pitch_mm / array.pitch_mm
-        return dataclasses.replace(
-            array,
-            pitch_mm=pitch_mm,
-            radius_mm=array.radius_mm * share,
-            thickness_mm=array.thickness_mm * share,
-        )
-
-    display = dataclasses.replace(setup.display, panel=panel, array=scaled(setup.display.array))
-    return dataclasses.replace(setup, display=display, array=scaled(setup.array))
+    display = dataclasses.replace(setup.display, panel=panel, array=with_pitch(setup.display.array, pitch_mm))
+    return dataclasses.replace(setup, display=display, array=with_pitch(setup.array, pitch_mm))
 
 
 def lenslets_in(display: Display) -> int:
@@ -112,12 +100,12 @@ def lenslets_in(display: Display) -> int:
 
 
 def load_for(path: Path, setup: Setup) -> Scene:
-    """Load a scene as it stands before a set-up."""
+    """Load a scene with its placement before a set-up."""
     return load_scene(path, placement_beside(path).then(setup.subject.placement))
 
 
 def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> tuple[float, float]:
-    """Return wall and CPU seconds of our picture, compiling left out: those of the quickest of some rounds."""
+    """Return wall-clock and CPU seconds of the fastest of some renders, without compilation."""
     times = []
     for _ in range(rounds):
         rendered = render_rays(scene, source, Settings(samples=samples))
@@ -135,18 +123,9 @@ def bench_seed(
     povray_px: int = POVRAY_PX,
     base_px: int = BASE_PX,
 ) -> Iterator[Timed]:
-    """Measure the base scene and the sweep, ours and POV-Ray's; the first two rows are the base scene's.
+    """Measure Lippmann's and POV-Ray's times; the first two rows are the base scene's.
 
-    Parameters
-    ----------
-    scenes
-        The project's scenes.
-    work
-        Folder for POV-Ray's files.
-    windows, pitches, grids
-        Window sizes (px), pitches (mm), grids of lenslets; POV-Ray's windows end at `povray_px`.
-    base_px
-        Side of the base scene's picture.
+    `work` gets POV-Ray's files, whose windows end at `povray_px`; the base scene's picture has the side `base_px`.
     """
     ours, theirs = base_times(scenes, work, base_px)
     yield from (ours, theirs)
@@ -175,7 +154,7 @@ def bench_seed(
 
 
 def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
-    """Return the base scene's times through the display's window, ours and POV-Ray's: T."""
+    """Return T: Lippmann's and POV-Ray's times for the base scene through the display's window."""
     scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0
     window = Window(side, side, base_px, base_px)
@@ -186,46 +165,28 @@ def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
 
 
 def _row(tracer: str, setup: Setup, antialias: bool, seconds: float, cpu: float, base: float) -> Timed:
-    display = setup.display
-    return Timed(
-        tracer,
-        display.array.grid,
-        display.panel.width_px,
-        display.array.pitch_mm,
-        lenslets_in(display),
-        antialias,
-        seconds,
-        cpu,
-        cpu / base,
-    )
+    array, across = setup.display.array, setup.display.panel.width_px
+    count = lenslets_in(setup.display)
+    return Timed(tracer, array.grid, across, array.pitch_mm, count, antialias, seconds, cpu, cpu / base)
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What the sweep says, shares of CPU time; None where nothing was measured.
+    """Ratios of CPU times over the sweep; None where nothing was measured."""
 
-    Attributes
-    ----------
-    growth
-        By window (px): most over least of our times, over the pitches; square, no anti-aliasing.
-    povray_growth
-        The same of POV-Ray.
-    hex_share, povray_hex_share
-        Hexagonal over square, less 1: median.
-    plain_share, povray_plain_share
-        No anti-aliasing over anti-aliasing, less 1: median.
-    """
-
+    #: By window (px): the longest time over the shortest, over the pitches; square, no anti-aliasing.
     growth: dict[int, float]
     povray_growth: dict[int, float]
+    #: Median of the time for a hexagonal array over that for a square one, less 1.
     hex_share: float | None
     povray_hex_share: float | None
+    #: Median of the time without anti-aliasing over that with it, less 1.
     plain_share: float | None
     povray_plain_share: float | None
 
 
 def findings(rows: Sequence[Timed]) -> Findings:
-    """Return what the rows say."""
+    """Return the ratios of some rows."""
     by_key = {(r.tracer, r.grid, r.window_px, r.pitch_mm, r.antialias): r.cpu_seconds for r in rows}
 
     def growth(tracer: str) -> dict[int, float]:
@@ -257,82 +218,62 @@ def findings(rows: Sequence[Timed]) -> Findings:
     )
 
 
-def plot(rows: Sequence[Timed], path: Path) -> None:
+def plot(rows: Sequence[Timed]) -> Plot:
     """Draw t_R over the number of lenslets: a curve for each window and tracer; hexagonal arrays dashed."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.5), sharey=True, layout="constrained")
+    picture, axes = drawn(1, 2, (5.5, 4.5))
     windows = sorted({r.window_px for r in rows if r.grid != "none"})
-    for axis, antialias in zip(axes, (False, True), strict=True):
-        for tracer, marker in (("lippmann", "o"), ("POV-Ray", "s")):
-            for window in windows:
-                for grid, style in (("square", "-"), ("hex", "--")):
-                    curve = sorted(
-                        (r.lenslets, r.relative)
-                        for r in rows
-                        if (r.tracer, r.window_px, r.grid, r.antialias) == (tracer, window, grid, antialias)
-                    )
-                    if curve:
-                        label = f"{tracer}, {window} px" if grid == "square" else None
-                        colour = "black" if tracer == "POV-Ray" else f"C{windows.index(window)}"
-                        axis.plot(*zip(*curve, strict=True), style, marker=marker, color=colour, label=label)
-        axis.set(xscale="log", yscale="log", xlabel="lenslets in the window")
+    for axis, antialias in zip(axes[0], (False, True), strict=True):
+        for tracer, window, grid in itertools.product(("lippmann", "POV-Ray"), windows, SETUPS):
+            key = (tracer, window, grid, antialias)
+            some = [r for r in rows if (r.tracer, r.window_px, r.grid, r.antialias) == key]
+            curve = sorted((r.lenslets, r.relative) for r in some)
+            if curve:
+                style = f"{MARKS[tracer != 'lippmann']}{'-' if grid == 'square' else '--'}"
+                colour = "black" if tracer == "POV-Ray" else f"C{windows.index(window)}"
+                label = f"{tracer}, {window} px" if grid == "square" else None
+                axis.plot(*zip(*curve, strict=True), style, color=colour, label=label)
+        axis.set(xscale="log", yscale="log", xlabel="lenslets in the window", ylabel="relative time t_R")
         axis.set_title("anti-aliasing" if antialias else "no anti-aliasing")
-        axis.grid(alpha=0.3)
         axis.legend(fontsize=7)
-    axes[0].set_ylabel("relative time t_R, each tracer by its own T")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    return Plot("seed", finish(picture))
 
 
-def report_text(rows: Sequence[Timed], trial: bool = False) -> str:
-    """Return the page; `trial` says on it that its windows are too small to measure anything."""
+def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) -> Page:
+    """Return the page; `trial` adds that its windows are too small to measure anything."""
     found = findings(rows)
     ours, theirs = (row for row in rows if row.grid == "none")
-
-    def percent(value: float | None) -> str:
-        return "-" if value is None else f"{100.0 * value:+.0f} %"
-
-    windows = sorted(found.growth)
-    growth: dict[str, list[Any]] = {
-        "window, px": windows,
-        "lippmann": [found.growth[window] for window in windows],
-        "POV-Ray": [found.povray_growth.get(window) for window in windows],
-    }
     shares = {
         "": ["hexagonal against square", "anti-aliasing off against on"],
-        "lippmann": [percent(found.hex_share), percent(found.plain_share)],
-        "POV-Ray": [percent(found.povray_hex_share), percent(found.povray_plain_share)],
-        "the paper": [percent(PAPER_HEX), percent(PAPER_PLAIN)],
+        "lippmann": [found.hex_share, found.plain_share],
+        "POV-Ray": [found.povray_hex_share, found.povray_plain_share],
+        "the paper": [PAPER_HEX, PAPER_PLAIN],
     }
-    columns = ("tracer", "grid", "window_px", "pitch_mm", "lenslets", "antialias", "seconds", "cpu_seconds", "relative")
-    sweep = [
-        {**dataclasses.asdict(row), "antialias": "on" if row.antialias else "off"} for row in rows if row.grid != "none"
-    ]
-    heading = "The founding paper's benchmark"
-    if trial:
-        heading += (
-            ", a trial\n\nThe windows are too small to measure anything: these times are mostly those of starting."
-        )
-    return f"""# {heading}
+    growth = {
+        "window, px": sorted(found.growth),
+        "lippmann": [found.growth[window] for window in sorted(found.growth)],
+        "POV-Ray": [found.povray_growth.get(window) for window in sorted(found.growth)],
+    }
+    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "shares": shares, "trial": trial}
+    kept = {"seed": [row_of(row) for row in rows]}
+    return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
 
-Relative time t_R over the number of lenslets in the window, as in the paper's figure 9: `scenes/seed/full.xml` through
-`scenes/setups/fig8a.toml` and `hex.toml`, the lenslets scaled to the pitch, the window at 600 dpi. T is each tracer's
-own time for `scenes/seed/base.xml`, {ours.window_px} x {ours.window_px} px, anti-aliased: {ours.cpu_seconds:.2f} s ours
-({SAMPLES} samples a pixel), {theirs.cpu_seconds:.2f} s POV-Ray's (threshold 0.3); the paper's was 40 s. All times are
-CPU seconds of all threads.
 
-![t_R over the number of lenslets](seed.png)
+@measurement(
+    click.option("--quick", is_flag=True, help="Try it on windows too small to measure anything."),
+    page="seed",
+    needs_device=True,
+)
+def seed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+    """Repeat the founding paper's benchmark with Lippmann and with POV-Ray.
 
-Solid lines are square arrays, dashed ones hexagonal.
-
-Growth at a fixed window, square, no anti-aliasing, the longest time over the shortest of all pitches:
-
-{table(growth)}
-Medians over the sweep:
-
-{table(shares)}
-{table({key: [row[key] for row in sweep] for key in columns})}"""
+    Example: lippmann bench seed --quick
+    """
+    povray()
+    rows: list[Timed] = []
+    quick = bool(bench.options["quick"])
+    with TemporaryDirectory() as work:
+        for row in bench_seed(bench.scenes, Path(work), **(QUICK if quick else {})):
+            bench.collect([row])
+            rows.append(row)
+    json = {"rows": [row_of(row) for row in rows], "findings": row_of(findings(rows))}
+    return json, page(bench.origin, rows, quick)

@@ -24,10 +24,11 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
+from lippmann.conditioning.word_sets import frame_words
 from lippmann.errors import LippmannError, MissingLibraryError
 from lippmann.fixed.configurations import Named, chosen
 from lippmann.images import check_output
-from lippmann.measure.fixed import FixedError, frame_words, measure
+from lippmann.measure.fixed import FixedError, measure
 from lippmann.provenance import provenance
 from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import parameters

@@ -1,1 +1,1 @@
-"""Measurements: speed, always beside the error. Nothing here is asserted by tests; machines are noisy."""
+"""Measurements of speed and error. Each module returns rows; `lippmann.report` writes pages of them."""

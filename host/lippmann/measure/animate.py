@@ -1,9 +1,9 @@
-"""`lippmann bench animate`: a film by two workers on this machine against one process, and whether pixels are equal."""
+"""A film by two workers on this machine against one process (`lippmann bench animate`)."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from lippmann.display import load_display
 from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
 from lippmann.film.shot import Shot, render_shot, shots_of
-from lippmann.images import Radiance
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Settings
 from lippmann.variant import current_device
@@ -24,10 +23,10 @@ CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 @dataclass(frozen=True)
 class Row:
-    """One display's film, rendered by one process and by the workers, all of them warm.
+    """One display's film, rendered by one process and by the workers; all have compiled their programs before.
 
-    The processor's time, of all threads, tells what sharing the work costs where others use the machine too; that of
-    the process that hands the frames out is part of the workers'.
+    CPU seconds are those of all threads: they show the cost of sharing the work even while other programs run. The
+    workers' include those of the process that distributes the frames.
     """
 
     display: str
@@ -47,7 +46,7 @@ class Row:
         return self.workers_seconds / self.one_seconds
 
 
-def bench_animate(scenes: Path) -> Iterator[Row]:
+def measure(scenes: Path, seed: int) -> Iterator[Row]:
     """Measure the shipped film on each display."""
     from distributed import Client, LocalCluster
 
@@ -58,12 +57,12 @@ def bench_animate(scenes: Path) -> Iterator[Row]:
     ) as cluster, Client(cluster) as client:  # fmt: skip
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
-            shots = shots_of(film, display, RenderOptions(settings=Settings(samples=4)), scale)[:frames]
-            # Scene and programs are then there, here and on every worker.
-            alone(shots[:1])
+            shots = shots_of(film, display, RenderOptions(settings=Settings(samples=4, seed=seed)), scale)[:frames]
+            # Loads the scene and compiles the programs, here and on every worker.
+            render_shot(shots[0])
             client.run(_warm, device, shots[0])
             started, cpu = time.perf_counter(), time.process_time()
-            ours = alone(shots)
+            ours = [render_shot(shot).radiance for shot in shots]
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
             theirs = {
@@ -76,18 +75,13 @@ def bench_animate(scenes: Path) -> Iterator[Row]:
             yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
 
 
-def alone(shots: Sequence[Shot]) -> list[Radiance]:
-    """Return the radiance of shots, one after the other, as `lippmann animate` renders them."""
-    return [render_shot(shot).radiance for shot in shots]
-
-
 def _cpu_seconds(client: Any) -> float:
     """Return the processor time of this process and of the workers, so far."""
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
 def _warm(device: str, shot: Shot) -> None:
-    """Render a shot for nothing; runs on a worker."""
+    """Render a shot on a worker, so that its programs are compiled."""
     from lippmann.variant import start_mitsuba
 
     start_mitsuba(device)

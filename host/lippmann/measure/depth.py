@@ -1,17 +1,18 @@
-"""`lippmann bench depth`: where the founding paper's set-ups show fish and stems, by the parallax of a moving eye.
+"""Depths that the founding paper's set-ups show, by the parallax of a moving eye (`lippmann bench depth`).
 
-At the depth of each object of the fish scene stands, alone and on the axis, a soft bright mark. It is captured and
-shown, an eye moves along x, and the centre of what it sees is followed across the plane of the display. A point at
-depth z moves by -z / (E - z) for each mm of an eye at distance E: the slope of the fitted line gives the depth.
+A soft bright mark on the axis, at the depth of each object of the fish scene, is captured and shown. An eye moves along
+x, and the centre of its view is followed across the plane of the display. A point at depth z moves by -z / (E - z) for
+each mm that an eye at distance E moves: the slope of the fitted line gives the depth.
 
-Three eyes look. One sees each lenslet through its centre alone and stays near the axis, as the lens equations do.
-Another sees through whole, exact lenslets: behind a gap that is not their focal length they spread its view over a wide
-part of the imaging lens, whose spherical aberration then counts. The third looks through the centres and moves far.
+There are three eyes. The first sees each lenslet through its centre and stays near the axis, as the lens equations
+assume. The second sees through whole, exact lenslets: where the gap is not their focal length, they spread its view
+over a wide part of the imaging lens, whose spherical aberration adds an error. The third sees through the centres and
+moves far.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,12 +23,12 @@ import numpy.typing as npt
 from lippmann.capturing.capture import capture
 from lippmann.capturing.depths import appearance, image_distance
 from lippmann.capturing.setup import Setup, load_setup
+from lippmann.images import Radiance
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Model
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
-from lippmann.report.tables import table
 from lippmann.variant import mitsuba
 
 #: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.
@@ -36,28 +37,27 @@ SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
 #: The eye's places along x, mm: so near the axis that rays stay in the middle of the imaging lens.
 EYES_MM = np.linspace(-5.0, 5.0, 9)
-#: The places of one that moves as far as viewers do: its rays reach the lens's outer parts.
+#: Places of an eye that moves as far as viewers do: its rays reach the outer parts of the imaging lens.
 WIDE_EYES_MM = np.linspace(-30.0, 30.0, 9)
-#: Part of the display that a mark is shown on, lenslets, and the pixels of each: finer than the print's, where such a
-#: small move of an eye shifts what it sees by a pixel or two, and whole, so that rotation is exact.
+#: The part of the display that shows a mark, in lenslets, and the pixels across each lenslet: a whole number, so that
+#: rotation is exact, and finer than the print's, where such a small move of an eye shifts the view by a pixel or two.
 STRIP, PIXELS = (25, 1), 240
-#: Where rays to marks start, mm before the object's centre; one plane for all, so that one program renders them all.
+#: Where rays to marks start, mm before the object's centre: one plane for all marks, so that one program renders all.
 NEAR_MM = 100.0
 #: Standard deviation of a mark's image, mm: small, yet too smooth for lenslets of 1 mm to alias it; and where it ends.
 MARK_MM = 0.8
 MARK_SIGMAS = 3.5
 MARK_TEXELS = 256
-#: What the depths are held to: a share of their magnitude.
+#: Bound on the error of a depth, as a share of its magnitude.
 SHARE = 0.05
 #: The eye's places for the views of the fish, mm.
 VIEW_EYES_MM = (-10.0, 10.0)
 
 Floats = npt.NDArray[np.float64]
-Image = npt.NDArray[np.float32]
 
 
 class Look(NamedTuple):
-    """An eye that moves: through the lenslets' centres ("pinhole") or through all of them, and its places along x."""
+    """A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x."""
 
     model: Model
     eyes_mm: Floats
@@ -68,7 +68,7 @@ CENTRES, LENSLETS, WIDE = Look("pinhole", EYES_MM), Look("exact", EYES_MM), Look
 
 @dataclass(frozen=True)
 class Depth:
-    """Where an object appears, mm before the display: by the lens equations, and as eyes see it."""
+    """The depth of an object's image, mm before the display: by the lens equations, and for each of the eyes."""
 
     setup: str
     array_position_mm: float
@@ -84,17 +84,17 @@ class Depth:
 
     @property
     def error_percent(self) -> float:
-        """Of the depth's magnitude, seen through the lenslets' centres."""
+        """Error of the depth through the lenslets' centres, per cent of its magnitude."""
         return 100.0 * (self.centres_mm / self.theory_mm - 1.0)
 
     @property
     def wide_error_percent(self) -> float:
-        """The same of an eye that moves far."""
+        """The same for the eye that moves far."""
         return 100.0 * (self.wide_mm / self.theory_mm - 1.0)
 
     @property
     def kept(self) -> bool:
-        """Whether the sign is right and the magnitude, seen through the centres, within its bound."""
+        """Whether the depth through the centres has the right sign and a magnitude within the bound."""
         return abs(self.error_percent) <= 100.0 * SHARE
 
 
@@ -130,11 +130,11 @@ def measure_depths(
     z_mm
         The point's depth in the object's frame, on the axis.
     rotated
-        Whether elemental images are turned.
+        Whether elemental images are rotated by 180 degrees.
     looks
-        How eyes look, one depth each.
+        The eyes; each gives one depth.
     seed
-        Of the capture.
+        Seed of the capture.
     """
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).rendered.radiance
@@ -154,7 +154,7 @@ def measure_depths(
 
 
 def strip_of(setup: Setup) -> Setup:
-    """Return the set-up with a strip in the middle of its display alone, in finer pixels."""
+    """Return the set-up with a strip from the middle of its display, in finer pixels."""
     panel = replace(
         setup.display.panel,
         width_px=STRIP[0] * PIXELS,
@@ -164,17 +164,15 @@ def strip_of(setup: Setup) -> Setup:
     return replace(setup, display=replace(setup.display, panel=panel))
 
 
-def bench_depth(folder: Path, seed: int, done: Callable[[Depth], None]) -> list[Depth]:
-    """Measure every object in every set-up, elemental images rotated and as captured."""
-    rows = []
+def measure(folder: Path, seed: int) -> Iterator[Depth]:
+    """Measure every object in every set-up, with elemental images rotated and as captured."""
     for name in SETUPS:
         setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
-        stand = setup.subject.placement
+        placement = setup.subject.placement
         for rotated in (True, False):
             for thing, z in OBJECTS.items():
-                z_mm = stand.scale * z + stand.offset_mm[2]
-                centres, lenslets, wide = measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
-                row = Depth(
+                z_mm = placement.scale * z + placement.offset_mm[2]
+                yield Depth(
                     name,
                     setup.position_mm,
                     setup.display.gap_mm,
@@ -183,17 +181,12 @@ def bench_depth(folder: Path, seed: int, done: Callable[[Depth], None]) -> list[
                     setup.subject.distance_mm - z_mm,
                     float(image_distance(setup, z_mm)),
                     float(appearance(setup, z_mm, rotated).depth_mm),
-                    centres,
-                    lenslets,
-                    wide,
+                    *measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed),
                 )
-                rows.append(row)
-                done(row)
-    return rows
 
 
-def fish_views(folder: Path, seed: int) -> tuple[list[Image], list[str]]:
-    """Return what two eyes see of the fish in every set-up, and once as captured; and captions."""
+def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
+    """Return two eyes' views of the fish in every set-up, once also without rotation; and captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
@@ -205,61 +198,6 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Image], list[str]]:
         for x in VIEW_EYES_MM:
             seen = observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
             views.append(np.kron(seen, np.ones((3, 3, 1), np.float32)))
-            how = "" if rotated else ", not rotated"
-            captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{how}")
+            note = "" if rotated else ", not rotated"
+            captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{note}")
     return views, captions
-
-
-def report_text(rows: list[Depth]) -> str:
-    """Return the report's page."""
-    rotated = [row for row in rows if row.rotated]
-    near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (EYES_MM, WIDE_EYES_MM))
-    text = (
-        "# Depths in the founding paper's set-ups\n\n"
-        "A soft mark on the axis at the depth of each object of the fish scene, captured with the set-ups of figure 8 "
-        "(imaging lens of two thick plano-convex lenses, really traced; exact lenslets; camera at 145 cm) and shown by "
-        "the decoding display. Depths (mm, positive in front of the display) are those of an eye at 600 mm that moves "
-        f"{near} mm: `theory` by the lens equations, `centres` seen through the lenslets' centres, `lenslets` through "
-        "whole exact lenslets. `error` is that of `centres`. `wide` is seen through the centres by an eye that moves "
-        f"{far} mm, and has its error beside it. The marks are shown by the middle {STRIP[0]} lenslets of the display "
-        f"with {PIXELS} pixels each, where the print has 23.6: such a small move of an eye shifts what it sees by one "
-        "or two of the print's pixels. The views of the fish below are of the print as it is.\n\n"
-        f"{sum(row.kept for row in rotated)} of {len(rotated)} objects have the right sign and are within "
-        f"{100 * SHARE:.0f} % of the lens equations for an eye near the axis ({near} mm); through whole lenslets "
-        f"{sum(row.lenslets_mm * row.theory_mm > 0 for row in rotated)} have the right sign. An eye that moves "
-        f"{far} mm sees them through the outer parts of imaging lens and lenslets, with their aberrations, "
-        f"shifted by {_wide(rotated)}: a few per cent of a large depth, much of a small one.\n\n"
-        "![What two eyes see of the fish](depth.png)\n"
-    )
-    for name in SETUPS:
-        for turned in (True, False):
-            part = [row for row in rows if row.setup == name and row.rotated == turned]
-            near_first = np.diff([row.centres_mm for row in part]) < 0.0
-            relief = "orthoscopic" if near_first.all() else "pseudoscopic" if not near_first.any() else "neither"
-            text += (
-                f"\n## {name}, array {part[0].array_position_mm:+.0f} mm, gap {part[0].gap_mm:g} mm, "
-                f"{'rotated' if turned else 'as captured'}: {relief}\n\n"
-            )
-            text += table(
-                {
-                    "object": [row.thing for row in part],
-                    "distance": [f"{row.object_mm:.1f}" for row in part],
-                    "image at": [f"{row.image_mm:.1f}" for row in part],
-                    "theory": [f"{row.theory_mm:+.2f}" for row in part],
-                    "centres": [f"{row.centres_mm:+.2f}" for row in part],
-                    "error": [f"{row.error_percent:+.1f} %" for row in part],
-                    "lenslets": [f"{row.lenslets_mm:+.2f}" for row in part],
-                    "wide": [f"{row.wide_mm:+.2f}" for row in part],
-                    "wide error": [f"{row.wide_error_percent:+.1f} %" for row in part],
-                }
-            )
-    return text
-
-
-def _wide(rows: list[Depth]) -> str:
-    """Return the range of shifts that an eye that moves far sees, set-up by set-up."""
-    ranges = []
-    for name in SETUPS:
-        shifts = [row.wide_mm - row.theory_mm for row in rows if row.setup == name]
-        ranges.append(f"{min(shifts):+.1f} to {max(shifts):+.1f} mm ({name})")
-    return ", ".join(ranges)

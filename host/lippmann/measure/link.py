@@ -1,7 +1,7 @@
-"""`lippmann bench link`: how much of a line's time carries pixels, and how fast the virtual board is.
+"""The share of a serial line's time that carries pixels, and the speed of the virtual board (`lippmann bench link`).
 
-Times of lines are the board's own: its UART takes the wire's bits clock by clock, and its clock counter tells how long
-that was. So that slow lines end within minutes, they lead to boards with slow clocks.
+The board itself times a line: its UART receives the wire's bits clock by clock, and its clock counter gives the time.
+Boards on slow lines have slow clocks, so that a measurement ends within minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from lippmann.board.board import Board
 from lippmann.board.stream import send_frame
-from lippmann.display import Display
+from lippmann.display import Display, load_display
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 
@@ -28,16 +28,16 @@ LINES = (
     (3_000_000, virtual_board.CLOCK_HZ, (192, 128)),
     (12_000_000, virtual_board.CLOCK_HZ, (256, 192)),
 )
-#: Panels that a whole frame is brought to.
+#: Panels to which a whole frame is sent.
 PANELS = ((640, 480), (1920, 1080), (2400, 2400))
 BITS_A_BYTE = 10
-#: Clocks a second that a simulated board makes at the least.
+#: Clocks a second that a simulated board runs at least.
 SIMULATED_HZ = 300_000
 
 
 @dataclass(frozen=True)
 class Efficiency:
-    """A frame of noise over a line: its pixels' share of the line's time, and what the protocol adds to them."""
+    """A frame of noise over a line: the share of the line's time that carries pixels, and the protocol's overhead."""
 
     baud: int
     clock_hz: int
@@ -51,7 +51,7 @@ class Efficiency:
 
 @dataclass(frozen=True)
 class WholeFrame:
-    """A frame of noise brought to a virtual board with a byte line, its video running."""
+    """A frame of noise sent to a virtual board over a line of bytes, while its video runs."""
 
     panel: str
     seconds: float
@@ -61,14 +61,14 @@ class WholeFrame:
     verified: bool
 
 
-def bench_efficiency(display: Display, seed: int) -> Iterator[Efficiency]:
+def measure_lines(scenes: Path, seed: int) -> Iterator[Efficiency]:
     """Measure each line of LINES."""
     for baud, clock_hz, size in LINES:
-        panel = _panel(display, *size)
+        panel = _display(scenes, *size)
         image = _noise(*size, seed)
         with (
             virtual_board.running(panel, baud=baud, clock_hz=clock_hz) as virtual,
-            # Over a socket the rate only says how long a packet may take: in a simulation, longer.
+            # Over a socket the rate only sets the time-out of a packet. A simulation needs a longer one.
             Board.open(virtual.url, baud * SIMULATED_HZ // clock_hz, 60.0) as board,
         ):
             begun, first = time.monotonic(), _clocks(board)
@@ -82,10 +82,10 @@ def bench_efficiency(display: Display, seed: int) -> Iterator[Efficiency]:
         )  # fmt: skip
 
 
-def bench_frames(display: Display, seed: int) -> Iterator[WholeFrame]:
-    """Bring a frame to each panel of PANELS, and compare what is scanned out byte by byte."""
+def measure_frames(scenes: Path, seed: int) -> Iterator[WholeFrame]:
+    """Send a frame to each panel of PANELS, and compare what the board scans out byte by byte."""
     for size in PANELS:
-        panel = _panel(display, *size)
+        panel = _display(scenes, *size)
         image = _noise(*size, seed)
         with tempfile.TemporaryDirectory() as folder:
             virtual = virtual_board.start(panel, capture=Path(folder))
@@ -103,12 +103,13 @@ def bench_frames(display: Display, seed: int) -> Iterator[WholeFrame]:
         )  # fmt: skip
 
 
-def _panel(display: Display, width: int, height: int) -> Display:
+def _display(scenes: Path, width: int, height: int) -> Display:
+    display = load_display(scenes / "displays/paper-square.toml")
     return dataclasses.replace(display, panel=dataclasses.replace(display.panel, width_px=width, height_px=height))
 
 
 def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """Return an image that no coding makes smaller."""
+    """Return an image of noise, which no coding makes smaller."""
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3)).astype(np.uint8)
 
 

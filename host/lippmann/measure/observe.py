@@ -1,8 +1,9 @@
-"""`lippmann bench observe`: the view through the lenslets against a plain perspective render, in dB."""
+"""PSNR of views through the lenslets against a plain perspective render (`lippmann bench observe`)."""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display import load_display
 from lippmann.images import psnr_db
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.scene import Scene
+from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
 
-#: Eyes at a reading distance, mm; within the viewing angle of the displays that ship.
+#: Eyes at a reading distance, mm, within the viewing angle of the displays that ship.
 EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
 VIEW_SAMPLES = 64
 
@@ -26,9 +27,9 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class ViewError:
-    """PSNR (dB, of sRGB values with peak 1) of an observer's view against the perspective render.
+    """PSNR (dB, of sRGB values with peak 1) of an eye's view against the perspective render.
 
-    `smooth_db` is over the scene's smooth part alone; None where the scene has none.
+    `smooth_db` is over the scene's smooth part only; None when the scene has no such part.
     """
 
     scene: str
@@ -39,9 +40,9 @@ class ViewError:
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:
-    """Return the view's pixels in which only the scene's part named "smooth" is seen, or None.
+    """Return the view's pixels that show only the scene's part named "smooth", without two pixels of border; or None.
 
-    The part and all other objects stand in the placement file's `[[object]]` tables; two pixels of border are left out.
+    The placement file has that part and all other objects in its `[[object]]` tables.
     """
     beside = scene_path.with_suffix(".toml")
     objects = tomllib.loads(beside.read_text()).get("object", [])
@@ -50,14 +51,14 @@ def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Windo
         return None
     mask = _covered(smooth[0], eye, window, grow_px=-2.0)
     for entry in objects:
-        # What stands in front of the smooth part hides it.
+        # Objects in front of the smooth part hide it.
         if entry["name"] != "smooth" and entry["centre_mm"][2] > smooth[0]["centre_mm"][2]:
             mask &= ~_covered(entry, eye, window, grow_px=2.0)
     return mask
 
 
 def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Window, grow_px: float) -> Mask:
-    """Return the pixels of the box that an object's projection on the plane z = 0 fills, grown by some pixels."""
+    """Return the pixels of the bounding box of an object's projection on the plane z = 0, grown by some pixels."""
     x, y, z = entry["centre_mm"]
     width, height = entry["size_mm"] if "size_mm" in entry else (2.0 * entry["radius_mm"],) * 2
     scale = eye[2] / (eye[2] - z)
@@ -70,22 +71,17 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
     return inside
 
 
-def bench_observe(scene: Scene, display: Display, samples: int = 16) -> list[ViewError]:
-    """Render a scene for a display and compare the views of five eyes with plain perspective renders."""
-    image = render_integral(scene, display, "exact", Settings(samples=samples)).radiance
-    window = whole_window(display)
-    rows = []
-    for eye in EYES:
-        view = observe(image, display, Eye(eye), window, VIEW_SAMPLES).radiance
-        direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES)).radiance
-        mask = smooth_part(scene.path, eye, window)
-        rows.append(
-            ViewError(
-                scene=scene.path.stem,
-                display=display.name,
-                eye_mm=eye,
-                whole_db=psnr_db(view, direct),
-                smooth_db=None if mask is None or not mask.any() else psnr_db(view, direct, mask),
-            )
-        )
-    return rows
+def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[ViewError]:
+    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders."""
+    for name in ("chart", "fish"):
+        scene = load_scene(scenes / f"{name}/{name}.xml")
+        for display_name in ("paper-square", "paper-hex"):
+            display = load_display(scenes / f"displays/{display_name}.toml")
+            image = render_integral(scene, display, "exact", Settings(samples=samples, seed=seed)).radiance
+            window = whole_window(display)
+            for eye in EYES:
+                view = observe(image, display, Eye(eye), window, VIEW_SAMPLES).radiance
+                direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES, seed=seed)).radiance
+                mask = smooth_part(scene.path, eye, window)
+                smooth = None if mask is None or not mask.any() else psnr_db(view, direct, mask)
+                yield ViewError(name, display.name, eye, psnr_db(view, direct), smooth)

@@ -1,25 +1,26 @@
-"""A run beside the one before: which figures moved by more than the noise.
+"""Compares a run with the one before: which measured values moved by more than the noise.
 
-The noise of a figure is its spread over the repeats of one run. A figure has moved when its medians in the two runs lie
-farther apart than both spreads together: then no repeat of the one run can lie among those of the other.
+The noise of a value is its spread over the repeats of one run. A value has moved when its medians in the two runs are
+farther apart than the sum of both spreads: then no repeat of one run lies among the repeats of the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from lippmann.report.figures import Figures, Measured, Stored
+from lippmann.measure.figures import Figures, Measured, Stored
 
-#: Relative differences up to this are the last digits of other versions of the same arithmetic.
+#: Smaller relative differences are other roundings of the same arithmetic.
 SAME = 1e-6
-#: What must be alike for two runs to measure the same.
+#: Entries of the origin that must be equal in two runs that are compared.
 ALIKE = ("command", "seed")
 
 
 @dataclass(frozen=True)
 class Move:
-    """A figure that moved: its table, its row's keys, its column, and its values before and now."""
+    """A value that moved: its table, its row's keys, its column, and its values before and now."""
 
     table: str
     row: str
@@ -29,57 +30,42 @@ class Move:
 
     @property
     def ratio(self) -> float | None:
-        """Now over before; None from 0."""
+        """Now over before; None when it was 0 before."""
         return self.now.median / self.before.median if self.before.median else None
+
+    def flat(self) -> dict[str, Any]:
+        """Return the move as a CSV holds it."""
+        before = {"before": self.before.median, "spread_before": self.before.spread}
+        now = {"now": self.now.median, "spread_now": self.now.spread, "ratio": self.ratio}
+        return {"table": self.table, "row": self.row, "figure": self.figure, **before, **now}
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came out of comparing.
+    """The result of a comparison."""
 
-    Attributes
-    ----------
-    before
-        Where the run before comes from; empty when there is none.
-    differs
-        What is not alike (`ALIKE`), so that nothing was compared.
-    changed
-        Other things that the two say differently of themselves: machine, versions.
-    compared
-        Figures that both runs have.
-    moved
-        Those of them that moved.
-    new, gone
-        How many only the one run has.
-    """
-
+    #: The origin of the run before; empty when there is none.
     before: Mapping[str, str]
+    #: Entries of `ALIKE` that differ. Then nothing was compared.
     differs: tuple[str, ...] = ()
+    #: Other entries of the origin that differ: machine, versions.
     changed: tuple[str, ...] = ()
+    #: Number of values that both runs have, and those of them that moved.
     compared: int = 0
     moved: tuple[Move, ...] = ()
+    #: Numbers of values that only this run has, and only the run before.
     new: int = 0
     gone: int = 0
 
 
 def has_moved(before: Measured, now: Measured) -> bool:
-    """Tell whether a figure moved by more than the noise."""
+    """Tell whether a value moved by more than the noise."""
     apart = abs(now.median - before.median)
     return apart > max(before.spread + now.spread, SAME * abs(before.median))
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare a run with one that was kept.
-
-    Parameters
-    ----------
-    origin
-        What the run says of itself.
-    tables
-        Its tables.
-    before
-        The other run; None: there is none.
-    """
+    """Compare a run, its origin and tables, with one that was kept, if there is one."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ALIKE if origin[key] != before.origin.get(key))

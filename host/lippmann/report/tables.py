@@ -1,4 +1,4 @@
-"""Reports that are kept: a Markdown page and a CSV of one name, which say where their figures come from."""
+"""Tables and the CSV files that keep them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.images import replacing
+from lippmann.measure.figures import Measured
 
 
 def figure(value: Any) -> str:
-    """Return a number as a table shows it: three digits and more, counts whole, nothing as a dash."""
+    """Return a value as a table shows it: numbers in three digits, counts whole, the median of repeats, None as "-"."""
+    if isinstance(value, Measured):
+        value = value.median
     if value is None:
         return "-"
     if isinstance(value, bool):
@@ -21,14 +24,39 @@ def figure(value: Any) -> str:
         if math.isinf(value):
             return "further"
         return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(figure(one) for one in value)
     return str(value)
 
 
 def table(columns: Mapping[str, Sequence[Any]]) -> str:
-    """Return a Markdown table; columns of equal length under their headings."""
+    """Return a Markdown table of columns of equal length under their headings."""
     rows = [list(columns), ["---"] * len(columns)]
     rows += [[figure(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows as a terminal shows them: padded columns under their names."""
+    names = column_names(rows)
+    cells = [names, *([figure(row.get(name)) for name in names] for row in rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(names))]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def column_names(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the names of all columns, in the order in which rows have them first."""
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def write_csv(path: Path, origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows, after lines `# key: value` with their origin. A column that a row lacks stays empty."""
+    with replacing(path) as partial, partial.open("w", newline="") as stream:
+        stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
+        writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def write_report(
@@ -38,29 +66,9 @@ def write_report(
     text: str,
     figures: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> None:
-    """Write `name`.md, which begins with its heading and where it comes from, and a CSV for each set of figures.
-
-    Parameters
-    ----------
-    folder
-        Where to; made when missing.
-    name
-        The page's name.
-    origin
-        What `lippmann.provenance.provenance` says.
-    text
-        The page, its heading first.
-    figures
-        Rows under the name of their CSV file; each row has the same keys.
-    """
+    """Write a page NAME.md in Markdown, and a CSV file for each set of rows; the folder is made when missing."""
     folder.mkdir(parents=True, exist_ok=True)
-    heading, _, body = text.partition("\n")
-    said = "\n".join(f"- {key}: {value}" for key, value in origin.items())
     with replacing(folder / f"{name}.md") as partial:
-        partial.write_text(f"{heading}\n\n{said}\n\n{body.strip()}\n")
+        partial.write_text(f"{text.strip()}\n")
     for stem, rows in figures.items():
-        with replacing(folder / f"{stem}.csv") as partial, partial.open("w", newline="") as stream:
-            stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
-            writer = csv.DictWriter(stream, list(rows[0]) if rows else [], lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_csv(folder / f"{stem}.csv", origin, rows)

@@ -6,14 +6,14 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-#: Kinds of time in /proc/stat that the processors work: all but idle (3) and waiting for a disk (4), and the times of
-#: virtual machines (8, 9), which the first two hold already.
+#: Columns of /proc/stat in which the processors work: not idle (3) or waiting for a disk (4), and not the times of
+#: virtual machines (8, 9), which the first two columns contain.
 BUSY = (0, 1, 2, 5, 6, 7)
 
 
 @dataclass(frozen=True)
 class Load:
-    """A moment: the load average, and seconds of all processors' work so far, by everybody and by us."""
+    """A moment: the load average, and the processor time so far, seconds, of all programs and of ours."""
 
     average: float
     everybody: float | None
@@ -21,7 +21,7 @@ class Load:
 
     @classmethod
     def now(cls) -> Load:
-        """Look at the machine; `everybody` is None where it does not tell."""
+        """Read the machine's counters; `everybody` is None where the system has none."""
         stat = Path("/proc/stat")
         everybody = None
         if stat.exists():
@@ -31,10 +31,10 @@ class Load:
 
 
 def load_since(start: Load) -> str:
-    """Say how busy the machine was at a moment, and how much of the work since then was not ours."""
+    """Return the load average at a moment, and how much of the processor time since then other programs used."""
     end = Load.now()
-    said = f"average {start.average:.1f} at the start"
+    average = f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:
-        return said
+        return average
     ours, all_ = end.ours - start.ours, end.everybody - start.everybody
-    return f"{said}; {max(0.0, all_ - ours):.0f} of {all_:.0f} s of processor time since then were other programs'"
+    return f"{average}; {max(0.0, all_ - ours):.0f} of {all_:.0f} s of processor time since then were other programs'"

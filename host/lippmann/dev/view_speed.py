@@ -1,22 +1,24 @@
-"""`lippmann bench view`: how soon the viewer page opens and how fast it moves, in Chromium without a GPU."""
+"""Speed of the viewer page in Chromium without a GPU (`lippmann bench view`)."""
 
 from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lippmann.cli.bench import Bench, measurement
 from lippmann.dev.browser import Browser
 from lippmann.display import load_display
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
 from lippmann.viewer.page import page_html
 
-#: The browser's window, and seconds that frames are counted.
+#: The browser's window, and the seconds over which frames are counted.
 WIDTH_PX, HEIGHT_PX = 800, 600
 COUNT_S = 5.0
 
@@ -28,7 +30,7 @@ lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() 
   done(performance.now() / 1000);
 })))
 """
-#: Frames and seconds while the eye moves to and fro.
+#: Frames and seconds while the eye sways from side to side.
 COUNTED = """
 lippmann.viewer.then((viewer) => new Promise((done) => {
   const sway = document.getElementById("sway");
@@ -48,9 +50,9 @@ lippmann.viewer.then((viewer) => new Promise((done) => {
 
 @dataclass(frozen=True)
 class ViewRow:
-    """One page: its size, seconds to open, and frames a second as laid out and filling the browser's window.
+    """A page's size, seconds until its first view, and frames a second as laid out and when it fills the window.
 
-    `full_cpu_seconds` is the processor time of a filled frame, all of the browser's processes together.
+    `full_cpu_seconds` is the processor time, of all the browser's processes, for a frame that fills the window.
     """
 
     picture: str
@@ -64,7 +66,16 @@ class ViewRow:
     full_cpu_seconds: float
 
 
-def bench_view(scenes: Path, seed: int) -> Iterator[ViewRow]:
+@measurement(needs_device=True)
+def view(bench: Bench) -> tuple[Mapping[str, Any], None]:
+    """Measure viewer pages in Chromium without a GPU: time until the first view, frames a second.
+
+    Example: lippmann bench view
+    """
+    return {"rows": bench.collect(measure(bench.scenes, bench.seed))}, None
+
+
+def measure(scenes: Path, seed: int) -> Iterator[ViewRow]:
     """Measure pages of the fish, and of noise, which no coding makes smaller, on both of the paper's displays."""
     scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
@@ -87,7 +98,7 @@ def _measured(picture: str, display: str, page: bytes) -> ViewRow:
         opened = float(browser.evaluate(OPENED))
         frames, seconds, *page_px = _counted(browser)
         browser.evaluate("document.getElementById('fill').click()")
-        _counted(browser, 1.0)  # the pace settles
+        _counted(browser, 1.0)  # until the frame rate is steady
         before = browser.processor_seconds()
         full_frames, full_seconds, *full_px = _counted(browser)
         used = browser.processor_seconds() - before

@@ -1,0 +1,239 @@
+"""Sets of rays in the pipeline's words, easy and adversarial, and how far a ray is from where golden's fate changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.engines import trace
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_pixels
+from lippmann.fixed.lenslet_hex import lenslet_hex
+from lippmann.fixed.lenslet_square import lenslet_square
+from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.words import PIXEL_FRACTION, Ints
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import HALF_SQRT3, Lattice
+from lippmann.optics.rays import Floats, Model, Rays, Status
+from lippmann.optics.system import System
+
+Bools = npt.NDArray[np.bool_]
+
+#: Rays traced at a time.
+CHUNK = 250_000
+#: Rays of the sample of a panel that is not traced whole.
+SAMPLE = 2_000_000
+#: Displacements that are tried in search of an edge: from 1/64 of the stated error to 64 times it.
+REACHES = tuple(2.0**k for k in range(-6, 7))
+
+
+class Words(NamedTuple):
+    """Rays in the pipeline's words, each (N,): pixels (u, v), and aperture points (a, b), 0 for chief rays."""
+
+    u: Ints
+    v: Ints
+    a: Ints
+    b: Ints
+
+
+def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterator[Words]:
+    """Yield a panel's pixel centres in chunks: all, or `SAMPLE` random ones of a panel of more than `most` pixels.
+
+    A build with aims gets a random point of the lenslet's cell for each.
+    """
+    random = np.random.default_rng(seed)
+    panel = display.panel
+    count = panel.width_px * panel.height_px
+    whole = count <= most
+    total = count if whole else min(SAMPLE, most)
+    for start in range(0, total, CHUNK):
+        size = min(CHUNK, total - start)
+        index = np.arange(start, start + size) if whole else random.integers(0, count, size)
+        row, column = np.divmod(index, panel.width_px)
+        u, v = words_of_pixels(display, np.stack([column, row], axis=1) + 0.5)
+        yield Words(u, v, *cell_aims(build, random, size))
+
+
+def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
+    random = np.random.default_rng(seed)
+    system = System.of(display)
+    corners = _corners(build.grid)
+
+    def on_edges(n: int) -> Floats:
+        side = random.integers(0, len(corners), n)
+        along = np.where(random.random(n) < 0.25, 0.0, random.random(n))[:, None]
+        points: Floats = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
+        return points
+
+    i, j, _, _ = _located(display, pixels_of_words(display, *random_pixels(display, random, count)))
+    cx, cy = system.lattice.centre(i, j)
+    edge = on_edges(count) * display.array.pitch_mm
+    at = system.frame.panel_from_array(cx + edge[:, 0], cy + edge[:, 1])
+    u, v = words_of_pixels(display, np.stack(system.frame.pixel_from_panel(*at), axis=1))
+    limit_u = display.panel.width_px << (PIXEL_FRACTION - 1)
+    limit_v = display.panel.height_px << (PIXEL_FRACTION - 1)
+    u = np.clip(u + random.integers(-1, 2, count), -limit_u, limit_u)
+    v = np.clip(v + random.integers(-1, 2, count), -limit_v, limit_v)
+    if not build.aims:
+        return Words(u, v, 0 * u, 0 * u)
+    aims = np.ldexp(on_edges(count) / (1.0, _row(build)), build.fraction_bits)
+    near = np.floor(aims + 0.5).astype(np.int64) + random.integers(-2, 3, (count, 2))
+    return Words(u, v, near[:, 0], near[:, 1])
+
+
+def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return random pixels with aims up to one and a half pitches away."""
+    random = np.random.default_rng(seed)
+    reach = 3 << (build.fraction_bits - 1)
+    a, b = random.integers(-reach, reach + 1, (2, count))
+    return Words(*random_pixels(display, random, count), a, b)
+
+
+def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return rays on both sides of boundaries of golden's fates, down to one word of the aim.
+
+    For random pixels, the segment between two aims of different fates is bisected. It ends at a cell's edge on the
+    dome, at the critical angle, or at any other boundary of a fate.
+    """
+    random = np.random.default_rng(seed)
+    reach = 3 << (build.fraction_bits - 1)
+    u, v = random_pixels(display, random, count)
+    low, high = random.integers(-reach, reach + 1, (2, 2, count))
+    fate = fates(display, build, u, v, *low)
+    for _ in range(build.fraction_bits + 2):
+        middle = (low + high) >> 1
+        like_low = (fates(display, build, u, v, *middle) == fate).all(axis=1)
+        low = np.where(like_low, middle, low)
+        high = np.where(like_low, high, middle)
+    differ = (fates(display, build, u, v, *high) != fate).any(axis=1)
+    both = [np.concatenate([u[differ], u[differ]]), np.concatenate([v[differ], v[differ]])]
+    return Words(*both, *np.concatenate([low[:, differ], high[:, differ]], axis=1))
+
+
+def _located(display: Display, pixel: Floats) -> tuple[Any, Any, Any, Any]:
+    """Return the lenslet (i, j) in whose cell golden sees each pixel, and the pixel from its centre (x, y), mm."""
+    system = System.of(display)
+    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixel.T))
+    return system.lattice.locate(NumpyBackend(), *at)
+
+
+def _row(build: Build) -> float:
+    return HALF_SQRT3 if build.grid == "hex" else 1.0
+
+
+def _corners(grid: str) -> Floats:
+    """Return a cell's vertices in order, in pitches, (n, 2)."""
+    if grid == "square":
+        return np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    turn = np.radians(30.0 + 60.0 * np.arange(6))
+    hexagon: Floats = np.stack([np.cos(turn), np.sin(turn)], axis=1) / np.sqrt(3.0)
+    return hexagon
+
+
+def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
+    """Return random words of pixels, anywhere on the panel."""
+    panel = display.panel
+    pixels = random.uniform((0.0, 0.0), (panel.width_px, panel.height_px), (count, 2))
+    return words_of_pixels(display, pixels)
+
+
+def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
+    """Return words of random points of a cell; zeros for chief rays."""
+    if not build.aims:
+        return np.zeros(count, np.int64), np.zeros(count, np.int64)
+    lattice = Lattice(build.grid, 1.0)
+    # A random point of a period of the lattice, moved into the cell around the origin.
+    x, y = random.uniform(0.0, 2.0, (2, count)) * np.array([[1.0], [_row(build)]])
+    _, _, x, y = lattice.locate(NumpyBackend(), x, y)
+    words = np.ldexp(np.stack([x, y / _row(build)]), build.fraction_bits)
+    a, b = np.floor(words).astype(np.int64)
+    return a, b
+
+
+def too_slanted(display: Display, build: Build, words: Words) -> Bools:
+    """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
+
+    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at.
+    """
+    if not build.aims:
+        return np.zeros(len(words.u), np.bool_)
+    _, _, x, y = _located(display, pixels_of_words(display, words.u, words.v))
+    aim_x, aim_y = aims_of_words(display, words.a, words.b, build.fraction_bits).T
+    lattice = System.of(display).lattice
+    i, j, _, _ = lattice.locate(NumpyBackend(), aim_x, aim_y)
+    cx, cy = lattice.centre(i, j)
+    slanted = np.zeros(len(x), np.bool_)
+    # The outermost word may go either way.
+    limit = 2.0 - np.ldexp(1.0, 2 - build.fraction_bits)
+    for away, unit in ((aim_x - x, 1.0), (aim_y - y, _row(build)), (cx - x, 1.0), (cy - y, _row(build))):
+        slanted |= np.abs(away) >= limit * unit * display.array.pitch_mm
+    return slanted
+
+
+def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
+    """Return the aperture points of words, (N, 2), mm; None for a build without aims."""
+    return aims_of_words(display, words.a, words.b, build.fraction_bits) if build.aims else None
+
+
+def _golden(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
+    """Return golden's fates, (N, 5): status, lenslet left through, lenslet started in."""
+    rays = trace(display, pixel, aims, model)
+    return np.column_stack([rays.status, rays.lenslet, golden_start(display, pixel)]).astype(np.int64)
+
+
+def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
+    """Return the lenslet in whose cell the twin sees a pixel."""
+    c, f = configuration(display, build, build.model), build.fraction_bits
+    x = pixel_to_panel(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
+    y = pixel_to_panel(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
+    i, j, _, _ = (lenslet_hex if build.grid == "hex" else lenslet_square)(x, y, f)
+    return i, j
+
+
+def golden_start(display: Display, pixel: Floats) -> Ints:
+    """Return the lenslet in whose cell golden sees a pixel, (N, 2)."""
+    return np.stack(_located(display, pixel)[:2], axis=1).astype(np.int64)
+
+
+def fates(display: Display, build: Build, u: Ints, v: Ints, a: Ints, b: Ints) -> Ints:
+    """Return golden's fates of rays given in words, (N, 5): status, lenslet left through, lenslet started in."""
+    aims = aims_of_words(display, a, b, build.fraction_bits)
+    return _golden(display, build.model, pixels_of_words(display, u, v), aims)
+
+
+def edge_distance_nm(
+    display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
+) -> Floats:
+    """Return how far rays are, by golden, from the edge where their fate changes to the twin's, (N,), nm.
+
+    Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden gives it the twin's
+    fate: the distance to a cell's edge, or to the critical angle, as a length. Golden calls next to no ray missed: a
+    ray that the twin calls missed is moved until golden gives it any other fate. The distance is infinite where a
+    displacement of 64 times the stated error changes nothing. `model` is the build's by default.
+    """
+    pixel = pixels_of_words(display, words.u, words.v)
+    aims = aims_of(display, build, words)
+    model = model or build.model
+    own = _golden(display, model, pixel, aims)
+    wanted = np.column_stack([twin.status, twin.lenslet, *twin_start(display, build, words.u, words.v)])
+    lost = twin.status == int(Status.MISSED)
+    distance = np.full(len(pixel), np.inf)
+    turn = np.radians(22.5 + 45.0 * np.arange(8))
+    ways = [(p, q) for p, q in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)) if p or aims is not None]
+    for reach in REACHES:
+        step_mm = reach * stated * 1e-6
+        for angle in turn:
+            way = np.array([np.cos(angle), np.sin(angle)])
+            for on_panel, at_aim in ways:
+                # Rows of pixels go down.
+                moved = pixel + on_panel * step_mm / display.panel.pixel_pitch_mm * way * (1.0, -1.0)
+                fate = _golden(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
+                same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
+                distance[same] = np.minimum(distance[same], reach * stated)
+    return distance

@@ -1,0 +1,154 @@
+"""Configurations of the RTL: cells and clock, simulated rate, error of rays and pictures, and the Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.engines import trace_fixed
+from lippmann.errors import input_error
+from lippmann.fixed.build import Build
+from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
+from lippmann.images import Radiance, psnr_db
+from lippmann.measure.engines import Sample, errors
+from lippmann.measure.figures import Figures, Measured, read_csv
+from lippmann.measure.pictures import Pictures
+from lippmann.measure.plan import Plan
+from lippmann.measure.simulation import Simulation, rates_of
+from lippmann.rendering.sources import Aperture
+from lippmann.sim.tools import repository
+
+#: The configurations that are simulated. Each of the others would take half a minute to compile.
+SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
+#: Figures of place-and-route, and the sign with which each counts as a cost: a faster clock costs less.
+PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
+#: Where `make synth` keeps them.
+SYNTHESIS = "docs/reports/synthesis.csv"
+#: Columns that name a row.
+KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
+
+
+@dataclass(frozen=True)
+class PlacedFigures:
+    """The kept figures of place-and-route: their origin, and those of `PLACED` of each configuration."""
+
+    origin: dict[str, str]
+    of: dict[str, dict[str, float]]
+
+
+def placed() -> PlacedFigures:
+    """Read the kept figures of place-and-route.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or lacks a column.
+    """
+    path = repository() / SYNTHESIS
+    origin, rows = read_csv(path)
+    try:
+        return PlacedFigures(origin, {row["configuration"]: {key: float(row[key]) for key in PLACED} for row in rows})
+    except (KeyError, ValueError) as error:
+        raise input_error(str(path), f"holds no figures of place-and-route ({error})", "run make synth") from None
+
+
+def configurations(plan: Plan) -> list[Named]:
+    """Return a plan's configurations: the named ones, and the exact ones of each word length that have no name."""
+    named = [c for name, c in CONFIGURATIONS.items() if plan.named or name in SIMULATED]
+    builds = {c.build for c in named}
+    lengths = [Build(bits, grid) for grid in DISPLAYS for bits in plan.fraction_bits]
+    return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
+
+
+def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Callable[[str], None]) -> Figures:
+    """Measure the plan's configurations, each on the founding paper's display with its grid."""
+    chosen = configurations(plan)
+    log("configurations of the RTL: simulation ...")
+    rates = _simulated([c for c in chosen if plan.simulate and c.name in SIMULATED], scenes, plan, seed)
+
+    @cache
+    def pictures(display: Display) -> Pictures:
+        return Pictures.of(scenes, display, plan, seed)
+
+    @cache
+    def golden(display: Display, model: Any, aperture: Aperture) -> Radiance:
+        return pictures(display).integral(model, "golden", aperture=aperture)
+
+    rows = []
+    for named in chosen:
+        log(f"configurations of the RTL: {named.name} ...")
+        build, display = named.build, named.displays(scenes)[0]
+        aperture: Aperture = "full" if build.aims else "chief"
+        sample = Sample.of(display, aperture, plan.rays, seed)
+        words = (named.model, build.fraction_bits)
+        twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
+        found = errors(sample.traced("exact"), twin, pictures(display).scene.depth_range_mm)
+        picture = pictures(display).integral(named.model, "twin", build.fraction_bits, aperture)
+        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
+        size = sizes.of.get(named.name)
+        keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
+        rows.append(
+            {
+                **dict(zip(KEYS, keys, strict=True)),
+                **{key: None if size is None else Measured(size[key]) for key in PLACED},
+                **rates.get(named.name, dict.fromkeys(("simulated_rays_per_second", "words_differ"))),
+                **{key: Measured(value) for key, value in found.items()},
+                "image_db": Measured.finite(own),
+                "exact_image_db": Measured.finite(whole),
+            }
+        )
+    return Figures("report-rtl", KEYS, rows)
+
+
+def _simulated(chosen: list[Named], scenes: Path, plan: Plan, seed: int) -> dict[str, dict[str, Measured | None]]:
+    """Return simulated rates, and the words in which simulation and twin differ."""
+    runs = {
+        c.name: Simulation.of(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays, c.model)
+        for c in chosen
+    }
+    rates = rates_of(runs, plan.rounds)
+    return {
+        name: {
+            "simulated_rays_per_second": Measured.of(rates[name]),
+            "words_differ": Measured(run.words_differ()),
+        }
+        for name, run in runs.items()
+    }
+
+
+def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Tell which designs no other design dominates.
+
+    One dominates another when it costs no more in any column, and less in one. Designs of equal cost do not dominate
+    each other.
+
+    Parameters
+    ----------
+    costs
+        (N, columns), less is better. Turn the sign of what should be large.
+    """
+    cost = np.asarray(costs, np.float64)
+    no_more = (cost[:, None] <= cost[None]).all(axis=2)
+    less = (cost[:, None] < cost[None]).any(axis=2)
+    return np.asarray(~(no_more & less).any(axis=0))
+
+
+def on_front(data: Figures) -> dict[str, bool]:
+    """Tell which placed configurations are on the Pareto front of those with the same display and rays.
+
+    The costs are the cells of each kind, the clock, and the largest error in the scene against the exact model.
+    """
+    found: dict[str, bool] = {}
+    rows = [row for row in data.rows if row["mhz"] is not None]
+    for group in dict.fromkeys((row["display"], row["rays"]) for row in rows):
+        some = [row for row in rows if (row["display"], row["rays"]) == group]
+        costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in some]
+        found |= dict(zip((row["configuration"] for row in some), pareto_front(costs).tolist(), strict=True))
+    return found

@@ -1,0 +1,289 @@
+"""Rays a second of every engine and lens model, and the error of their rays and of the eye's view of their pictures."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lippmann.conditioning.digits import Numbers, TrueRays, exact_array, size, true_rays
+from lippmann.display import Display, load_display
+from lippmann.engines import trace
+from lippmann.fixed.build import Build
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
+from lippmann.fixed.words import WIDEST
+from lippmann.images import psnr_db
+from lippmann.measure.figures import Figures, Measured, in_turn
+from lippmann.measure.pictures import Pictures
+from lippmann.measure.plan import Plan
+from lippmann.measure.simulation import Simulation
+from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.pixel_rays import rays_from_pixels
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, gets_through
+from lippmann.optics.sampling import points_in_square, square_to_cell
+from lippmann.optics.system import System
+from lippmann.rendering.sources import APERTURES, Aperture
+from lippmann.select.model import crossing
+from lippmann.variant import current_device, mitsuba
+
+#: The largest and root mean square errors that `errors` returns.
+ERRORS = ("max_urad", "rms_urad", "max_nm", "rms_nm", "max_mm", "rms_mm")
+#: What `lippmann bench trace` measures.
+TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
+TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
+
+
+def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
+    """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
+
+    Parameters
+    ----------
+    truth
+        Rays of another engine or model, or in 50 digits.
+    rays
+        The rays to compare.
+    depths_mm
+        Two planes z. Of each ray, the larger of its errors at both counts.
+
+    Returns
+    -------
+    dict
+        `max_` and `rms_` of `urad`, the angle between the directions; `nm`, the distance where they cross the plane of
+        the lenslets' vertices; `mm`, the distance at the depths. `other_fates` counts the rays whose status or lenslet
+        differs.
+    """
+    same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
+    same |= ~gets_through(truth.status) & ~gets_through(rays.status)
+    alive = same & gets_through(rays.status)
+    true_local, true_way = truth.local_mm[alive], truth.direction[alive]
+    local, way = rays.local_mm[alive], rays.direction[alive]
+    if isinstance(truth, TrueRays):
+        local, way = exact_array(local), exact_array(way)
+
+    def lengths(vectors: Any) -> Floats:
+        return size(vectors) if vectors.dtype == object else np.asarray(np.linalg.norm(vectors, axis=1))
+
+    def apart(z_mm: float) -> Floats:
+        return lengths(crossing(true_local, true_way, z_mm) - crossing(local, way, z_mm))
+
+    found = {
+        "urad": 1e6 * lengths(true_way - way),
+        "nm": 1e6 * apart(0.0),
+        "mm": np.maximum(*(apart(z) for z in depths_mm)),
+    }
+    most = {f"max_{unit}": float(values.max(initial=0.0)) for unit, values in found.items()}
+    rms = {f"rms_{unit}": math.sqrt(float((values**2).sum()) / max(len(values), 1)) for unit, values in found.items()}
+    return {**most, **rms, "other_fates": float((~same).sum())}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Rays of a display that every engine takes as they are.
+
+    `pixels` (N, 2) holds centres of random pixels; `aperture` (N, 2) points of the lenslet's cell, mm, that are words
+    of the widest twin, or None for chief rays.
+    """
+
+    display: Display
+    pixels: Floats
+    aperture: Floats | None
+
+    @classmethod
+    def of(cls, display: Display, aperture: str, count: int, seed: int) -> Sample:
+        """Draw random rays."""
+        panel, array = display.panel, display.array
+        random = np.random.default_rng(seed)
+        pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
+        if aperture == "chief":
+            return cls(display, pixels, None)
+        s, t = random.uniform(0.0, 1.0, (2, count))
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, array.grid, array.pitch_mm), axis=1)
+        words = words_of_aims(display, points, WIDEST)
+        return cls(display, pixels, aims_of_words(display, *words, WIDEST))
+
+    def first(self, count: int) -> Sample:
+        """Return the first rays."""
+        return Sample(self.display, self.pixels[:count], None if self.aperture is None else self.aperture[:count])
+
+    def traced(self, model: Model, engine: Engine = "golden", device: str = "llvm") -> Rays:
+        """Trace them with an engine."""
+        return trace(self.display, self.pixels, self.aperture, model, engine, device)
+
+    def digits(self, model: Model) -> TrueRays:
+        """Trace them in 50 digits."""
+        return true_rays(Numbers.of(self.display), self.pixels, self.aperture, model)
+
+
+def fast_launch(display: Display, model: Model, aperture: str, rays: int) -> Callable[[int], float]:
+    """Return a function that traces rays with the fast engine and returns the seconds. Its argument numbers the call.
+
+    Every output is used, as by a renderer: all are summed in the same program, so that no memory traffic is timed. The
+    first launch, which compiles the program, is done before this returns.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    b = DrJitBackend(current_device())
+    system = System.of(display)
+    panel, array = display.panel, display.array
+
+    def launch(number: int) -> float:
+        started = time.perf_counter()
+        index = dr.arange(mi.UInt32, rays) + dr.opaque(mi.UInt32, number)
+        row = index // panel.width_px
+        u = b.double(index - row * panel.width_px) + 0.5
+        v = b.double(row % panel.height_px) + 0.5
+        points = None
+        if aperture == "full":
+            s, t = points_in_square(index, mi.UInt32(0), 0, stream=1)
+            points = square_to_cell(b, s, t, array.grid, array.pitch_mm)
+        out = rays_from_pixels(b, system, u, v, points, model)
+        value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
+        dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
+        dr.sync_thread()
+        return time.perf_counter() - started
+
+    launch(0)
+    return launch
+
+
+def rates_of(
+    sample: Sample, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
+) -> dict[tuple[Model, Engine], list[float]]:
+    """Return the rays/s of each model and engine in each round."""
+    display, count = sample.display, len(sample.pixels)
+
+    def work(model: Model, engine: Engine) -> Callable[[], float]:
+        if engine == "fast":
+            launch, number = fast_launch(display, model, aperture, plan.fast_rays), itertools.count(1)
+            return lambda: plan.fast_rays / launch(next(number))
+        if engine == "rtl":
+            build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
+            return Simulation.of(display, build, seed, count, model).rtl_rate
+
+        def arrays() -> float:
+            started = time.perf_counter()
+            sample.traced(model, engine)
+            return count / (time.perf_counter() - started)
+
+        return arrays
+
+    return in_turn({(model, engine): work(model, engine) for model in models for engine in engines}, plan.rounds)
+
+
+def measure_rays(
+    display: Display,
+    aperture: Aperture,
+    depths_mm: tuple[float, float],
+    models: Sequence[Model],
+    engines: Sequence[Engine],
+    plan: Plan,
+    seed: int,
+) -> list[dict[str, Any]]:
+    """Return a row for each model and engine: its rates, its errors against golden with the exact model, and its own.
+
+    The own errors, `own_...`, are those against golden with the same model; golden's own are against 50 digits.
+    """
+    sample = Sample.of(display, aperture, plan.rays, seed)
+    some = sample.first(plan.digits_rays)
+    rates = rates_of(sample.first(plan.timed_rays), aperture, models, engines, plan, seed)
+    exact = sample.traced("exact")
+    rows = []
+    for model in models:
+        golden = sample.traced(model)
+        for engine in engines:
+            rays = golden if engine == "golden" else sample.traced(model, engine, current_device())
+            if engine == "golden":
+                own = errors(some.digits(model), some.traced(model), depths_mm) if plan.digits_rays else {}
+            else:
+                own = errors(golden, rays, depths_mm)
+            whole = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)
+            relative = (a / b for a, b in zip(rates[model, engine], rates[models[-1], "golden"], strict=True))
+            rows.append(
+                {
+                    "display": display.name,
+                    "grid": display.array.grid,
+                    "rays": aperture,
+                    "model": model,
+                    "engine": engine,
+                    "rays_per_second": Measured.of(rates[model, engine]),
+                    "relative": Measured.of(relative),
+                    **{key: Measured(value) for key, value in whole.items()},
+                    **{f"own_{key}": Measured(value) for key, value in own.items()},
+                }
+            )
+    return rows
+
+
+def measure_all(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+    """Measure every model with every engine on the plan's displays."""
+    rows = []
+    for name in plan.displays:
+        display = load_display(scenes / f"displays/{name}.toml")
+        log(f"engines: {display.name} ...")
+        pictures = Pictures.of(scenes, display, plan, seed)
+        for aperture in APERTURES:
+            # With aims the RTL would need further builds. The twin gives the same words.
+            engines = [e for e in ENGINES if e != "rtl" or (plan.simulate and aperture == "chief")]
+            views = _views(pictures, engines) if aperture == "chief" else {}
+            for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):
+                del row["own_other_fates"]
+                view, direct = views.get((row["model"], row["engine"]), (math.inf, math.inf))
+                rows.append({**row, "view_db": Measured.finite(view), "direct_db": Measured.finite(direct)})
+    return Figures("report-engines", ("display", "grid", "rays", "model", "engine"), rows)
+
+
+def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
+    """Return the PSNR of each view against the view by golden and the exact model, and against the scene itself."""
+    views = {(m, e): pictures.seen(pictures.integral(m, e)) for m in MODELS for e in engines}
+    true, direct = views["exact", "golden"], pictures.direct()
+    return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
+
+
+@dataclass(frozen=True)
+class TraceRate:
+    """A row of `lippmann bench trace`: a display, a model, chief rays or the full aperture.
+
+    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit;
+    `status_differs` counts the rays, of those `compared`, that have another fate and so no such error.
+    """
+
+    display: str
+    grid: str
+    model: str
+    aperture: str
+    golden_rays_per_second: float
+    fast_rays_per_second: float
+    max_direction_urad: float
+    rms_direction_urad: float
+    max_origin_nm: float
+    status_differs: int
+    compared: int
+
+
+def measure(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[TraceRate]:
+    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too."""
+    for name in plan.displays:
+        display = load_display(scenes / f"displays/{name}.toml")
+        for model, aperture in TRACED:
+            golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
+            max_urad, rms_urad, max_nm = (fast[f"own_{key}"].median for key in ("max_urad", "rms_urad", "max_nm"))
+            yield TraceRate(
+                display=display.name,
+                grid=display.array.grid,
+                model=model,
+                aperture=aperture,
+                golden_rays_per_second=golden["rays_per_second"].median,
+                fast_rays_per_second=fast["rays_per_second"].median,
+                max_direction_urad=max_urad,
+                rms_direction_urad=rms_urad,
+                max_origin_nm=max_nm,
+                status_differs=int(fast["own_other_fates"].median),
+                compared=plan.rays,
+            )

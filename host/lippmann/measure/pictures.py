@@ -1,0 +1,73 @@
+"""The picture that an engine, a model or a word length makes: a scene rendered for a display, and an eye's view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lippmann.display import Display
+from lippmann.images import Radiance, encode
+from lippmann.measure.plan import Plan
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.scene import Scene, load_scene
+from lippmann.rendering.sources import Aperture
+
+#: The eye's place: off the axis, within the viewing angle of the displays that ship.
+EYE_MM = (20.0, -20.0, 600.0)
+#: Samples a pixel of a view.
+VIEW_SAMPLES = 64
+
+
+def middle(display: Display, most_px: int) -> Display:
+    """Return the display with the middle of its panel only, at most so many pixels wide and high."""
+    panel = display.panel
+    width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
+    return replace(display, panel=replace(panel, width_px=width, height_px=height))
+
+
+def noise_levels(one: Radiance, other: Radiance) -> float:
+    """Return the noise of two renders with different seeds: the standard deviation of a value, in 8-bit sRGB levels.
+
+    The difference of two independent values with the same noise has twice the variance of one.
+    """
+    apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
+    return float(np.sqrt((apart**2).mean() / 2.0))
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures of a scene for the middle of a display.
+
+    Each has one sample a pixel, through the pixel's centre: two pictures differ by the rays of their engines only.
+    """
+
+    scene: Scene
+    display: Display
+    seed: int
+
+    @classmethod
+    def of(cls, scenes: Path, display: Display, plan: Plan, seed: int) -> Pictures:
+        """Load the plan's scene, and take the middle of a display."""
+        scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
+        return cls(scene, middle(display, plan.panel_px), seed)
+
+    def integral(
+        self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
+    ) -> Radiance:
+        """Return the integral image, rendered with the rays of a model and an engine."""
+        settings = Settings(aperture=aperture, seed=self.seed)
+        return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
+
+    def seen(self, integral: Radiance) -> Radiance:
+        """Return the eye's view of an integral image, through exact lenslets."""
+        window = whole_window(self.display)
+        return observe(integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
+
+    def direct(self) -> Radiance:
+        """Return the eye's view of the scene itself."""
+        settings = Settings(samples=VIEW_SAMPLES, seed=self.seed)
+        return render_view(self.scene, EYE_MM, whole_window(self.display), settings).radiance

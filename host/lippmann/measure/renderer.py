@@ -1,0 +1,352 @@
+"""The renderer: time and noise, its growth with what is rendered, and its rate against Mitsuba's own camera.
+
+Times that are compared are measured in turn, in one process, and leave out compilation.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from lippmann.display import Array, Display, display_text, load_display
+from lippmann.errors import LippmannError
+from lippmann.images import Radiance, psnr_db
+from lippmann.measure.figures import Figures, Measured, in_turn
+from lippmann.measure.pictures import middle, noise_levels
+from lippmann.measure.plan import Plan
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, make_integrator, render_integral
+from lippmann.rendering.scene import Scene, load_scene
+from lippmann.variant import current_device, mitsuba
+
+INTEGRATORS = ("lights", "direct", "path")
+#: The integrator of the reference picture.
+REFERENCE = "path"
+#: Triangles of the scenes with a growing number of lights, and lights of those with a growing number of triangles.
+TRIANGLES, LIGHTS = 20_000, 2
+#: Repeats of `lippmann bench render`, and where its perspective camera stands: its field is the display's window.
+ROUNDS, CAMERA_MM = 3, 600.0
+#: Renders that `lippmann bench render` times in a process of their own: display and samples a pixel.
+SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
+
+
+@dataclass
+class TimedRender:
+    """A render that can be repeated, each time with the next seed. It keeps its pictures when `keep` is set."""
+
+    scene: Scene
+    display: Display
+    settings: Settings
+    keep: bool = False
+    pictures: list[Radiance] = field(default_factory=list)
+
+    def __call__(self) -> float:
+        """Render once; return the seconds."""
+        rendered = render_integral(self.scene, self.display, "exact", self.settings)
+        self.settings = replace(self.settings, seed=(self.settings.seed + 1) % 2**32)
+        self.pictures += [rendered.radiance] if self.keep else []
+        return rendered.seconds
+
+
+# ---- noise ----
+
+
+def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+    """Render the plan's scene with each integrator and number of samples, with another seed in each round."""
+    log("renderer: noise ...")
+    scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
+    display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
+    settings = Settings(samples=plan.reference_samples, integrator=REFERENCE, seed=seed)
+    reference = render_integral(scene, display, "exact", settings).radiance
+    works = {
+        (name, samples): TimedRender(scene, display, Settings(samples, integrator=name, seed=seed + 1), keep=True)
+        for name in INTEGRATORS
+        for samples in plan.noise_samples
+    }
+    times = in_turn(works, plan.rounds)
+    rows = [
+        {
+            "integrator": name,
+            "samples": samples,
+            "seconds": Measured.of(times[name, samples]),
+            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(render.pictures)),
+            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in render.pictures),
+        }
+        for (name, samples), render in works.items()
+    ]
+    return Figures("report-renderer", ("integrator", "samples"), rows)
+
+
+# ---- growth ----
+
+
+def resized(display: Display, across: int) -> Display:
+    """Return the display with so many pixels across the same window."""
+    panel = display.panel
+    factor = across / panel.width_px
+    height, pitch_mm = round(panel.height_px * factor), panel.pixel_pitch_mm / factor
+    return replace(display, panel=replace(panel, width_px=across, height_px=height, pixel_pitch_mm=pitch_mm))
+
+
+def with_pitch(array: Array, pitch_mm: float) -> Array:
+    """Return an array of lenslets of the same shape with another pitch."""
+    factor = pitch_mm / array.pitch_mm
+    return replace(
+        array, pitch_mm=pitch_mm, radius_mm=array.radius_mm * factor, thickness_mm=array.thickness_mm * factor
+    )
+
+
+def with_lenslets_across(display: Display, across: int) -> Display:
+    """Return the display with so many lenslets of the same shape, larger or smaller, across the same window."""
+    array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
+    return replace(display, array=array, gap_mm=display.gap_mm * array.pitch_mm / display.array.pitch_mm)
+
+
+def waves(triangles: int, lights: int) -> Scene:
+    """Return a scene: a wavy sheet of about so many triangles behind the display, under some point lights.
+
+    The sheet, 160 mm wide, fills the field of every eye. The lights stand on a circle; their total power is constant.
+    """
+    mi = mitsuba()
+    side = max(1, round(np.sqrt(triangles / 2)))
+    steps = np.linspace(-80.0, 80.0, side + 1)
+    x, y = (g.ravel() for g in np.meshgrid(steps, steps))
+    z = -30.0 + 8.0 * np.sin(0.3 * x) * np.cos(0.2 * y)
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    right, up = corner + 1, corner + side + 1
+    faces = np.concatenate([np.stack([corner, right, up], axis=1), np.stack([right, up + 1, up], axis=1)])
+    mesh = mi.Mesh("waves", vertex_count=len(x), face_count=len(faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(np.stack([x, y, z], axis=1).astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
+    parameters.update()
+    lamps = {
+        f"light{k}": {
+            "type": "point",
+            "position": [200.0 * np.cos(angle), 200.0 * np.sin(angle), 300.0],
+            "intensity": {"type": "rgb", "value": 1e5 / lights},
+        }
+        for k, angle in enumerate(2.0 * np.pi * np.arange(lights) / lights)
+    }
+    scene = mi.load_dict({"type": "scene", "mesh": mesh, **lamps})
+    return Scene(Path("waves"), scene, Placement(near_mm=0.0, far_mm=-50.0))
+
+
+def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+    """Time renders of growing size. The sizes of each row are measured in turn."""
+    path = scenes / f"{plan.scene}/{plan.scene}.xml"
+    scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
+    small = resized(display, plan.growth_px)
+    device = current_device()
+
+    def timed(scene: Scene, display: Display, samples: int = 1) -> Callable[[], float]:
+        return TimedRender(scene, display, Settings(samples=samples, seed=seed))
+
+    def lenslets(across: int) -> int:
+        array = with_lenslets_across(small, across).array
+        return round(small.panel.width_mm * small.panel.height_mm / (array.pitch_mm * array.row_pitch_mm))
+
+    panels = [resized(display, across) for across in plan.pixels_across]
+    works: dict[str, dict[int, Callable[[], float]]] = {
+        "pixels": {_pixels(panel): timed(scene, panel) for panel in panels},
+        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n)) for n in plan.lenslets_across},
+        "triangles": {n: timed(waves(n, LIGHTS), small) for n in plan.triangles},
+        "lights": {n: timed(waves(TRIANGLES, n), small) for n in plan.lights},
+        "threads": {n: _with_threads(n, timed(scene, small, 4)) for n in _threads(device)},
+        "samples": {n: timed(scene, small, n) for n in plan.samples},
+    }
+    rows = []
+    for name, sizes in works.items():
+        log(f"growth: {name} ...")
+        times = in_turn(sizes, plan.rounds)
+        memory = _memory(device, path, panels, plan.memory_rounds) if name == "pixels" else {}
+        first = next(iter(times.values()), [])
+        rows += [
+            {
+                "with": name,
+                "size": size,
+                "seconds": Measured.of(seconds),
+                "relative": Measured.of(a / b for a, b in zip(seconds, first, strict=True)),
+                "memory_mb": memory.get(size),
+            }
+            for size, seconds in times.items()
+        ]
+    return Figures("report-growth", ("with", "size"), rows)
+
+
+def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
+    """Return the power of the size with which values grow: the slope of the line through their logarithms.
+
+    None when there are fewer than two sizes.
+    """
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0]) if len(sizes) > 1 else None
+
+
+def powers_of(growth: Figures) -> dict[str, float]:
+    """Return the power of each kind of size with which the render time grows."""
+    found = {}
+    for name in dict.fromkeys(row["with"] for row in growth.rows):
+        rows = [row for row in growth.rows if row["with"] == name]
+        found[name] = exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+    return {name: power for name, power in found.items() if power is not None}
+
+
+def _pixels(display: Display) -> int:
+    return display.panel.width_px * display.panel.height_px
+
+
+def _threads(device: str) -> Sequence[int]:
+    """Return the numbers of threads to try, 1 to those of the machine in doublings; none on a GPU."""
+    cores = len(os.sched_getaffinity(0))
+    return sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)}) if device == "llvm" else []
+
+
+def _with_threads(count: int, work: Callable[[], float]) -> Callable[[], float]:
+    """Return the work, done by so many threads."""
+    import drjit as dr
+
+    def limited() -> float:
+        before = dr.thread_count()
+        dr.set_thread_count(count)
+        try:
+            return work()
+        finally:
+            dr.set_thread_count(before)
+
+    return limited
+
+
+def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) -> dict[int, Measured]:
+    """Return the peak memory (MB) of renders by number of pixels, each in a process of its own, two at a time."""
+
+    def peak(display: Display) -> float:
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "display.toml"
+            file.write_text(display_text(display))
+            return float(separately(device, scene, file, 1)["peak_memory_mb"])
+
+    with ThreadPoolExecutor(2) as pool:
+        peaks = list(pool.map(peak, [display for display in displays for _ in range(rounds)]))
+    parts = (peaks[k : k + rounds] for k in range(0, len(peaks), rounds))
+    return {_pixels(display): Measured.of(part) for display, part in zip(displays, parts, strict=True)}
+
+
+def separately(device: str, scene: Path, display: Path, samples: int) -> dict[str, Any]:
+    """Render with the exact model by the command line, in a process of its own, and return its times and peak memory.
+
+    Raises
+    ------
+    LippmannError
+        When the process fails, with its message.
+    """
+    with TemporaryDirectory() as folder:
+        command = [
+            *(sys.executable, "-m", "lippmann", "render", str(scene), "--display", str(display), "--model", "exact"),
+            *("--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
+        ]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        message = done.stderr.strip().splitlines()[-1:]
+        raise LippmannError(f"{scene} for {display}: rendering in a process of its own failed: {message}")
+    result: dict[str, Any] = json.loads(done.stdout)
+    return {key: result[key] for key in ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")}
+
+
+# ---- lippmann bench render ----
+
+
+def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
+    few = TimedRender(scene, with_lenslets_across(display, 11), settings)
+    times = in_turn(
+        {"seconds_10404_lenslets": TimedRender(scene, display, settings), "seconds_121_lenslets": few}, ROUNDS
+    )
+    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
+    return {**_medians(times), **_medians({"ratio": ratios}), "ratio_least": min(ratios), "ratio_most": max(ratios)}
+
+
+def _medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    return {name: float(np.median(repeats)) for name, repeats in values.items()}
+
+
+def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time an integral render against Mitsuba's perspective sensor: same scene, integrator, samples and pixels."""
+    mi = mitsuba()
+    import drjit as dr
+
+    panel = display.panel
+    size = {"width": panel.width_px, "height": panel.height_px}
+    sensor = mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": float(2.0 * np.degrees(np.arctan2(0.5 * panel.width_mm, CAMERA_MM))),
+            "to_world": mi.ScalarTransform4f().look_at([0, 0, CAMERA_MM], [0, 0, 0], [0, 1, 0]),
+            "film": {"type": "hdrfilm", **size, "rfilter": {"type": "box"}},
+            "sampler": {"type": "independent"},
+        }
+    )
+    own, seeds = make_integrator(scene, settings), itertools.count(settings.seed)
+
+    def plain() -> float:
+        started = time.perf_counter()
+        dr.eval(mi.render(scene.mitsuba, sensor=sensor, integrator=own, spp=settings.samples, seed=next(seeds)))
+        dr.sync_thread()
+        return time.perf_counter() - started
+
+    plain()  # compiles
+    integral: Callable[[], float] = TimedRender(scene, display, settings)
+    works = {"integral_seconds": integral, "perspective_seconds": plain}
+    times = in_turn(works, ROUNDS)
+    ratios = [b / a for a, b in zip(*times.values(), strict=True)]
+    return {**_medians(times), **_medians({"rate_ratio": ratios})}
+
+
+def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time a whole render, and one whose integrator ignores the scene: the cost of optics and bookkeeping."""
+    mi = mitsuba()
+
+    base: Any = mi.SamplingIntegrator
+
+    class Nothing(base):  # type: ignore[misc]
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> tuple[Any, Any, list[Any]]:
+            # Uses all of the ray, so that the compiler leaves none of the optics out.
+            return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
+
+    mi.register_integrator("nothing", Nothing)
+    names = ("lights", "nothing")
+    works = {name: TimedRender(scene, display, replace(settings, integrator=name)) for name in names}
+    whole, optics = (float(np.median(seconds)) for seconds in in_turn(works, ROUNDS).values())
+    return {"render_seconds": whole, "optics_seconds": optics, "share": optics / whole}
+
+
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `lippmann bench render`: `what`, and its figures. Each round has its own seed."""
+    device, fish = current_device(), scenes / "fish/fish.xml"
+    for name, samples in SEPARATE:
+        what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
+        yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
+    scene, display = load_scene(fish), load_display(scenes / "displays/paper-square.toml")
+    settings = {name: Settings(samples=4, integrator=name, seed=seed) for name in INTEGRATORS[::-1]}
+    yield {"what": "optics' share, fish, lights, 4 samples", **optics_share(scene, display, settings["lights"])}
+    for name in ("fish", "chart", "knot"):
+        scene = load_scene(scenes / f"{name}/{name}.xml")
+        for integrator in ("path", "lights"):
+            row = lenslet_growth(scene, display, settings[integrator])
+            yield {"what": f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", **row}
+        for integrator, chosen in settings.items():
+            row = against_perspective(scene, display, chosen)
+            yield {"what": f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", **row}

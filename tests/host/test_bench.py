@@ -1,0 +1,154 @@
+"""`lippmann bench`: a sub-command for each measurement, old command lines, and pages that hold what was kept."""
+
+import dataclasses
+import importlib.metadata
+import json
+
+import click.testing
+import pytest
+from lippmann.cli import bench, cli, run
+from lippmann.measure import animate, renderer
+from lippmann.measure.figures import read_csv
+from lippmann.report.benches import MEASURED, fixed_page, hard_page, link_page, measured_page
+from lippmann.sim.tools import repository
+
+SCENES = str(repository() / "scenes")
+REPORTS = repository() / "docs/reports"
+ROW = animate.Row("vga-square", 24, 640, 480, 20.0, 30.0, 2, 15.0, 31.0, 0)
+
+
+@pytest.fixture
+def measured(monkeypatch):
+    """`bench animate`, with a row that is made up; what it was called with."""
+    calls = []
+    monkeypatch.setattr(animate, "measure", lambda scenes, seed: calls.append((str(scenes), seed)) or iter([ROW]))
+    return calls
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["animate", "--scenes", SCENES, "--seed", "5", "--device", "llvm", "--json"],
+        ["--scenes", SCENES, "--json", "animate", "--device", "llvm", "--seed", "5"],  # version 0.1 allowed this
+    ],
+)
+def test_old_command_lines_work(measured, capfd, words):
+    assert run(["bench", *words]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert measured == [(SCENES, 5)]
+    assert said["rows"] == [{**dataclasses.asdict(ROW), "ratio": 0.75}]
+    assert {"machine", "date", "command", "versions"} < set(said)
+    assert said["command"] == f"lippmann bench animate --scenes {SCENES} --seed 5 --device llvm"
+
+
+def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
+    assert run(["bench", "animate", "--scenes", SCENES, "--device", "llvm", "--report", str(tmp_path)]) == 0
+    text = capfd.readouterr().out
+    assert "machine: " in text
+    assert text.splitlines()[-1].split()[:4] == ["vga-square", "24", "640", "480"]
+    origin, rows = read_csv(tmp_path / "measured/animate.csv")
+    assert rows[0]["ratio"] == "0.75"
+    page = (tmp_path / "measured.md").read_text()
+    assert f"Measured on {origin['machine']}, {origin['date']}." in page
+    assert "| vga-square | 24 | 640 | 480 | 0 | 31 | 30 | 15 | 20 | 0.75 |" in page
+    assert "Not measured yet." in page
+
+
+@pytest.mark.parametrize("name", ["fixed", "rtl", "link"])
+def test_a_device_that_is_not_used_is_still_accepted(name):
+    command = bench.command.commands[name]
+    assert any("--device" in option.opts and option.hidden for option in command.params)
+
+
+def test_each_measurement_has_its_own_options_only(capfd):
+    assert run(["bench", "trace", "--scenes", SCENES, "--quick"]) == 2
+    assert "No such option" in capfd.readouterr().err
+    assert run(["bench", "link", "--scenes", SCENES, "--configuration", "widest-square"]) == 2
+    assert "No such option" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("name", bench.REGISTERED)
+def test_registered_measurements(registered, name):
+    result = click.testing.CliRunner().invoke(cli, ["bench", name, "--help"])
+    assert result.exit_code == 0
+    assert f"Example: lippmann bench {name}" in result.output
+
+
+@pytest.mark.parametrize("name", bench.REGISTERED)
+def test_a_measurement_that_is_not_installed_is_refused(monkeypatch, capfd, name):
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **wanted: ())
+    assert run(["bench", name, "--scenes", SCENES]) == 3
+    assert f"bench {name}" in (said := capfd.readouterr().err)
+    assert "is not installed; run make setup" in said
+
+
+def test_every_measurement_is_listed():
+    listed = click.testing.CliRunner().invoke(cli, ["bench", "--help"]).output
+    names = ("trace", "render", "animate", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
+    assert all(name in listed for name in names)
+
+
+def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):
+    times = iter([2.0, 1.0, 6.0, 2.0, 4.0, 1.0])
+    monkeypatch.setattr(renderer, "with_lenslets_across", lambda display, across: display)
+    monkeypatch.setattr(renderer.TimedRender, "__call__", lambda self: next(times))
+    row = renderer.lenslet_growth(None, None, None)
+    assert (row["ratio"], row["ratio_least"], row["ratio_most"]) == (3.0, 2.0, 4.0)
+    assert (row["seconds_10404_lenslets"], row["seconds_121_lenslets"]) == (4.0, 1.0)
+
+
+# ---- kept pages ----
+
+
+def kept(name):
+    """The origin and the rows of a kept CSV, with its numbers as numbers."""
+    origin, rows = read_csv(REPORTS / f"{name}.csv")
+
+    def value(text):
+        try:
+            return {"True": True, "False": False, "": None}[text]
+        except KeyError:
+            pass
+        try:
+            return int(text)
+        except ValueError:
+            try:
+                return float(text)
+            except ValueError:
+                return text
+
+    return origin, [{key: value(text) for key, text in row.items()} for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (fixed_page, ("fixed-point-error", "fixed-point-budget")),
+        (link_page, ("link-efficiency", "link-frames")),
+        (hard_page, ("hard-cases", "hard-cases-fixed", "hard-cases-formulas")),
+    ],
+)
+def test_kept_pages_are_those_of_the_kept_rows(make, names):
+    read = [kept(name) for name in names]
+    assert len({tuple(origin.items()) for origin, _ in read}) == 1
+    page = make(read[0][0], *(rows for _, rows in read))
+    assert (REPORTS / f"{page.name}.md").read_text() == page.text() + "\n"
+
+
+def test_measured_figures_are_those_of_the_kept_rows():
+    docs = repository() / "docs"
+    assert {path.stem for path in (docs / "measured").iterdir()} <= set(MEASURED)
+    assert (docs / "measured.md").read_text() == measured_page(docs).text() + "\n"
+
+
+@pytest.mark.parametrize("name", ["report", "fixed-point-error", "depth", "seed", "hard-cases", "peers", "link"])
+def test_a_report_opens_with_a_plot_and_at_most_five_lines(name):
+    text = (REPORTS / f"{name}.md").read_text()
+    blocks = [block for block in text.split("\n\n") if block.strip()]
+    assert blocks[0].startswith("# ")
+    assert blocks[1].startswith("![")
+    assert blocks[3].startswith("- ")
+    assert len([line for line in blocks[3].splitlines() if line.startswith("- ")]) <= 5
+    picture = REPORTS / blocks[1].rpartition("](")[2].removesuffix(")")
+    assert picture.is_file()
+    assert len(text.split()) < (3_000 if name == "report" else 1_300)
