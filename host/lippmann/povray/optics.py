@@ -1,8 +1,8 @@
 """The capture's optics as POV-Ray's constructive solid geometry, as in the founding paper.
 
 A lenslet is a sphere intersected with a square or hexagonal prism; its flat face is at least so deep that the dome
-spans its cell's corners (paper, equations 2 to 4: `Array.flat_distance_mm`). Each half of the imaging lens is a cylinder with
-black walls intersected with a sphere, and has a stop around it. The optics cast no shadows.
+spans its cell's corners (paper, equations 2 to 4: `Array.flat_distance_mm`). Each half of the imaging lens is a
+cylinder with black walls intersected with a sphere, and has a stop around it. The optics cast no shadows.
 
 All z are in the object's frame: +z is towards the lens, the array and the camera.
 """
