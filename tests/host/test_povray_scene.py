@@ -456,7 +456,7 @@ REFUSED = {
     ),
     "encloses no glass": card('<bsdf type="dielectric"/>'),
     "shape 'sphere' has no material": SPHERE.format(""),
-    "is no sphere": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="2"/></transform>'),
+    "is not a sphere": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="2"/></transform>'),
     "normals that point inwards": SPHERE.format(diffuse() + '<boolean name="flip_normals" value="true"/>'),
     "point inwards": SPHERE.format(diffuse() + '<transform name="to_world"><scale x="-1"/></transform>'),
     "inwards": SPHERE.format(diffuse() + '<float name="radius" value="-1"/>'),

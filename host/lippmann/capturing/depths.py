@@ -12,7 +12,7 @@ To first order, with distances along the axis (mm):
    are rotated.
 
 The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
-z' = (g/D) z, x' = x for a pickup; rotation turns the sign of z'. v is negative for concave lenslets.
+z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negative for concave lenslets.
 """
 
 from __future__ import annotations

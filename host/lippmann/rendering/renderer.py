@@ -2,7 +2,7 @@
 
 **One pass for both sides of the display.** A panel pixel's ray, refracted by its lenslet, is the line along which a
 viewer sees that pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first
-surface it meets hides the others, whether it floats before the display (real image) or stands behind it (virtual
+surface it meets hides the others, whether it is before the display (real image) or behind it (virtual
 image). So depth comes out right and occlusion is correct, without a second pass.
 """
 
