@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lippmann.capturing.capture import vignetting
 from lippmann.capturing.rays import CaptureSource
-from lippmann.capturing.rotation import rotate_elemental_images
+from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
 from lippmann.display import display_text, load_display, parse_display
@@ -99,7 +99,7 @@ def test_rotation_is_what_no_rotate_leaves_out(place, capfd, mi):
     capture(capfd, "--rotate", "-o", "turned.exr")
     plain, turned = read_picture("plain.exr"), read_picture("turned.exr")
     assert (plain.metadata["rotated"], turned.metadata["rotated"]) == ("False", "True")
-    assert np.array_equal(rotate_elemental_images(plain.radiance, load_setup("s.toml").display), turned.radiance)
+    assert np.array_equal(rotated(plain.radiance, rotation_map(load_setup("s.toml").display)), turned.radiance)
     out, _ = capture(capfd, "--json", "--no-rotate")
     assert json.loads(out)["relief"] == "pseudoscopic"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.capturing.rotation import cells_of, rotate_elemental_images, rotation_map
+from lippmann.capturing.rotation import cells_of, rotated, rotation_map
 from optics_cases import display_of
 from scene_cases import generator
 
@@ -59,7 +59,7 @@ def test_square_cells_are_turned_whole(offset, ratio):
     cell, centre, _ = cells_of(display)
     height, width = display.panel.height_px, display.panel.width_px
     picture = generator(1).random((height, width, 3))
-    turned = rotate_elemental_images(picture, display)
+    turned = rotated(picture, rotation_map(display))
     number = cell.reshape(height, width)
     blocks = 0
     for k in range(len(centre)):
@@ -81,16 +81,16 @@ def test_by_hand():
         [11, 10, 9, 14, 13, 12, 17, 16, 15],
         [2, 1, 0, 5, 4, 3, 8, 7, 6],
     ]
-    assert rotate_elemental_images(picture, display)[:, :, 0].tolist() == expected
+    assert rotated(picture, rotation_map(display))[:, :, 0].tolist() == expected
 
 
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_twice_is_nothing(grid):
     display = display_for(grid, 17.0, (0.2, -0.7), 9.7)
     picture = generator(2, grid).random((163, 211, 3)).astype(np.float32)
-    once = rotate_elemental_images(picture, display)
+    once = rotated(picture, rotation_map(display))
     assert not np.array_equal(once, picture)
-    assert np.array_equal(rotate_elemental_images(once, display), picture)
+    assert np.array_equal(rotated(once, rotation_map(display)), picture)
     assert np.array_equal(np.sort(once.ravel()), np.sort(picture.ravel()))
 
 

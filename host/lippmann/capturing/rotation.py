@@ -113,8 +113,3 @@ def rotation_map(display: Display) -> Indices:
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
     """Return a picture (height, width, channels) with its pixels exchanged as `rotation_map` says."""
     return np.take(picture.reshape(-1, picture.shape[-1]), partner, axis=0).reshape(picture.shape)
-
-
-def rotate_elemental_images(picture: npt.NDArray[Any], display: Display) -> npt.NDArray[Any]:
-    """Rotate the elemental images of a picture (height, width, channels) that fits a display's panel."""
-    return rotated(picture, rotation_map(display))
