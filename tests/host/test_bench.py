@@ -149,6 +149,9 @@ def test_a_report_opens_with_a_plot_and_at_most_five_lines(name):
     assert blocks[1].startswith("![")
     assert blocks[3].startswith("- ")
     assert len([line for line in blocks[3].splitlines() if line.startswith("- ")]) <= 5
+    tables = [block for block in blocks if "\n| --- |" in block]
+    assert tables
+    assert all(block.strip().startswith("| ") for block in tables), "a blank line before each table"
     picture = REPORTS / blocks[1].rpartition("](")[2].removesuffix(")")
     assert picture.is_file()
     assert len(text.split()) < (3_000 if name == "report" else 1_300)

@@ -8,7 +8,8 @@ import pytest
 from lippmann.capturing.rays import CaptureSource
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
-from lippmann.dev.peers import OUTLINE_PX, Part, around, compare, near_seams
+from lippmann.dev.peers import OUTLINE_PX, Pair, Part, PictureDifference, TimeAtNoise, around, compare, near_seams
+from lippmann.dev.peers import page as peers_page
 from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
 from lippmann.display import load_display
 from lippmann.errors import InputError
@@ -17,8 +18,10 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import lattice_rows, setup_view
+from lippmann.povray.program import Run
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import load_scene, placement_beside
+from PIL import Image
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light
 
@@ -222,6 +225,27 @@ def test_differences_are_told_apart(repository):
     two, _ = compare(np.roll(shifted, 1, axis=1), step, step[None, None], setup)
     assert two.displaced < 1.0
     assert two.unexplained + two.seams * two.differing == pytest.approx((1.0 - two.displaced) * two.differing, abs=0.02)
+
+
+def test_the_page_beside_povray(tmp_path):
+    """Its figures, plots and files, from made-up pictures."""
+    ours = np.full((8, 12, 3), 0.25, np.float32)
+    difference = PictureDifference("square", 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001)
+    other = dataclasses.replace(difference, grid="hex")
+    pairs = [Pair(one, ours, ours, np.full((8, 12), 16.0, np.float32)) for one in (difference, other)]
+    times = TimeAtNoise(Run("povray full.ini +A0.3", 100.0, 90.0), 3.0, 5.0, 7, 5.0, 4.5)
+    made = peers_page({"machine": "one"}, pairs, times)
+    assert {path.name for path in made.write(tmp_path)} == {
+        "peers.md", "peers.csv", "peers-square.png", "peers-hex.png",
+    }  # fmt: skip
+    text = (tmp_path / "peers.md").read_text()
+    assert f"POV-Ray takes **{times.povray.cpu_seconds / 5.0:.0f} times** Lippmann's CPU seconds" in text
+    assert "| hex | 96 | 0.1 | 0.2 | 40 | 0.02 | 0.5 | 0.75 | 0.8 | 0.1 | 0.001 |" in text
+    with Image.open(tmp_path / "peers-hex.png") as picture:
+        pixels = np.asarray(picture)
+    assert pixels.shape == (8, 3 * 8 + 2 * 6, 3)
+    assert (pixels[:, -8:] == 128).all(), "half of what is shown white"
+    assert (pixels[:, 8:14] == 255).all()
 
 
 def test_bench_seed_quick(mi, registered, capfd, repository, monkeypatch, tmp_path):

@@ -48,22 +48,21 @@ def command(output: str, against: str | None, scenes: str, quick: bool, seed: in
     start_mitsuba(device)
     started = time.perf_counter()
     words = f"lippmann report --scenes {scenes} --seed {seed} --device {device}{' --quick' if quick else ''}"
-    report = make_report(shown, QUICK if quick else WHOLE, seed, words, before, log)
+    page, found = make_report(shown, QUICK if quick else WHOLE, seed, words, before, log)
     seconds = time.perf_counter() - started
-    files = report.page.write(folder, as_html=True)
-    found = report.comparison
+    files = page.write(folder, as_html=True)
     moves = [{**dataclasses.asdict(move), "ratio": move.ratio} for move in found.moved]
     result = {
-        **report.origin,
+        **page.origin,
         "folder": output,
         "files": [str(file) for file in files],
         "seconds": seconds,
-        "tables": {name: table.flat() for name, table in report.tables.items()},
+        "tables": {name: page.tables[name] for name in TABLES},
         "comparison": {**dataclasses.asdict(found), "moved": moves},
     }
 
     def text() -> None:
-        click.echo(f"{folder / PAGE}.html, .md: {seconds:.0f} s, load {report.origin['load']}")
+        click.echo(f"{folder / PAGE}.html, .md: {seconds:.0f} s, load {page.origin['load']}")
         then = f"the run of {found.before.get('date')}"
         if not found.before:
             click.echo("no run before to compare with")

@@ -1,4 +1,4 @@
-"""A headless Chromium without a GPU, driven through its DevTools pipe: for the viewer page's tests and timings.
+"""A headless Chromium without a GPU, controlled through its DevTools pipe, for tests and timings of the viewer page.
 
 Protocol: https://chromedevtools.github.io/devtools-protocol, JSON messages that end in a zero byte, commands on
 descriptor 3 and answers on 4 of the browser.
@@ -19,21 +19,21 @@ from typing import Any, Self
 
 from lippmann.errors import DeviceError, MissingLibraryError
 
-#: Programs that are Chromium, in the order they are looked for.
+#: Names of the Chromium program, in the order in which they are tried.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: All in software, WebGL too (SwiftShader), as where there is no GPU: figures of machines then compare.
+#: Render in software, WebGL too (SwiftShader): figures of machines with and without a GPU can then be compared.
 SOFTWARE = ("--disable-gpu", "--enable-unsafe-swiftshader")
-#: Seconds for an answer, and for the browser to end.
+#: Time-outs, seconds: of an answer, and of the end of the browser.
 ANSWER_S, END_S = 120.0, 10.0
 
 
 def chromium() -> str:
-    """Return Chromium's path.
+    """Return the path of Chromium.
 
     Raises
     ------
     MissingLibraryError
-        When there is none.
+        When it is not installed.
     """
     for name in NAMES:
         path = shutil.which(name)
@@ -43,7 +43,7 @@ def chromium() -> str:
 
 
 class Browser:
-    """A browser with one page, as wide and high as asked (pixels); use it as a context."""
+    """A browser with one page of a given size (pixels). Use it as a context manager."""
 
     def __init__(self, width_px: int = 800, height_px: int = 600) -> None:
         program = chromium()
@@ -56,9 +56,9 @@ class Browser:
             f"--window-size={width_px},{height_px}", *SOFTWARE,
         ]  # fmt: skip
         if os.geteuid() == 0:
-            words.append("--no-sandbox")  # which does not work for root
+            words.append("--no-sandbox")  # the sandbox does not work for root
         self._process = subprocess.Popen(
-            # The shell only puts the pipes where Chromium looks for them.
+            # The shell only moves the pipes to the descriptors that Chromium uses.
             ["/bin/sh", "-c", f'exec "$@" 3</dev/fd/{commands} 4>/dev/fd/{answers}', "sh", *words, "about:blank"],
             pass_fds=(commands, answers),
             stdin=subprocess.DEVNULL,
@@ -71,7 +71,7 @@ class Browser:
         self._number = 0
         self._session: str | None = None
         self._rest = b""
-        #: What the browser told of itself: (method, parameters).
+        #: Events that the browser has sent: (method, parameters).
         self.events: list[tuple[str, dict[str, Any]]] = []
         try:
             target = self.call("Target.createTarget", url="about:blank")["targetId"]
@@ -87,7 +87,7 @@ class Browser:
             raise
 
     def __enter__(self) -> Self:
-        """Give the browser itself."""
+        """Return the browser."""
         return self
 
     def __exit__(
@@ -98,7 +98,7 @@ class Browser:
 
     def close(self) -> None:
         """End the browser."""
-        os.close(self._commands)  # it ends when its pipe does
+        os.close(self._commands)  # the browser ends when its pipe closes
         try:
             self._process.wait(END_S)
         except subprocess.TimeoutExpired:
@@ -113,7 +113,7 @@ class Browser:
         Raises
         ------
         DeviceError
-            When the browser refuses, ends, or does not answer.
+            When the browser refuses the command, ends, or does not answer.
         """
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
@@ -136,12 +136,12 @@ class Browser:
                 self.events.append((answer["method"], answer["params"]))
 
     def processor_seconds(self) -> float:
-        """Return the processor time that the browser's processes that run have used so far."""
+        """Return the processor time so far, seconds, of the browser's running processes."""
         ticks = 0
         for status in Path("/proc").glob("[0-9]*/stat"):
             try:
                 fields = status.read_text().rpartition(")")[2].split()
-            except OSError:  # it has ended
+            except OSError:  # the process has ended
                 continue
             # After the name: state, parent, process group, ..., user's and system's ticks.
             if int(fields[2]) == self._process.pid:
@@ -162,21 +162,23 @@ class Browser:
         return answer
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression, waited for when it is a promise.
+        """Return the value of a JavaScript expression; wait for it when it is a promise.
 
         Raises
         ------
         DeviceError
-            When the page throws.
+            When the page throws an exception.
         """
         done = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in done:
             details = done["exceptionDetails"]
-            raise DeviceError(f"the page throws: {details.get('exception', {}).get('description', details['text'])}")
+            raise DeviceError(
+                f"the page throws an exception: {details.get('exception', {}).get('description', details['text'])}"
+            )
         return done["result"].get("value")
 
     def open(self, url: str) -> None:
-        """Go to a page and return when its document has been read."""
+        """Open a page, and return when its document is loaded."""
         self.events.clear()
         self.call("Page.navigate", url=url)
         self.evaluate(

@@ -52,7 +52,7 @@ BASE_PX = 720
 #: `--quick`, for tests. Windows as small as these measure nothing: most of the time goes into starting.
 QUICK: dict[str, Any] = {
     "windows": (48,),
-    "pitches": (1.0, 2.0),
+    "pitches": (1.0,),
     "grids": ("square",),
     "povray_px": 48,
     "base_px": 96,

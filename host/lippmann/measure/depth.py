@@ -155,12 +155,9 @@ def measure_depths(
 
 def strip_of(setup: Setup) -> Setup:
     """Return the set-up with a strip from the middle of its display, in finer pixels."""
-    panel = replace(
-        setup.display.panel,
-        width_px=STRIP[0] * PIXELS,
-        height_px=STRIP[1] * PIXELS,
-        pixel_pitch_mm=setup.display.array.pitch_mm / PIXELS,
-    )
+    width_px, height_px = (count * PIXELS for count in STRIP)
+    pitch_mm = setup.display.array.pitch_mm / PIXELS
+    panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
     return replace(setup, display=replace(setup.display, panel=panel))
 
 

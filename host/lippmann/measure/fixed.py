@@ -278,7 +278,8 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
 
     def figures(move: tuple[Floats, Floats]) -> tuple[float, float, float, float]:
         turn, shift = (np.linalg.norm(vector[alive], axis=1) * 1e6 for vector in move)
-        return float(turn.max()), float(_rms(turn)), float(shift.max()), float(_rms(shift))
+        largest, squares = (turn.max(), shift.max()), ((turn**2).mean(), (shift**2).mean())
+        return float(largest[0]), float(squares[0] ** 0.5), float(largest[1]), float(squares[1] ** 0.5)
 
     total = (runs[-1][0] - way, runs[-1][1] - place)
     rows = []
@@ -290,10 +291,6 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
         rows.append(StageError(named.name, display.name, name, *figures(share), *figures(left)))
     rows.append(StageError(named.name, display.name, "all", *figures(total), 0.0, 0.0, 0.0, 0.0))
     return rows
-
-
-def _rms(values: Floats) -> np.float64:
-    return np.float64(np.sqrt((values**2).mean()))
 
 
 def measure_all(

