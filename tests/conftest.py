@@ -17,14 +17,16 @@ import rtl_coverage
 FIRST = (
     "test_virtual_board.py", "test_report_command.py", "test_board_commands.py", "test_renderer.py", "test_docs.py",
     "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
-    "test_povray_optics.py", "test_hard_regress.py", "test_formal.py", "test_povray_scene.py", "test_link_faults.py",
-    "test_fit.py", "test_fixed_error.py", "test_hard_cases.py", "test_golden_exact.py", "test_ray_pipeline.py",
-    "test_hard_registers.py", "test_choose.py", "test_capture_depth.py", "test_dispatcher.py", "test_tile_writer.py",
-    "test_uart_rx.py", "test_aim.py",
+    "test_povray_optics.py", "test_diagnose_regress.py", "test_formal.py", "test_povray_scene.py",
+    "test_link_faults.py", "test_fit.py", "test_fixed_error.py", "test_conditioning_cases.py",
+    "test_golden_exact.py", "test_ray_pipeline.py", "test_conditioning_registers.py", "test_choose.py",
+    "test_capture_depth.py", "test_dispatcher.py", "test_tile_writer.py", "test_uart_rx.py", "test_aim.py",
 )  # fmt: skip
 
 
 def pytest_sessionstart(session):
+    there = {path.name for path in Path(__file__).parent.rglob("test_*.py")}
+    assert there.issuperset(FIRST), f"tests/conftest.py: FIRST names no files: {set(FIRST) - there}"
     # xdist's workers share the folder; their controller clears it before they start.
     if not hasattr(session.config, "workerinput"):
         rtl_coverage.clear()

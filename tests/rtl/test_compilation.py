@@ -1,0 +1,72 @@
+"""What is compiled is compiled once, for all processes that ask, and again when what decides it has changed."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+from lippmann.sim.compilation import RtlError, kept, verilated
+from lippmann.sim.tools import needed, rtl_sources
+from runner import TOP
+
+ASK = """
+import sys, time
+from pathlib import Path
+from lippmann.sim.compilation import kept
+
+def make(path):
+    with open("made", "a") as log:
+        log.write("once\\n")
+    while not Path("all-ask").exists():
+        time.sleep(0.01)
+    path.write_text("program")
+
+print("asks", flush=True)
+print(kept(Path("build/program").absolute(), ["the same"], make))
+"""
+
+
+def test_processes_that_ask_at_once_share_what_one_makes(tmp_path):
+    command = [sys.executable, "-c", ASK]
+    asking = [subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    for process in asking:
+        assert process.stdout.readline() == "asks\n"
+    until = time.monotonic() + 30
+    while not (tmp_path / "made").exists():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    (tmp_path / "all-ask").touch()
+    made = {process.communicate(timeout=30)[0] for process in asking}
+    assert len(made) == 1
+    assert (tmp_path / "made").read_text() == "once\n"
+
+
+def test_what_decides_a_build_decides_its_name(tmp_path):
+    source = tmp_path / "source.sv"
+    source.write_text("module a;")
+    first = kept(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("1"))
+    assert kept(tmp_path / "program", [source, "F=16"], lambda _: pytest.fail("made again")) == first
+    other = kept(tmp_path / "program", [source, "F=23"], lambda path: path.write_text("2"))
+    source.write_text("module b;")
+    changed = kept(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("3"))
+    assert len({first, other, changed}) == 3
+    assert first.read_text() == "1"
+
+
+def test_a_build_that_fails_leaves_nothing_and_says_why(tmp_path):
+    source = tmp_path / "broken.sv"
+    source.write_text("module broken(input logic a_i, output logic b_o);\n  assign b_o = c_i;\nendmodule\n")
+    for _ in range(2):
+        with pytest.raises(RtlError, match=r"broken\.sv:2:.*c_i"):
+            kept(tmp_path / "made" / "broken", [source], lambda path: verilated(path, "broken", [source], []))
+    assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".lock"}
+
+
+def test_a_build_is_given_the_files_that_its_top_needs():
+    files = rtl_sources(TOP, "registers", "optics")
+    names = [path.stem for path in needed("ring", files)]
+    assert names == ["ring"]
+    names = [path.stem for path in needed("ray_lenslet", files)]
+    assert names[0] == "optics_registers_pkg" or names[0] == "optics_pkg"
+    assert {"ray_pipeline", "fifo", "config_bank"} <= set(names)
+    assert "optics_block" not in names
