@@ -1,1 +1,1 @@
-"""The link: what brings frames to a board over a serial line, and asks it things (docs/reference/link.md)."""
+"""The serial link between host and board: ports, packets and time-outs (docs/reference/protocol.md)."""
