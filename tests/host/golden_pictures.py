@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.animation import to_srgb8
 from lippmann.display import Display, Grid
+from lippmann.images import encoded_values
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import Scene
@@ -50,4 +50,4 @@ def path_of(scene: str, grid: Grid) -> Path:
 
 def render_golden(scene: Scene, grid: Grid) -> npt.NDArray[np.uint8]:
     """(96, 96, 3), sRGB."""
-    return to_srgb8(render_integral(scene, display_for(grid), "exact", SETTINGS).radiance)
+    return encoded_values(render_integral(scene, display_for(grid), "exact", SETTINGS).radiance, "srgb", 8)
