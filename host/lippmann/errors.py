@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 
 class LippmannError(Exception):
     """Base of all errors that a user can correct; its message is one line: what is wrong, where, and the remedy."""
 
     exit_code = 2
+
+    @classmethod
+    def at(cls, where: str, what: str, remedy: str) -> Self:
+        """Return the error `where: what; remedy` on one line."""
+        return cls(" ".join(f"{where}: {what}; {remedy}".split()))
 
 
 class DeviceError(LippmannError):
@@ -22,8 +29,6 @@ class NoBoardError(DeviceError):
 class InputError(LippmannError):
     """A file, a key or an argument is wrong."""
 
-    exit_code = 2
-
 
 class MissingLibraryError(LippmannError):
     """A library, a program or memory is missing on this machine."""
@@ -31,16 +36,5 @@ class MissingLibraryError(LippmannError):
     exit_code = 3
 
 
-def input_error(where: str, what: str, remedy: str) -> InputError:
-    """Return the error `where: what; remedy` on one line."""
-    return InputError(" ".join(f"{where}: {what}; {remedy}".split()))
-
-
-def device_error(where: str, what: str, remedy: str) -> DeviceError:
-    """Return the error `where: what; remedy` on one line."""
-    return DeviceError(" ".join(f"{where}: {what}; {remedy}".split()))
-
-
-def no_board_error(where: str, what: str, remedy: str) -> NoBoardError:
-    """Return the error `where: what; remedy` on one line."""
-    return NoBoardError(" ".join(f"{where}: {what}; {remedy}".split()))
+#: The errors whose line says where, what and the remedy.
+input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at

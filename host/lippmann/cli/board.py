@@ -57,13 +57,8 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
                 if name.startswith("counters")
             },
         }
-
-    def text() -> None:
-        for key, value in result.items():
-            shown = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
-            click.echo(f"{key:<12}{shown}")
-
-    emit(result, as_json, text)
+    texts = {k: ", ".join(f"{n} {x}" for n, x in v.items()) if isinstance(v, dict) else v for k, v in result.items()}
+    emit(result, as_json, (f"{key:<12}{text}" for key, text in texts.items()))
 
 
 @command.command("setup")
@@ -83,7 +78,7 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
         writes = optics_writes(configuration(display, build, build.model))
         board.write_all([*writes, write("control", apply=1)])
         result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": len(writes)}
-    emit(result, as_json, lambda: click.echo(f"{result['port']}: optics of {display.name}"))
+    emit(result, as_json, f"{result['port']}: optics of {display.name}")
 
 
 @command.command("check")
@@ -113,7 +108,7 @@ def check_command(
             "update the board; compare single rays with lippmann trace --engine twin",
         )
     result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
-    emit(result, as_json, lambda: click.echo(f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})"))
+    emit(result, as_json, f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})")
 
 
 def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
@@ -144,14 +139,8 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
         words = board.read(address, count)
     fields = {} if known is None or count > 1 else {name: f.value(words[0]) for name, f in known.fields.items()}
     result = {"address": address, "words": words, "fields": fields}
-
-    def text() -> None:
-        for k, word in enumerate(words):
-            click.echo(f"0x{address + 4 * k:03X}  0x{word:08X}")
-        for name, value in fields.items():
-            click.echo(f"       {name} = {value}")
-
-    emit(result, as_json, text)
+    lines = [f"0x{address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
+    emit(result, as_json, lines + [f"       {name} = {value}" for name, value in fields.items()])
 
 
 @command.command("write")
@@ -182,7 +171,7 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
             numbers = [_changed(register, known, values, board.read(address)[0])]
         board.write(address, numbers)
     result = {"address": address, "words": numbers}
-    emit(result, as_json, lambda: click.echo(f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}"))
+    emit(result, as_json, f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
 
 
 def _register(name: str) -> tuple[int, Register | None]:

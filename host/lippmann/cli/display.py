@@ -42,10 +42,8 @@ def command(
     panel = None
     if display_path is not None:
         display = load_display(display_path)
-        panel, target = (
-            display.panel,
-            Target(int(display.identity, 16), display.panel.width_px, display.panel.height_px),
-        )
+        panel = display.panel
+        target = Target(int(display.identity, 16), panel.width_px, panel.height_px)
     if port is not None:
         with Board.open(port, baud) as board:
             if display_path is not None and not force:
@@ -57,4 +55,4 @@ def command(
         "image": image, "monitor": monitor, "width": target.width, "height": target.height,
         "identity": f"{target.identity:016x}",
     }  # fmt: skip
-    emit(result, as_json, lambda: click.echo(f"{image}: shown on monitor {monitor}, {target.width} x {target.height}"))
+    emit(result, as_json, f"{image}: shown on monitor {monitor}, {target.width} x {target.height}")

@@ -73,13 +73,11 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
         if found is None:
             code = code or (trouble or DeviceError).exit_code
 
-    def text() -> None:
-        click.echo(f"lippmann {__version__} on {machine_name()}")
-        for c in checks:
-            mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
-            click.echo(f"{mark:<8}{c['check']:<20}{c['detail']}")
-
-    emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, text)
+    lines = [f"lippmann {__version__} on {machine_name()}"]
+    for c in checks:
+        mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
+        lines.append(f"{mark:<8}{c['check']:<20}{c['detail']}")
+    emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, lines)
     ctx.exit(code)
 
 

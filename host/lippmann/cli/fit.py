@@ -12,19 +12,16 @@ from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.display_properties import display_properties
 from lippmann.errors import input_error
-from lippmann.select.build import MOST_SAMPLES, fit
+from lippmann.select.build import MOST_SAMPLES, Fit, fit
 from lippmann.select.model import TOLERANCE
 
 
 @click.command("fit")
 @click.argument("display_path", metavar="DISPLAY.toml")
 @click.option(
-    "--tolerance",
-    type=Finite(),
-    default=TOLERANCE,
-    show_default=True,
+    "--tolerance", type=Finite(), default=TOLERANCE, show_default=True,
     help="Largest error allowed, pixels of the reconstructed view; above 0.",
-)
+)  # fmt: skip
 @click.option(
     "--depths", type=Vector(2, "FAR,NEAR"), help="The scene's range of z, mm.  [default: the display's own depth range]"
 )
@@ -39,41 +36,39 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
     chosen = fit(display, (far, near), tolerance)
-    build = chosen.build
+    build = None if chosen.build is None else chosen.build.as_dict()
     result = {
-        "display": display.name,
-        "tolerance": tolerance,
-        "depths_mm": [far, near],
-        "model": chosen.choice.model,
-        "model_errors": chosen.choice.error_px,
-        "samples": chosen.samples,
-        "sample_error": chosen.sample_error_px,
-        "build": None if build is None else build.as_dict(),
-        "build_error": chosen.build_error_px,
-    }
+        "display": display.name, "tolerance": tolerance, "depths_mm": [far, near],
+        "model": chosen.choice.model, "model_errors": chosen.choice.error_px,
+        "samples": chosen.samples, "sample_error": chosen.sample_error_px,
+        "build": build, "build_error": chosen.build_error_px,
+    }  # fmt: skip
+    head = f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view"
+    emit(result, as_json, (head, str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)))
 
-    def text() -> None:
-        click.echo(f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view")
-        click.echo(str(chosen.choice))
-        if chosen.samples is None:
-            enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
-            click.echo(
-                f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
-                f"they are enough for --tolerance {enough:g}"
-            )
-        else:
-            click.echo(
-                f"samples {chosen.samples}: the fewest for each pixel whose rays pass within {tolerance:g} of all its "
-                f"light (error {chosen.sample_error_px:.2g})"
-            )
-        if build is None and math.isinf(chosen.build_error_px):
-            click.echo("RTL: no build can hold this display or give its rays")
-        elif build is None:
-            click.echo(f"RTL: no build is within {tolerance:g} (smallest error {chosen.build_error_px:.2g})")
-        else:
-            click.echo(
-                f"RTL {build.model}, {build.grid}, F {build.fraction_bits}: the cheapest hardware and the shortest "
-                f"words within {tolerance:g} (error {chosen.build_error_px:.2g})"
-            )
 
-    emit(result, as_json, text)
+def _samples(chosen: Fit, tolerance: float) -> str:
+    """Return the number of samples and its reason."""
+    if chosen.samples is None:
+        enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
+        return (
+            f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
+            f"they are enough for --tolerance {enough:g}"
+        )
+    return (
+        f"samples {chosen.samples}: the fewest for each pixel whose rays pass within {tolerance:g} of all its "
+        f"light (error {chosen.sample_error_px:.2g})"
+    )
+
+
+def _build(chosen: Fit, tolerance: float) -> str:
+    """Return the build of the RTL and its reason."""
+    build, error = chosen.build, chosen.build_error_px
+    if build is None and math.isinf(error):
+        return "RTL: no build can hold this display or give its rays"
+    if build is None:
+        return f"RTL: no build is within {tolerance:g} (smallest error {error:.2g})"
+    return (
+        f"RTL {build.model}, {build.grid}, F {build.fraction_bits}: the cheapest hardware and the shortest "
+        f"words within {tolerance:g} (error {error:.2g})"
+    )

@@ -60,14 +60,8 @@ def command(display_path: str | None, kind: str | None, as_json: bool) -> None:
         "gap_mm": display.gap_mm,
         **dataclasses.asdict(derived),
     }
-
-    def text() -> None:
-        for name, value in _rows(display, derived):
-            click.echo(f"{name:<22}{value}")
-        for warning in derived.warnings:
-            click.echo(f"warning: {warning}")
-
-    emit(result, as_json, text)
+    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived)]
+    emit(result, as_json, lines + [f"warning: {warning}" for warning in derived.warnings])
 
 
 def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:

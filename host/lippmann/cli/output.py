@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,12 +19,14 @@ def log(message: str) -> None:
     click.echo(message, err=True)
 
 
-def emit(result: Mapping[str, Any], as_json: bool, text: Callable[[], None]) -> None:
-    """Print a result as one JSON object, or call `text` to print it."""
+def emit(result: Mapping[str, Any], as_json: bool, text: str | Iterable[str] | Callable[[], None]) -> None:
+    """Print a result: one JSON object, or its text (one string, lines, or a function that prints it)."""
     if as_json:
-        click.echo(json.dumps(_finite(result), indent=None))
-    else:
+        click.echo(json.dumps(_finite(result)))
+    elif callable(text):
         text()
+    else:
+        click.echo(text if isinstance(text, str) else "\n".join(text))
 
 
 def _finite(value: Any) -> Any:
@@ -45,21 +47,10 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(),
-        TextColumn("ETA"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as bar:
+    percent = "{task.percentage:>3.0f}%"
+    columns = "{task.description}", BarColumn(), percent, TimeElapsedColumn(), "ETA", TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task(label, total=None)
-
-        def show(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield show
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import cast
 
 import click
 
@@ -25,25 +24,19 @@ FOUND_WRONG = 4
 @model_option
 @fraction_bits_option("a .csv or .mem")
 @click.option(
-    "--tolerance-urad",
-    type=Finite(),
-    default=2.0,
-    show_default=True,
+    "--tolerance-urad", type=Finite(), default=2.0, show_default=True,
     help="Tolerance of directions in an .npz, beside the effect of rounding the inputs to float32.",
-)
+)  # fmt: skip
 @click.option(
-    "--tolerance-nm",
-    type=Finite(),
-    default=50.0,
-    show_default=True,
+    "--tolerance-nm", type=Finite(), default=50.0, show_default=True,
     help="Tolerance of points in an .npz, beside the effect of that rounding.",
-)
+)  # fmt: skip
 @json_option
 def command(
     display_path: str,
     rays_path: str,
     inputs_path: str | None,
-    model: str,
+    model: Model,
     fraction_bits: int,
     tolerance_urad: float,
     tolerance_nm: float,
@@ -63,30 +56,21 @@ def command(
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
     display = load_display(display_path)
     inputs = None if inputs_path is None else Path(inputs_path)
-    foreign = read_foreign(Path(rays_path), display, cast(Model, model), fraction_bits, inputs)
-    verdict = judge(foreign, display, cast(Model, model), tolerance_urad, tolerance_nm)
-    result = {
-        **dataclasses.asdict(verdict),
-        "right": verdict.right,
-        "display": display.name,
-        "identity": display.identity,
-        "model": model,
-    }
-
-    def text() -> None:
-        for entry in verdict.compared:
-            least, most = entry.limits
-            allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
-            click.echo(
-                f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
-                f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
-            )
-        if verdict.right:
-            click.echo(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
-        else:
-            why = verdict.fault or "no single fault explains them"
-            click.echo(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")
-            click.echo(f"stage: {verdict.stage}; {why}")
-
-    emit(result, as_json, text)
+    foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
+    verdict = judge(foreign, display, model, tolerance_urad, tolerance_nm)
+    shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
+    lines = []
+    for entry in verdict.compared:
+        least, most = entry.limits
+        allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
+        lines.append(
+            f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
+            f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
+        )
+    if verdict.right:
+        lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
+    else:
+        lines.append(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")
+        lines.append(f"stage: {verdict.stage}; {verdict.fault or 'no single fault explains them'}")
+    emit({**dataclasses.asdict(verdict), **shown}, as_json, lines)
     return 0 if verdict.right else FOUND_WRONG

@@ -99,23 +99,11 @@ def command(
     finally:
         board.close()
 
-    def text() -> None:
-        for result in results:
-            click.echo(_line(result))
-
-    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, as_json, text)
+    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, as_json, map(_line, results))
 
 
 def _opened(url: str, baud: int, seconds: float) -> Board:
-    """Open a board; try again for some seconds.
-
-    Raises
-    ------
-    NoBoardError
-        When no board answers in time.
-    DeviceError
-        When the board has another protocol.
-    """
+    """Open a board; try again for some seconds. Raises as `Board.open`."""
     until = time.monotonic() + seconds
     while True:
         try:

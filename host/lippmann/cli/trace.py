@@ -41,19 +41,14 @@ ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm"
 @click.option("--engine", type=click.Choice(ENGINES), default="golden", show_default=True)
 @model_option
 @click.option(
-    "--pixels",
-    required=True,
-    metavar="N|FILE",
+    "--pixels", required=True, metavar="N|FILE",
     help="N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
     "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
-)
+)  # fmt: skip
 @click.option(
-    "--aperture",
-    type=click.Choice(["chief", "full"]),
-    default="chief",
-    show_default=True,
+    "--aperture", type=click.Choice(["chief", "full"]), default="chief", show_default=True,
     help="Chief rays, or random points over the lenslet's cell.",
-)
+)  # fmt: skip
 @fraction_bits_option("the engines twin and rtl")
 @click.option("--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass.")
 @seed_option
@@ -111,22 +106,11 @@ def command(
         aims = np.zeros_like(rays.pixel) if points is None else points
         np.savez(stream, pixel=rays.pixel, aperture_mm=aims, **{name: getattr(rays, name) for name in ARRAYS})
     result = {
-        "output": str(path),
-        "display": display.name,
-        "identity": display.identity,
-        "engine": engine,
-        "model": model,
-        "rays": len(pixel),
-        "seed": seed,
-        "seconds": seconds,
-        "status": status,
-    }
-
-    def text() -> None:
-        shares = ", ".join(f"{name} {n}" for name, n in status.items() if n)
-        click.echo(f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
-
-    emit(result, as_json, text)
+        "output": str(path), "display": display.name, "identity": display.identity, "engine": engine, "model": model,
+        "rays": len(pixel), "seed": seed, "seconds": seconds, "status": status,
+    }  # fmt: skip
+    shares = ", ".join(f"{name} {n}" for name, n in status.items() if n)
+    emit(result, as_json, f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:

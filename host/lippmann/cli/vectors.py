@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import cast
 
 import click
 
@@ -21,19 +20,16 @@ from lippmann.provenance import provenance
 @model_option
 @fraction_bits_option("the fixed-point files")
 @click.option(
-    "--count",
-    type=click.IntRange(1, 10_000),
-    default=24,
-    show_default=True,
+    "--count", type=click.IntRange(1, 10_000), default=24, show_default=True,
     help="Approximate number of rays in each set.",
-)
+)  # fmt: skip
 @seed_option
 @click.option("-o", "output", required=True, metavar="FOLDER", help="New output folder.")
 @json_option
 def command(
     display_path: str,
     case: str,
-    model: str,
+    model: Model,
     fraction_bits: int,
     count: int,
     seed: int,
@@ -51,17 +47,9 @@ def command(
         f"lippmann vectors --display {shlex.quote(display_path)} --case {case} --model {model} "
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
-    entries = write_vectors(
-        Path(output),
-        display,
-        case,
-        cast(Model, model),
-        fraction_bits,
-        seed,
-        count,
-        provenance(said, ("numpy", "mpmath")),
-        (lambda _: None) if as_json else log,
-    )
+    origin = provenance(said, ("numpy", "mpmath"))
+    note = (lambda _: None) if as_json else log
+    entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin, note)
     result = {
         "output": output,
         "sets": len(entries),
@@ -69,10 +57,5 @@ def command(
         "words": sum(entry["words"] for entry in entries),
         "refused": {entry["set"]: entry["refused"] for entry in entries if entry["refused"]},
     }
-    emit(
-        result,
-        as_json,
-        lambda: click.echo(
-            f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words"
-        ),
-    )
+    text = f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words"
+    emit(result, as_json, text)

@@ -102,7 +102,7 @@ def start_command(
             if file:
                 with replacing(file) as partial:
                     partial.write_text(json.dumps(result) + "\n")
-            emit(result, as_json, lambda: click.echo(f"{display.name}: {board.url} (Ctrl-C ends it)"))
+            emit(result, as_json, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             while board.process.poll() is None:
                 if folder:
@@ -152,7 +152,7 @@ def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
         output.unlink()
         raise
     result = json.loads(ready.read_text())
-    emit(result, as_json, lambda: click.echo(f"{result['url']} (lippmann board stop --ready {ready} ends it)"))
+    emit(result, as_json, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
 
 
 def _option_words(ctx: click.Context) -> list[str]:
@@ -239,4 +239,4 @@ def stop_command(ready: str, as_json: bool) -> None:
     if (failure := _failure(output)) is not None:
         raise failure
     output.unlink(missing_ok=True)
-    emit({"url": url, "pid": pid}, as_json, lambda: click.echo(f"{url}: ended"))
+    emit({"url": url, "pid": pid}, as_json, f"{url}: ended")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
 from lippmann.fixed.words import FRACTIONS, WIDEST
 from lippmann.optics.rays import MODELS
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Command = Callable[..., Any]
+Option = Callable[[Command], Command]
 
 
 class Vector(click.ParamType[tuple[float, ...]]):
@@ -73,18 +74,28 @@ device_option = click.option(
 )
 
 
-def fraction_bits_option(what: str) -> Callable[[Command], Command]:
-    """Return the option --fraction-bits; `what` names the things whose word length it is."""
-    return click.option(
-        "--fraction-bits",
-        type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]),
-        default=WIDEST,
-        show_default=True,
-        help=f"Word length of {what}.",
-    )
-
-
 model_option = click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
 seed_option = click.option(
     "--seed", default=0, show_default=True, type=click.IntRange(0, 2**32 - 1), help="Random seed."
 )
+
+
+def fraction_bits_option(what: str, default: int | None = WIDEST) -> Option:
+    """Return the option --fraction-bits; `what` names the things whose word length it is.
+
+    With the default None a command sees whether the option was given; the help names the widest as default.
+    """
+    help_text = f"Word length of {what}." + ("" if default else f"  [default: {WIDEST}]")
+    limits = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
+    return click.option("--fraction-bits", type=limits, default=default, show_default=True, help=help_text)
+
+
+def together(*options: Option) -> Option:
+    """Return a decorator that gives a command several options, in the order of the help text."""
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate

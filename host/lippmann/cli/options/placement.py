@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
-from lippmann.cli.options.common import Vector
+from lippmann.cli.options.common import Command, Vector, together
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import placement_beside
 
-Command = Callable[..., Any]
-
-#: In the order of the help text.
-_OPTIONS = (
+_OPTIONS = together(
     click.option("--scale", type=float, help="mm for each scene unit."),
     click.option("--rotate", type=Vector(3), help="Degrees about x, then y, then z."),
     click.option("--offset", type=Vector(3), help="Position of the scene's origin, mm."),
@@ -36,9 +32,7 @@ def placement_options(command: Command) -> Command:
         moved = {name: values.pop(name) for name in _NAMES}
         return command(moved={name: value for name, value in moved.items() if value is not None}, **values)
 
-    for option in reversed(_OPTIONS):
-        with_placement = option(with_placement)
-    return with_placement
+    return _OPTIONS(with_placement)
 
 
 def placement_of(scene_path: Path, moved: dict[str, Any]) -> Placement:

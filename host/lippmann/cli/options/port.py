@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 
 import click
 
 from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
-from lippmann.cli.options.common import json_option
+from lippmann.cli.options.common import json_option, together
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.link.port import DEFAULT_BAUD
@@ -20,11 +19,8 @@ port_option = click.option(
     help="The board's port: a device, a pty, or socket://HOST:PORT. Default: the USB serial adapter where a board is.",
 )
 baud_option = click.option("--baud", type=click.IntRange(1), default=DEFAULT_BAUD, show_default=True)
-
-
-def board_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of a command that sends one query to a board: --port, --baud, --json."""
-    return port_option(baud_option(json_option(command)))
+#: The options of a command that uses a board.
+board_options = together(port_option, baud_option, json_option)
 
 
 def chosen_port(port: str | None, baud: int) -> str:
