@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conditioning.digits import Numbers, TrueRays, exact_array, size, true_rays
+from lippmann.conditioning.digits import TrueRays, exact_array, size, true_rays
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -122,7 +122,7 @@ class Sample:
 
     def digits(self, model: Model) -> TrueRays:
         """Trace them in 50 digits."""
-        return true_rays(Numbers.of(self.display), self.pixels, self.aperture, model)
+        return true_rays(self.display, self.pixels, self.aperture, model)
 
 
 def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
