@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 import truth
-from lippmann.conditioning.cases import CASES, Back, Out, changed, hard_sets, refused_rays
-from lippmann.conditioning.digits import Numbers, exact_array, size, true_hits, true_rays
+from lippmann.conditioning.cases import CASES, Back, Out, changed, hard_sets
+from lippmann.conditioning.digits import exact_array, size, true_hits, true_rays
 from lippmann.conditioning.measure import measure, truth_of
 from lippmann.display import load_display
 from lippmann.engines import trace, trace_to_panel
@@ -79,9 +79,9 @@ def test_the_50_digits_are_those_of_an_independent_tracer(grid, side):
     """Same fates, and directions and places to 38 digits, but for rays on an edge to 20 digits."""
     compared = 0
     for rays in hard_sets(base(grid, side), "all", SEED + 1, 2):
-        optics, numbers = optics_of(rays.display), Numbers.of(rays.display)
+        optics = optics_of(rays.display)
         if isinstance(rays, Back):
-            hits = true_hits(numbers, rays.origin_mm, rays.direction)
+            hits = true_hits(rays.display, rays.origin_mm, rays.direction)
             for k in range(len(rays.origin_mm)):
                 landing = truth.world_to_panel(optics, rays.origin_mm[k], rays.direction[k])
                 if landing.margin < 1e-20:
@@ -91,7 +91,7 @@ def test_the_50_digits_are_those_of_an_independent_tracer(grid, side):
                 if landing.status in (truth.OK, truth.CROSSTALK):
                     assert max(abs(a - b) for a, b in zip(hits.pixel[k], landing.pixel, strict=True)) < 1e-30
             continue
-        out = true_rays(numbers, rays.pixels, rays.aperture)
+        out = true_rays(rays.display, rays.pixels, rays.aperture)
         for k in range(len(rays.pixels)):
             aim = (0.0, 0.0) if rays.aperture is None else rays.aperture[k]
             ray = truth.trace(optics, *rays.pixels[k], *aim)
@@ -148,6 +148,19 @@ def test_no_seed_launches_rays_to_where_no_lenslet_stands(path):
         slopes = display.aperture_distance_mm / np.linalg.norm(rays.aperture, axis=1)
         flattest = min(flattest, slopes.min())
     assert 1e-8 < flattest < 1e-7
+
+
+def refused_rays(display):
+    """Name, pixels and aperture points that every engine must refuse with a clear error."""
+    fine = np.array([[0.5 * display.panel.width_px, 0.5 * display.panel.height_px]])
+    for value in (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e17):
+        for k in range(2):
+            bad = fine.copy()
+            bad[0, k] = value
+            yield f"pixel {value:g}", bad, None
+            aim = np.zeros((1, 2))
+            aim[0, k] = value
+            yield f"aperture {value:g}", fine, aim
 
 
 @pytest.mark.parametrize("engine", ["golden", "fast", "twin"])

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.dev import faults, host_mutation
-from lippmann.dev.faults import Fault, in_turn, try_faults, write_faults
-from lippmann.dev.host_mutation import Scratch, differs, faults_of, order_tests
+from lippmann.dev.faults import Fault, Scratch, in_turn, try_faults, write_faults
+from lippmann.dev.host_mutation import differs, fate, faults_of, order_tests
 from lippmann.sim.tools import repository
 
 TOP = repository()
@@ -105,7 +105,7 @@ def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch):
     text = path.read_text()
     planted = [fault for fault in faults_of(path, "host/lippmann/glass.py") if differs(fault, text)]
     fault = next(fault for fault in planted if fault.was.count(" / ") > fault.now.count(" / "))
-    assert scratch.fate(fault).startswith("caught by tests/host/test_glass.py::")
+    assert fate(fault, scratch).startswith("caught by tests/host/test_glass.py::")
     assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
 
 
@@ -114,9 +114,9 @@ def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
     path = TOP / "host/lippmann/glass.py"
     first = path.read_text().split("\n")[0]
     docstring = Fault("host/lippmann/glass.py", 1, first, first.replace(" ", "  ", 1))
-    assert scratch.fate(docstring) == "survived"
+    assert fate(docstring, scratch) == "survived"
     place = path.read_text().split("\n").index("from __future__ import annotations") + 1
-    assert scratch.fate(Fault(docstring.file, place, "from __future__ import annotations", "from (")) == "refused"
+    assert fate(Fault(docstring.file, place, "from __future__ import annotations", "from ("), scratch) == "refused"
 
 
 def test_a_test_that_fails_without_the_fault_is_left_out(scratch, monkeypatch, capsys):
@@ -126,7 +126,7 @@ def test_a_test_that_fails_without_the_fault_is_left_out(scratch, monkeypatch, c
     line = "from __future__ import annotations"
     place = (TOP / "host/lippmann/glass.py").read_text().split("\n").index(line) + 1
     fault = Fault("host/lippmann/glass.py", place, line, f"{line}; 1")
-    assert scratch.fate(fault) == "survived"
+    assert fate(fault, scratch) == "survived"
     assert scratch.left_out == ["tests/host/test_broken.py::test_broken"]
     assert "test_broken.py::test_broken fails without a fault, too: left out" in capsys.readouterr().err
 

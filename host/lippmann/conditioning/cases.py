@@ -10,16 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from lippmann.conditioning.search import Floats, around, onset, pixels_at, random_aims, random_pixels
+from lippmann.conditioning.search import Floats, onset, pixels_at, random_aims, random_pixels
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
 from lippmann.optics.rays import Status
+
+#: Distances of rays around an onset, in units of the last place of the aim.
+ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
+#: A case with more displays than these has fewer rays of each.
+MANY_DISPLAYS = 10
 
 
 @dataclass(frozen=True)
@@ -59,29 +64,44 @@ class Back:
 
 Sets = Iterator[Out | Back]
 Generator = Callable[[Display, np.random.Generator, int], Sets]
+Displays = Callable[[Display], Mapping[str, Display]]
 
 
-@dataclass(frozen=True)
-class Case:
-    """A named generator; `why` is its docstring."""
+class Case(NamedTuple):
+    """A generator of sets, and what it tests, in one paragraph."""
 
-    name: str
     make: Generator
-
-    @property
-    def why(self) -> str:
-        """What the case tests, in one paragraph."""
-        return " ".join((self.make.__doc__ or "").split())
+    why: str
 
 
 #: All cases by name, in the order of this file.
 CASES: dict[str, Case] = {}
 
 
+def _add(function: Generator | Displays, make: Generator) -> str:
+    """Add a case with the name and the docstring of a function."""
+    name = function.__name__.replace("_", "-")
+    CASES[name] = Case(make, " ".join((function.__doc__ or "").split()))
+    return name
+
+
 def _case(make: Generator) -> Generator:
-    name = make.__name__.replace("_", "-")
-    CASES[name] = Case(name, make)
+    _add(make, make)
     return make
+
+
+def _of_displays(displays: Displays) -> Displays:
+    """Add a case with a set for each display: rays from anywhere on the panel to anywhere in their cells."""
+
+    def make(display: Display, random: np.random.Generator, count: int) -> Sets:
+        made = displays(display)
+        each = count if len(made) <= MANY_DISPLAYS else max(4, count // 3)
+        for variant, other in made.items():
+            pixels = random_pixels(other, random, each)
+            yield Out(f"{name}/{variant}", other, pixels, random_aims(other, random, each))
+
+    name = _add(displays, make)
+    return displays
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
@@ -105,8 +125,8 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
     """
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
-    for number, case in enumerate(CASES.values()):
-        if name in ("all", case.name):
+    for number, (each, case) in enumerate(CASES.items()):
+        if name in ("all", each):
             yield from case.make(display, np.random.default_rng([seed, number]), count)
 
 
@@ -127,22 +147,15 @@ def steep(display: Display, share: float = 1.02) -> Display:
     return changed(thin, gap_mm=array.pitch_mm)
 
 
-def _spread(case: str, displays: Mapping[str, Display], random: np.random.Generator, count: int) -> Iterator[Out]:
-    """Yield a set for each display: rays from anywhere on the panel to anywhere in their cells."""
-    for name, display in displays.items():
-        pixels = random_pixels(display, random, count)
-        yield Out(f"{case}/{name}", display, pixels, random_aims(display, random, count))
-
-
 def _nudged(points: Floats, random: np.random.Generator) -> Floats:
     """Return points (N, 2) with each coordinate moved by up to 2 units of its last place."""
     return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Out:
-    """Return rays up to 64 units of the last place before and behind aims (N, 2)."""
-    near = around(aims)
-    return Out(name, display, np.repeat(pixels, near.shape[1], axis=0), near.reshape(-1, 2))
+    """Return rays to aims (N, 2) and, in units of the last place of both coordinates, `ULPS` beside them."""
+    near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
+    return Out(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
 
 # --- special points on one display ------------------------------------------------------------------------------
@@ -214,31 +227,27 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 
 
 def _flips(
-    display: Display, random: np.random.Generator, count: int, has: Callable[[Any], Any], reach: float = 1.5
+    display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims before `has` becomes true, and aims well before; (M, 2) each, M <= count."""
+    """Return pixels, the last aims before rays get a status, and aims well before; (M, 2) each, M <= count."""
+
+    def has(aims: Floats) -> Any:
+        return trace(display, pixels, aims).status == int(status)
+
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
-    mixed = ~has(trace(display, pixels, inner)) & has(trace(display, pixels, outer))
+    mixed = ~has(inner) & has(outer)
     chosen = np.flatnonzero(mixed)[:count]
     pixels, inner = pixels[chosen], inner[chosen]
-    return pixels, onset(display, pixels, inner, outer[chosen], has), inner
-
-
-def _having(status: Status) -> Callable[[Any], Any]:
-    """Return the function that tells which rays have a status."""
-    return lambda rays: rays.status == int(status)
-
-
-_reflected = _having(Status.INTERNAL_REFLECTION)
+    return pixels, onset(inner, outer[chosen], has), inner
 
 
 @_case
 def total_reflection(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Steep lenslets of high index: rays within 64 roundings of total internal reflection, on both sides."""
     dense = changed(steep(display), index=1.9)
-    pixels, aims, _ = _flips(dense, random, max(2, count // 4), _reflected)
+    pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
     yield _near_onset("total-reflection", dense, pixels, aims)
 
 
@@ -246,7 +255,7 @@ def total_reflection(display: Display, random: np.random.Generator, count: int) 
 def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection."""
     dense = changed(steep(display), index=1.9)
-    pixels, last, inner = _flips(dense, random, count, _reflected)
+    pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION)
     back = 10.0 ** random.uniform(-15.0, -1.0, (len(pixels), 1))
     yield Out("grazing-exit", dense, pixels, last + back * (inner - last))
 
@@ -263,7 +272,7 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
         (Status.BLOCKED, thin, 6.0),
         (Status.MISSED, canyon, 200.0),
     ):
-        pixels, aims, _ = _flips(made, random, max(2, count // 8), _having(status), reach)
+        pixels, aims, _ = _flips(made, random, max(2, count // 8), status, reach)
         if len(aims):
             yield _near_onset(f"fates/{status.name.lower()}", made, pixels, aims)
 
@@ -314,32 +323,29 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
 # --- displays with a property at an extreme ---------------------------------------------------------------------
 
 
-@_case
-def flat_domes(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def flat_domes(display: Display) -> dict[str, Display]:
     """Nearly flat lenslets, R from 10 mm to 10^6 mm: no error may grow with R."""
     least = 1.1 * display.array.half_diagonal_mm
-    made = {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
-    yield from _spread("flat-domes", made, random, count)
+    return {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
 
 
-@_case
-def full_spheres(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def full_spheres(display: Display) -> dict[str, Display]:
     """Nearly full hemispheres with upright rims: R exceeds half the cell's diagonal by a tenth down to one rounding."""
     rho = display.array.half_diagonal_mm
     radii = {f"1e-{k}": rho * (1.0 + 10.0**-k) for k in (1, 3, 6, 12)} | {"1-ulp": math.nextafter(rho, math.inf)}
-    made = {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
-    yield from _spread("full-spheres", made, random, count)
+    return {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
 
 
-@_case
-def indices(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def indices(display: Display) -> dict[str, Display]:
     """Refractive indices from 1 + 10^-9, almost air, to 2.4, diamond, which reflects most steep rays."""
-    made = {f"{n:.10g}": changed(display, index=n) for n in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4)}
-    yield from _spread("indices", made, random, count)
+    return {f"{n:.10g}": changed(display, index=n) for n in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4)}
 
 
-@_case
-def f_numbers(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def f_numbers(display: Display) -> dict[str, Display]:
     """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
@@ -348,11 +354,11 @@ def f_numbers(display: Display, random: np.random.Generator, count: int) -> Sets
         made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
         to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
         displays[f"{number:g}"] = changed(made, gap_mm=max(0.0, to_panel))
-    yield from _spread("f-numbers", displays, random, count)
+    return displays
 
 
-@_case
-def gaps(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def gaps(display: Display) -> dict[str, Display]:
     """Panels in contact, within roundings of contact, and within roundings of the focus."""
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
@@ -365,11 +371,11 @@ def gaps(display: Display, random: np.random.Generator, count: int) -> Sets:
         "f-less-1-ulp": math.nextafter(focus, 0.0),
         "f": focus,
     }
-    yield from _spread("gaps", {name: changed(display, gap_mm=gap) for name, gap in made.items()}, random, count)
+    return {name: changed(display, gap_mm=gap) for name, gap in made.items()}
 
 
-@_case
-def rotations(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def rotations(display: Display) -> dict[str, Display]:
     """Arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
     turns = {}
     for angle in (30.0, 45.0, 90.0):
@@ -378,19 +384,17 @@ def rotations(display: Display, random: np.random.Generator, count: int) -> Sets
         turns[f"{angle:g}-1ulp"] = math.nextafter(angle, 0.0)
         turns[f"{angle:g}+1e-9"] = angle + 1e-9
         turns[f"{angle:g}-1e-4"] = angle - 1e-4
-    made = {name: changed(display, rotation_deg=turn) for name, turn in turns.items()}
-    yield from _spread("rotations", made, random, max(4, count // 3))
+    return {name: changed(display, rotation_deg=turn) for name, turn in turns.items()}
 
 
-@_case
-def offsets(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def offsets(display: Display) -> dict[str, Display]:
     """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
     p, row = display.array.pitch_mm, display.array.row_pitch_mm
     moves = {
         "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
     }  # fmt: skip
-    made = {name: changed(display, offset_mm=offset) for name, offset in moves.items()}
-    yield from _spread("offsets", made, random, count)
+    return {name: changed(display, offset_mm=offset) for name, offset in moves.items()}
 
 
 @_case
@@ -432,8 +436,8 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
         yield Back(f"far-origins/{name}", display, target - distance * direction, direction)
 
 
-@_case
-def register_limits(display: Display, random: np.random.Generator, count: int) -> Sets:
+@_of_displays
+def register_limits(display: Display) -> dict[str, Display]:
     """Displays that need the largest or smallest value of each register of the fixed-point pipeline.
 
     Displays just beyond are refused (tests/host/test_conditioning_fixed.py).
@@ -453,17 +457,4 @@ def register_limits(display: Display, random: np.random.Generator, count: int) -
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
     limits["x-from-u-high"] = replace(display, panel=panel)
     limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
-    yield from _spread("register-limits", limits, random, count)
-
-
-def refused_rays(display: Display) -> Iterator[tuple[str, Floats, Floats | None]]:
-    """Yield (name, pixels, aperture) that every engine must refuse with a clear error."""
-    fine = np.array([[0.5 * display.panel.width_px, 0.5 * display.panel.height_px]])
-    for value in (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e17):
-        for k in range(2):
-            bad = fine.copy()
-            bad[0, k] = value
-            yield f"pixel {value:g}", bad, None
-            aim = np.zeros((1, 2))
-            aim[0, k] = value
-            yield f"aperture {value:g}", fine, aim
+    return limits

@@ -13,16 +13,16 @@ No engine with the same number format can promise more.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display, Grid
+from lippmann.display import Display
 from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
@@ -68,68 +68,47 @@ class FiftyDigits(NumpyBackend):
     double = real
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """The numbers of a display that the rays depend on, as mpf: mm and degrees."""
-
-    grid: Grid
-    plano_to_panel: bool
-    width_px: int
-    height_px: int
-    pixel_pitch_mm: Digits
-    pitch_mm: Digits
-    radius_mm: Digits
-    index: Digits
-    thickness_mm: Digits
-    gap_mm: Digits
-    rotation_deg: Digits
-    offset_x_mm: Digits
-    offset_y_mm: Digits
-
-    @classmethod
-    def of(cls, display: Display) -> Numbers:
-        """Take a display's numbers at their exact values."""
-        panel, array = display.panel, display.array
-        exact = map(
-            mp.mpf,
-            (panel.pixel_pitch_mm, array.pitch_mm, array.radius_mm, array.index, array.thickness_mm, display.gap_mm,
-             array.rotation_deg, *array.offset_mm),
-        )  # fmt: skip
-        return cls(array.grid, array.plano_side == "panel", panel.width_px, panel.height_px, *exact)
-
-    def system(self) -> System:
-        """Return the system for the optics, with mpf for its numbers (docs/reference/optics.md gives each formula)."""
-        # The optics declare float, and compute with any type of number.
-        lattice = Lattice(self.grid, self.pitch_mm, mp.sqrt(3) / 2)
-        rho = self.pitch_mm / mp.sqrt(2 if self.grid == "square" else 3)
-        sag = self.radius_mm - mp.sqrt(self.radius_mm**2 - rho**2)
-        distance = self.gap_mm + self.thickness_mm / self.index if self.plano_to_panel else max(self.gap_mm, sag)
-        turn = self.rotation_deg / 180
-        frame = PanelFrame(
-            self.pixel_pitch_mm,
-            mp.mpf(self.width_px) / 2,
-            mp.mpf(self.height_px) / 2,
-            (self.offset_x_mm, self.offset_y_mm),
-            mp.cospi(turn),
-            mp.sinpi(turn),
-        )
-        return System(
-            frame=frame,
-            lattice=lattice,
-            dome=Dome(lattice, self.radius_mm, sag),
-            index=self.index,
-            thickness_mm=self.thickness_mm,
-            gap_mm=self.gap_mm,
-            aperture_distance_mm=distance,
-            focal_length_mm=self.radius_mm / (self.index - 1),
-            plano_to_panel=self.plano_to_panel,
-            width_px=self.width_px,
-            height_px=self.height_px,
-        )
+def exact_numbers(display: Display) -> dict[str, Digits]:
+    """Return the exact values of the display's numbers that a rounding can move, mm and degrees."""
+    panel, array = display.panel, display.array
+    names = ("pitch_mm", "radius_mm", "index", "thickness_mm")
+    return {
+        "pixel_pitch_mm": mp.mpf(panel.pixel_pitch_mm),
+        **{name: mp.mpf(getattr(array, name)) for name in names},
+        "gap_mm": mp.mpf(display.gap_mm),
+        "rotation_deg": mp.mpf(array.rotation_deg),
+        "offset_x_mm": mp.mpf(array.offset_mm[0]),
+        "offset_y_mm": mp.mpf(array.offset_mm[1]),
+    }
 
 
-#: The numbers of a display that a rounding can move.
-MOVED = tuple(field.name for field in dataclasses.fields(Numbers))[4:]
+def exact_system(display: Display, **moved: Digits) -> System:
+    """Return the system for the optics in mpf, with other values of some of its `exact_numbers`.
+
+    docs/reference/optics.md gives each formula.
+    """
+    # The optics declare float, and compute with any type of number.
+    n = SimpleNamespace(**exact_numbers(display) | moved)
+    grid, to_panel = display.array.grid, display.array.plano_side == "panel"
+    width, height = display.panel.width_px, display.panel.height_px
+    lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
+    rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
+    sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
+    offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
+    half = mp.mpf(width) / 2, mp.mpf(height) / 2
+    return System(
+        frame=PanelFrame(n.pixel_pitch_mm, *half, offset, mp.cospi(turn), mp.sinpi(turn)),
+        lattice=lattice,
+        dome=Dome(lattice, n.radius_mm, sag),
+        index=n.index,
+        thickness_mm=n.thickness_mm,
+        gap_mm=n.gap_mm,
+        aperture_distance_mm=n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag),
+        focal_length_mm=n.radius_mm / (n.index - 1),
+        plano_to_panel=to_panel,
+        width_px=width,
+        height_px=height,
+    )
 
 
 class TrueRays(NamedTuple):
@@ -154,12 +133,18 @@ class TrueHits(NamedTuple):
 Truth = TrueRays | TrueHits
 
 
-def true_rays(numbers: Numbers, pixels: Digits, aperture: Digits | None = None, model: Model = "exact") -> TrueRays:
+def true_rays(
+    display: Display,
+    pixels: Digits,
+    aperture: Digits | None = None,
+    model: Model = "exact",
+    **moved: Digits,
+) -> TrueRays:
     """Trace rays as `lippmann.optics.pixel_rays.trace` does, in 50 digits.
 
     Parameters
     ----------
-    numbers
+    display
         The display.
     pixels
         (N, 2) pixel coordinates, floats or mpf.
@@ -167,10 +152,12 @@ def true_rays(numbers: Numbers, pixels: Digits, aperture: Digits | None = None, 
         (N, 2) aperture points, mm, likewise; None for chief rays.
     model
         Lens model.
+    moved
+        Other values of some of the display's `exact_numbers`.
     """
-    b = FiftyDigits()
-    points = None if aperture is None else (b.real(aperture[:, 0]), b.real(aperture[:, 1]))
-    out = rays_from_pixels(b, numbers.system(), b.real(pixels[:, 0]), b.real(pixels[:, 1]), points, model)
+    u, v = exact_array(pixels).T
+    points = None if aperture is None else tuple(exact_array(aperture).T)
+    out = rays_from_pixels(FiftyDigits(), exact_system(display, **moved), u, v, points, model)
     ray = out.ray
     return TrueRays(
         np.stack([ray.dx, ray.dy, ray.dz], axis=1),
@@ -181,16 +168,15 @@ def true_rays(numbers: Numbers, pixels: Digits, aperture: Digits | None = None, 
     )
 
 
-def true_hits(numbers: Numbers, origin_mm: Digits, direction: Digits) -> TrueHits:
+def true_hits(display: Display, origin_mm: Digits, direction: Digits, **moved: Digits) -> TrueHits:
     """Trace rays from the world as `lippmann.optics.pixel_rays.trace_to_panel` does, exact model, in 50 digits.
 
-    Directions are scaled to length 1, which a float64 triple cannot have exactly.
+    Directions are scaled to length 1, which a float64 triple cannot have exactly. `moved` as for `true_rays`.
     """
-    b = FiftyDigits()
     direction = exact_array(direction)
-    direction = direction / _root((direction * direction).sum(axis=1))[:, None]
-    origin, unit = (tuple(b.real(a[:, k]) for k in range(3)) for a in (origin_mm, direction))
-    hits = pixels_from_rays(b, numbers.system(), origin, unit, "exact")
+    unit = direction / _root((direction * direction).sum(axis=1))[:, None]
+    origin = tuple(exact_array(origin_mm).T)
+    hits = pixels_from_rays(FiftyDigits(), exact_system(display, **moved), origin, tuple(unit.T), "exact")
     return TrueHits(
         np.stack([hits.u, hits.v], axis=1), np.stack([hits.i, hits.j], axis=1), np.asarray(hits.status, np.int64)
     )
@@ -214,30 +200,25 @@ class _Input(NamedTuple):
     traced: Callable[[Any], Any]
 
 
-def _inputs(display: Display, trace: Callable[..., Any], arrays: Sequence[Floats]) -> Iterator[_Input]:
-    """Yield the inputs of `trace(numbers, *arrays)`, without the display's numbers that are 0."""
-    numbers, exact = Numbers.of(display), [exact_array(values) for values in arrays]
+def _inputs(display: Display, true: Truth, arrays: Sequence[Floats]) -> Iterator[_Input]:
+    """Yield the inputs of the rays, without the display's numbers that are 0."""
+    trace: Callable[..., Truth] = true_rays if isinstance(true, TrueRays) else true_hits
+
+    def moved_column(which: int, k: int, step: Any) -> Truth:
+        exact = [exact_array(values) for values in arrays]
+        exact[which][:, k] += step
+        return trace(display, *exact)
+
     for which, values in enumerate(arrays):
-        for k, unit in enumerate(np.eye(values.shape[1])):
-
-            def moved_column(step: Any, which: int = which, unit: Floats = unit) -> Any:
-                moved = list(exact)
-                moved[which] = moved[which] + np.reshape(step, (-1, 1)) * unit
-                return trace(numbers, *moved)
-
-            yield _Input(values[:, k], which, moved_column)
-    for name in MOVED:
-        value = getattr(numbers, name)
+        for k, column in enumerate(values.T):
+            yield _Input(column, which, partial(moved_column, which, k))
+    for name, value in exact_numbers(display).items():
         if value:
 
-            def moved_number(step: Any, name: str = name, value: Any = value) -> Any:
-                return trace(dataclasses.replace(numbers, **{name: value + step}), *exact)
+            def moved_number(step: Any, name: str = name, value: Any = value) -> Truth:
+                return trace(display, *arrays, **{name: value + step})
 
             yield _Input(float(value), None, moved_number)
-
-
-def _last_place(values: Any) -> Any:
-    return np.spacing(np.abs(values))
 
 
 def _other_fate(rays: Truth, true: Truth) -> Bools:
@@ -245,13 +226,13 @@ def _other_fate(rays: Truth, true: Truth) -> Bools:
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
-def _slopes(given: _Input, true: Truth, names: tuple[str, ...]) -> list[Floats]:
-    """Return how far some arrays of the rays move, each row's length (N,), for a unit of an input.
+def _slopes(given: _Input, true: Truth) -> list[Floats]:
+    """Return how far the arrays of mpf of the rays move, each row's length (N,), for a unit of an input.
 
     Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
     """
     step = STEP if given.array is not None else STEP * abs(mp.mpf(given.values))
-    rays = given.traced(step)
+    rays, names = given.traced(step), ("direction", "local_mm") if isinstance(true, TrueRays) else ("pixel",)
     other = _other_fate(rays, true)
     apart = [getattr(rays, name) - getattr(true, name) for name in names]
     if other.any():
@@ -280,49 +261,39 @@ class Condition(NamedTuple):
     start: Floats
 
 
-def condition(display: Display, true: TrueRays, pixels: Floats, aperture: Floats | None = None) -> Condition:
-    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
-    array, n = display.array, len(pixels)
-    turn = np.full(n, float(np.spacing(1.0)))
-    shift = np.full(n, float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
-    start = np.zeros(n)
-    arrays = [pixels] if aperture is None else [pixels, aperture]
-    for given in _inputs(display, true_rays, arrays):
-        unit = np.where(given.values == 0.0, 0.0, _last_place(given.values))
-        slope, path = _slopes(given, true, ("direction", "local_mm"))
-        turn += slope * unit
-        shift += path * unit
+def condition(display: Display, true: Truth, arrays: Sequence[Floats]) -> Condition:
+    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place.
+
+    `arrays` are what the rays were traced from: pixels, and aperture points if any; for rays from the world, origins
+    and directions.
+    """
+    array, pixel_mm = display.array, display.panel.pixel_pitch_mm
+    turn = np.full(len(true.status), float(np.spacing(1.0)))
+    shift = np.full(len(turn), float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
+    start = np.zeros(len(turn))
+    if isinstance(true, TrueHits):
+        shift = pixel_mm * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
+    for given in _inputs(display, true, arrays):
+        unit = np.where(given.values == 0.0, 0.0, np.spacing(np.abs(given.values)))
+        slopes = _slopes(given, true)
+        if isinstance(true, TrueHits):
+            shift += slopes[0] * pixel_mm * unit
+            continue
+        turn += slopes[0] * unit
+        shift += slopes[1] * unit
         if given.array is not None:
-            start += slope * (1.0 / display.panel.pixel_pitch_mm, 1.0)[given.array]
-    return Condition(turn, shift, start)
-
-
-def hit_condition(display: Display, true: TrueHits, origin_mm: Floats, direction: Floats) -> Condition:
-    """Return the condition of rays from the world."""
-    pitch = display.panel.pixel_pitch_mm
-    shift: Floats = pitch * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
-    for given in _inputs(display, true_hits, (origin_mm, direction)):
-        unit = np.where(given.values == 0.0, 0.0, _last_place(given.values))
-        (slope,) = _slopes(given, true, ("pixel",))
-        shift += slope * pitch * unit
-    return Condition(shift / display.array.pitch_mm, shift, np.zeros_like(shift))
+            start += slopes[0] * (1.0 / pixel_mm, 1.0)[given.array]
+    return Condition(shift / array.pitch_mm if isinstance(true, TrueHits) else turn, shift, start)
 
 
 def on_edge(display: Display, true: Truth, arrays: Sequence[Floats], ulps: int) -> Bools:
     """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place.
 
-    Parameters
-    ----------
-    display, true
-        The display, and the rays in 50 digits.
-    arrays
-        What they were traced from: pixels, and aperture points if any; for rays from the world, origins and directions.
-    ulps
-        Units of the last place of a float64.
+    `arrays` as for `condition`; the last place is a float64's.
     """
     edge = np.zeros(len(true.status), bool)
-    for given in _inputs(display, true_rays if isinstance(true, TrueRays) else true_hits, arrays):
-        step = exact_array(_last_place(given.values)) * ulps
+    for given in _inputs(display, true, arrays):
+        step = exact_array(np.spacing(np.abs(given.values))) * ulps
         for moved in (step, -step):
             edge |= _other_fate(given.traced(moved), true)
     return edge

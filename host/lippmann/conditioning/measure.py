@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.conditioning import digits
 from lippmann.conditioning.cases import Back, Out
-from lippmann.conditioning.digits import (
-    Condition,
-    Numbers,
-    TrueHits,
-    TrueRays,
-    condition,
-    exact_array,
-    hit_condition,
-    on_edge,
-    size,
-    true_hits,
-    true_rays,
-)
+from lippmann.conditioning.digits import Condition, TrueHits, TrueRays, Truth
 from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
@@ -87,18 +77,15 @@ class Known:
     """A set of rays with its truth and condition, computed once for all engines."""
 
     set: Out | Back
-    true: TrueRays | TrueHits
+    true: Truth
     condition: Condition
 
 
 def truth_of(rays: Out | Back) -> Known:
     """Trace a set in 50 digits."""
-    numbers = Numbers.of(rays.display)
-    if isinstance(rays, Out):
-        true = true_rays(numbers, rays.pixels, rays.aperture)
-        return Known(rays, true, condition(rays.display, true, rays.pixels, rays.aperture))
-    hits = true_hits(numbers, rays.origin_mm, rays.direction)
-    return Known(rays, hits, hit_condition(rays.display, hits, rays.origin_mm, rays.direction))
+    trace: Callable[..., Truth] = digits.true_rays if isinstance(rays, Out) else digits.true_hits
+    true = trace(rays.display, *rays.inputs)
+    return Known(rays, true, digits.condition(rays.display, true, rays.inputs))
 
 
 def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
@@ -108,8 +95,8 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
     if isinstance(rays, Out) and isinstance(true, TrueRays):
         got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
         values = [got.direction, got.local_mm]
-        turn = size(exact_array(got.direction) - true.direction)
-        shift = size(exact_array(got.local_mm) - true.local_mm)
+        turn = digits.size(digits.exact_array(got.direction) - true.direction)
+        shift = digits.size(digits.exact_array(got.local_mm) - true.local_mm)
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
         # One rounding of a float32 half a pitch from the lenslet's centre.
         rounding = float(np.spacing(np.float32(0.5 * rays.display.array.pitch_mm)))
@@ -119,7 +106,7 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
         assert isinstance(true, TrueHits)
         got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
         values = [got.pixel]
-        shift = size(exact_array(got.pixel) - true.pixel) * rays.display.panel.pixel_pitch_mm
+        shift = digits.size(digits.exact_array(got.pixel) - true.pixel) * rays.display.panel.pixel_pitch_mm
         relative = shift / unit.shift_mm
         fast = shift * 1e3, unit.shift_mm * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM, "micrometre", FAST_UM
     same = np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))
@@ -134,7 +121,7 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
     outside = 0
     if other.any():
         some = type(true)(*(column[other] for column in true))
-        outside = int((~on_edge(rays.display, some, [values[other] for values in rays.inputs], ulps)).sum())
+        outside = int((~digits.on_edge(rays.display, some, [values[other] for values in rays.inputs], ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
     array = rays.display.array
     return Row(

@@ -8,10 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.engines import trace
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Rays
 from lippmann.optics.system import System
 
 Floats = npt.NDArray[np.float64]
@@ -19,8 +17,6 @@ Bools = npt.NDArray[np.bool_]
 
 #: Bisections that bring any two floats next to each other.
 HALVINGS = 64
-#: Distances of rays around an onset, in units of the last place of the aim.
-ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
@@ -52,33 +48,24 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     return np.stack(system.frame.pixel_from_panel(*at), axis=1), own
 
 
-def onset(display: Display, pixels: Floats, inner: Floats, outer: Floats, has: Callable[[Rays], Bools]) -> Floats:
-    """Find where golden rays gain a property, on the way from aims `inner` to `outer` of the same pixels.
+def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
+    """Find where rays gain a property, on the way from aims `inner` to `outer`.
 
     Parameters
     ----------
-    display
-        The display.
-    pixels, inner, outer
-        (N, 2) each; `has` is false of the rays to `inner` and true of those to `outer`.
+    inner, outer
+        (N, 2) each; `has` is false of `inner` and true of `outer`.
     has
-        Tells which rays have the property.
+        Tells which of N aims have the property.
 
     Returns
     -------
     aims
         (N, 2), the last ones without the property, to a rounding.
     """
-    low, high = np.zeros(len(pixels)), np.ones(len(pixels))
+    low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        found = has(trace(display, pixels, inner + middle[:, None] * (outer - inner)))
+        found = has(inner + middle[:, None] * (outer - inner))
         low, high = np.where(found, low, middle), np.where(found, middle, high)
     return np.asarray(inner + low[:, None] * (outer - inner))
-
-
-def around(aims: Floats) -> Floats:
-    """Return (N, len(ULPS), 2) aims that differ from aims (N, 2) by `ULPS` in both coordinates."""
-    return np.asarray(
-        aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :], np.float64
-    )

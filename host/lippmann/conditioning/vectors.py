@@ -8,7 +8,6 @@ their columns and bits.
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
 import json
 import shutil
@@ -19,12 +18,11 @@ from typing import Any
 import numpy as np
 
 from lippmann.conditioning.cases import CASES, Back, Out, hard_sets
-from lippmann.conditioning.digits import Numbers, condition, true_rays
+from lippmann.conditioning.digits import condition, true_rays
 from lippmann.conditioning.measure import fixed_words, truth_of
 from lippmann.conditioning.steps import steps
 from lippmann.display import Display, display_text
 from lippmann.errors import input_error
-from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
 from lippmann.optics.rays import Model
@@ -53,8 +51,7 @@ def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
 
 def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
     """Return the bits of each of some words."""
-    of = formats(fraction_bits)
-    return tuple(of[word][0] for word in words)
+    return tuple(formats(fraction_bits)[word][0] for word in words)
 
 
 ARRAYS = {
@@ -88,14 +85,10 @@ BACK_ARRAYS = {
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
     """Return a hexadecimal line for each ray: its words in turn, the first in the most significant bits."""
-    digits = (sum(widths) + 3) // 4
-    lines = []
-    for ray in zip(*(column.tolist() for column in words), strict=True):
-        bits = 0
-        for word, width in zip(ray, widths, strict=True):
-            bits = bits << width | word & ((1 << width) - 1)
-        lines.append(f"{bits:0{digits}x}")
-    return lines
+    rays: Any = 0
+    for word, width in zip(words, widths, strict=True):
+        rays = rays << width | word.astype(object) & ((1 << width) - 1)
+    return [f"{ray:0{(sum(widths) + 3) // 4}x}" for ray in rays]
 
 
 def text_of(path: Path) -> str:
@@ -106,14 +99,16 @@ def text_of(path: Path) -> str:
     InputError
         When it is not text.
     """
+    why = "is not text"
     try:
         text = path.read_text()
-    except (UnicodeDecodeError, OSError) as error:
-        why = "is not text" if isinstance(error, UnicodeDecodeError) else f"cannot be read ({error.strerror})"
-        raise input_error(str(path), why, "give a file of words as lippmann vectors writes them") from None
-    if "\0" in text:
-        raise input_error(str(path), "is not text", "give a file of words as lippmann vectors writes them")
-    return text
+        if "\0" not in text:
+            return text
+    except UnicodeDecodeError:
+        pass
+    except OSError as error:
+        why = f"cannot be read ({error.strerror})"
+    raise input_error(str(path), why, "give a file of words as lippmann vectors writes them")
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
@@ -124,8 +119,7 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
     InputError
         When a line is not hexadecimal or too long.
     """
-    columns: list[list[int]] = [[] for _ in widths]
-    total = sum(widths)
+    rays, total = [], sum(widths)
     for number, line in enumerate(text_of(path).splitlines(), 1):
         text = line.split("//")[0].strip().replace("_", "")
         if not text:
@@ -136,12 +130,13 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
             raise input_error(f"{path}:{number}", f"'{text[:20]}' is not hexadecimal", "give a line a ray") from None
         if bits >> total:
             raise input_error(f"{path}:{number}", f"more than the {total} bits of a ray", "see vectors.json")
-        for k in reversed(range(len(widths))):
-            word = bits & ((1 << widths[k]) - 1)
-            bits >>= widths[k]
-            negative = word >> (widths[k] - 1) and widths[k] > STATUS_BITS
-            columns[k].append(word - (1 << widths[k]) if negative else word)
-    return [np.array(column, np.int64) for column in columns]
+        rays.append(bits)
+    rest, words = np.array(rays, object), []
+    for width in reversed(widths):
+        word = (rest & ((1 << width) - 1)).astype(np.int64)
+        words.append(word - ((word >> (width - 1) << width) if width > STATUS_BITS else 0))
+        rest = rest >> width
+    return words[::-1]
 
 
 def write_vectors(
@@ -208,21 +203,16 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
     place.mkdir()
     (place / "display.toml").write_text(display_text(rays.display))
     entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
+    arrays: dict[str, Any]
     if isinstance(rays, Back):
         known = truth_of(rays)
-        _save(
-            place,
-            from_world=np.uint8(1),
-            origin_mm=rays.origin_mm,
-            direction=rays.direction,
-            **known.true._asdict(),
-            shift_unit_mm=known.condition.shift_mm,
-        )
+        arrays = {FROM_WORLD: np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction}
+        _save(place, **arrays, **known.true._asdict(), shift_unit_mm=known.condition.shift_mm)
         return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
-    true = true_rays(Numbers.of(rays.display), rays.pixels, rays.aims, model)
-    arrays: dict[str, Any] = steps(rays.display, rays.pixels, rays.aims)._asdict()
+    true = true_rays(rays.display, rays.pixels, rays.aims, model)
+    arrays = {**steps(rays.display, rays.pixels, rays.aims)}
     if model == "exact":
-        unit = condition(rays.display, true, rays.pixels, rays.aims)
+        unit = condition(rays.display, true, (rays.pixels, rays.aims))
         arrays |= {"turn_unit": unit.turn, "shift_unit_mm": unit.shift_mm}
     arrays["origin_mm"] = true.local_mm + np.column_stack([true.centre_mm, np.zeros(len(rays.pixels))])
     _save(place, pixel=rays.pixels, aperture_mm=rays.aims, **true._asdict(), **arrays)
@@ -231,12 +221,12 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
     if fixed is None:
         return entry
     out = ray_pipeline(*fixed.words, fixed.registers, fixed.build)
-    with (place / "words.csv").open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*INPUTS, *OUTPUTS])
-        writer.writerows(zip(*(column.tolist() for column in (*fixed.words, *out)), strict=True))
+    heading = ",".join((*INPUTS, *OUTPUTS))
+    np.savetxt(place / "words.csv", np.stack([*fixed.words, *out], 1), "%d", ",", header=heading, comments="")
+    mask = (1 << REGISTER_BITS) - 1
+    registers = dataclasses.asdict(fixed.registers).items()
     for file, lines in (
-        ("registers", register_lines(fixed.registers)),
+        ("registers", [f"{word & mask:0{REGISTER_BITS // 4}x} // {register}" for register, word in registers]),
         ("inputs", memory_lines(fixed.words, widths(INPUTS, fraction_bits))),
         ("expected", memory_lines(out, widths(OUTPUTS, fraction_bits))),
     ):
@@ -253,23 +243,13 @@ def _save(place: Path, **arrays: Any) -> None:
     np.savez(place / "rays.npz", **rounded)
 
 
-def register_lines(registers: Configuration) -> list[str]:
-    """Return a line of 64 bits, sign extended, for each register of `optics_config_t`, in its order."""
-    mask = (1 << REGISTER_BITS) - 1
-    return [
-        f"{getattr(registers, field.name) & mask:0{REGISTER_BITS // 4}x} // {field.name}"
-        for field in dataclasses.fields(registers)
-    ]
-
-
 def _write_header(
     top: Path, entries: list[dict[str, Any]], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
 ) -> None:
-    of = formats(fraction_bits)
-
-    def described(words: Sequence[str]) -> list[dict[str, Any]]:
-        return [{"word": word, "bits": of[word][0], "fraction_bits": of[word][1]} for word in words]
-
+    described = {
+        word: {"word": word, "bits": bits, "fraction_bits": behind}
+        for word, (bits, behind) in formats(fraction_bits).items()
+    }
     header = {
         **origin,
         "model": model,
@@ -278,35 +258,18 @@ def _write_header(
         "arrays": ARRAYS,
         "arrays_of_rays_from_the_world": BACK_ARRAYS,
         "words": {
-            **{f"{file}.mem": described(words) for file, words in (("inputs", INPUTS), ("expected", OUTPUTS))},
+            "inputs.mem": [described[word] for word in INPUTS],
+            "expected.mem": [described[word] for word in OUTPUTS],
             "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
         },
         "cases": {name: case.why for name, case in CASES.items()},
         "sets": entries,
     }
     (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")
-    (top / "README.md").write_text(_readme(fraction_bits))
-
-
-def _readme(fraction_bits: int) -> str:
+    page = Path(__file__).with_name("vectors.md").read_text()
     rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
-    return (
-        "# Test vectors for a ray-lenslet design\n\n"
-        "A folder for each set of rays; `vectors.json` lists them and says what each case tests.\n\n"
-        "| file | contents |\n| --- | --- |\n"
-        "| `display.toml` | the display of the rays |\n"
-        "| `rays.npz` | rays in millimetres, with the truth from 50 digits |\n"
-        "| `words.csv` | the same rays in fixed point: words in, words out; missing if the display does not fit the "
-        "registers (`refused` in `vectors.json` says why) |\n"
-        "| `registers.mem` | for `$readmemh`: a register a line, 64 bits |\n"
-        "| `inputs.mem` | a ray a line: u, v, a, b, with u in the most significant bits |\n"
-        f"| `expected.mem` | likewise {', '.join(OUTPUTS)}: {sum(widths(OUTPUTS, fraction_bits))} bits in all |\n\n"
-        f"Words are signed two's complement. u, v: {PIXEL_BITS} bits, 4 of them fraction, pixels from the panel's "
-        f"centre, v upward. a, b: F + 2 bits, F = {fraction_bits} of them fraction, pitches and rows. i, j: lenslet. "
-        "x, y, z: F + 4 bits, F + 1 of them fraction, radii of curvature from the lenslet's vertex. dx, dy, dz: F + 2 "
-        "bits, F + 1 of them fraction. status: 3 bits, unsigned. Axes: the array's.\n\n"
-        f"| array of `rays.npz` | |\n| --- | --- |\n{rows}\n"
-        "Judge your results: `lippmann regress --rays YOURS --display SET/display.toml`, YOURS an `.npz` with the "
-        "arrays `pixel`, `direction` and what else you have, a `.csv` like `words.csv`, or a `.mem` like "
-        "`expected.mem`.\n"
-    )
+    text = page.format(
+        F=fraction_bits, pixel_bits=PIXEL_BITS, outputs=", ".join(OUTPUTS), bits=sum(widths(OUTPUTS, fraction_bits)),
+        arrays=rows,
+    )  # fmt: skip
+    (top / "README.md").write_text(text)

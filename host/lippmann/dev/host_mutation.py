@@ -11,11 +11,7 @@ Docstrings, annotations, decorators and the texts of errors stay as they are.
 from __future__ import annotations
 
 import ast
-import json
-import os
 import re
-import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -28,9 +24,7 @@ import click
 import numpy as np
 
 from lippmann.cli import run
-from lippmann.cli.output import log
-from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
-from lippmann.errors import LippmannError
+from lippmann.dev.faults import Fault, Scratch, in_turn, options, try_faults, write_faults
 from lippmann.images import check_output
 from lippmann.sim.tools import repository
 
@@ -45,8 +39,6 @@ LAST = {
 }
 #: Test files of a fault's first stage, and those that never run: this program's own.
 FIRST, OWN = 8, ("test_host_mutation",)
-#: Seconds that a test may take, and the whole of a stage.
-TEST_S, STAGE_S = 300, 3600
 
 #: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
 SAME: dict[tuple[str, str], str] = {}
@@ -238,81 +230,11 @@ def _last(file: str) -> list[str]:
 # ---- trying a fault ----
 
 
-class Scratch:
-    """A copy of the checkout in a folder, in which one fault at a time is tried."""
-
-    def __init__(self, folder: Path, jobs: int = 1) -> None:
-        self.folder = folder
-        self.jobs = jobs
-        self.sound: set[str] = set()  # tests that pass without a fault
-        self.left_out: list[str] = []  # tests that fail without one
-        copy_checkout(folder)
-
-    def put(self, file: str, text: str) -> None:
-        """Write a file, and forget its compiled form, which a write within a second would leave valid."""
-        path = self.folder / file
-        path.write_text(text)
-        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
-            compiled.unlink()
-
-    def fate(self, fault: Fault) -> str:
-        """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
-        text = (self.folder / fault.file).read_text()
-        if not differs(fault, text):
-            return "refused"
-        stages = (*order_tests(self.folder, fault.file), _last(fault.file))
-        try:
-            for tests in stages:
-                failed = self.caught_by(tests, fault.file, text, fault.changed(text))
-                if failed is not None:
-                    return f"caught by {failed or 'a crash or a time-out'}"
-            return "survived"
-        finally:
-            self.put(fault.file, text)
-
-    def caught_by(self, tests: list[str], file: str, text: str, faulty: str) -> str | None:
-        """Return the first test that fails with the faulty text of a file and passes without; None if there is none."""
-        while tests:
-            self.put(file, faulty)
-            failed = self.failed(tests)
-            if not failed or failed in self.sound:
-                return failed
-            self.put(file, text)
-            if self.failed([failed]) is None:
-                self.sound.add(failed)
-                return failed
-            log(f"{failed} fails without a fault, too: left out from here on")
-            self.left_out.append(failed)
-        return None
-
-    def failed(self, tests: list[str]) -> str | None:
-        """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
-        cache = self.folder / ".faults_cache"
-        recorded = cache / "v" / "cache" / "lastfailed"
-        recorded.unlink(missing_ok=True)
-        command = [
-            sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", "--tb=no", "-o", f"cache_dir={cache}",
-            "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
-            *(["-n", str(self.jobs)] if self.jobs > 1 and len(tests) > 1 else []), *tests,
-            *(word for test in self.left_out for word in ("--deselect", test)),
-        ]  # fmt: skip
-        environment = {"LIPPMANN_SEED": "1908", **os.environ, "PYTHONPATH": str(self.folder / "host")}
-        with subprocess.Popen(
-            command, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, start_new_session=True,
-        ) as process:  # fmt: skip
-            try:
-                said, _ = process.communicate(timeout=STAGE_S)
-            except BaseException as error:
-                os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
-                if isinstance(error, subprocess.TimeoutExpired):
-                    return ""
-                raise
-        if process.returncode in (0, 5):  # 5: every test is left out
-            return None
-        if process.returncode == 4:  # wrong call
-            raise LippmannError(f"pytest does not run in the copy: {said.strip().splitlines()[-1]}")
-        return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
+def fate(fault: Fault, scratch: Scratch) -> str:
+    """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
+    if not differs(fault, (scratch.folder / fault.file).read_text()):
+        return "refused"
+    return scratch.fate(fault.file, fault, *order_tests(scratch.folder, fault.file), _last(fault.file))
 
 
 def groups(top: Path) -> Iterator[list[Fault]]:
@@ -327,10 +249,8 @@ def _files(path: Path) -> list[Path]:
 
 
 @click.command()
-@click.option("--count", default=60, show_default=True, type=click.IntRange(1), help="Number of faults.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the choice of faults.")
+@options(60)
 @click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests.")
-@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(count: int, seed: int, jobs: int, report: str) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 
@@ -340,7 +260,8 @@ def main(count: int, seed: int, jobs: int, report: str) -> None:
     top = repository()
     with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
         scratch = Scratch(Path(folder), jobs)
-        rows = try_faults(in_turn(list(groups(top)), np.random.default_rng(seed)), count, scratch.fate, SAME)
+        faults = in_turn(list(groups(top)), np.random.default_rng(seed))
+        rows = try_faults(faults, count, lambda fault: fate(fault, scratch), SAME)
     survivors = [fault.diff((top / fault.file).read_text()) for fault, end in rows if end == "survived"]
     diffs = "".join(f"\n```diff\n{diff}\n```\n" for diff in survivors)
     text = (

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,7 +23,7 @@ import click
 import numpy as np
 
 from lippmann.cli import run
-from lippmann.dev.faults import Fault, copy_checkout, in_turn, try_faults, write_faults
+from lippmann.dev.faults import Fault, Scratch, in_turn, options, try_faults, write_faults
 from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
@@ -128,58 +127,36 @@ def _changes(code: str) -> list[str]:
     ]
 
 
-def fate(fault: Fault, seed: int, work: Path) -> str:
+def fate(fault: Fault, seed: int, scratch: Scratch) -> str:
     """Return how a fault ends: 'refused' (does not elaborate), 'caught', or 'survived'."""
-    sources = []
-    for path in optics_sources(repository()):
-        text = path.read_text()
-        if path.name == fault.file:
-            text = fault.changed(text)
-        copy = work / path.name
-        copy.write_text(text)
-        sources.append(copy)
-    module = fault.file.removesuffix(".sv")
-    if module in OUTSIDE:
-        return _caught(fault, work) if _elaborates(sources) else "refused"
-    tried = refused = False
-    for build in BUILDS:
-        if not _uses(build, module):
-            continue
-        try:
-            library = work / f"{os.urandom(6).hex()}.so"
-            compile_library(build, sources, library, flags=["-O0"])
-        except RtlError:
-            refused = True
-            continue
-        tried = True
-        if not _equal(build, library, seed):
-            return "caught"
-    if not tried:
-        return "refused"
-    # One build that no longer elaborates where others do fails the tests that compare it.
-    return "caught" if refused else _caught(fault, work)
+    file, module = f"rtl/optics/{fault.file}", fault.file.removesuffix(".sv")
+    with scratch.faulty(file, fault):
+        sources = optics_sources(scratch.folder)
+        if module in OUTSIDE:
+            if not _elaborates(sources):
+                return "refused"
+        else:
+            ends = set()
+            for build in (build for build in BUILDS if _uses(build, module)):
+                library = scratch.folder / f"{os.urandom(6).hex()}.so"
+                try:
+                    compile_library(build, sources, library, flags=["-O0"])
+                except RtlError:
+                    ends.add("refused")
+                    continue
+                if not _equal(build, library, seed):
+                    return "caught"
+                ends.add("equal")
+            if "refused" in ends:  # a build that no longer elaborates where others do fails the tests that compare it
+                return "caught" if "equal" in ends else "refused"
+    folder = module if (scratch.folder / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
+    return scratch.fate(file, fault, [f"tests/rtl/{folder}"])
 
 
 def _elaborates(sources: list[Path]) -> bool:
     """Tell whether Verilator elaborates the register block and its modules."""
     command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
     return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
-
-
-def _caught(fault: Fault, work: Path) -> str:
-    """Return 'caught' when the tests of the fault's module fail in a copy of the checkout, else 'survived'."""
-    top = repository()
-    module = fault.file.removesuffix(".sv")
-    folder = module if (top / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
-    with tempfile.TemporaryDirectory(dir=work) as copy:
-        copy_checkout(Path(copy))
-        shutil.copy(work / fault.file, Path(copy) / "rtl" / "optics" / fault.file)
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", f"tests/rtl/{folder}"]
-        environment = {**os.environ, "PYTHONPATH": str(Path(copy) / "host")}
-        result = subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False)
-        if result.returncode not in (0, 1):
-            raise LippmannError(f"the tests of {folder} do not run (pytest's exit code {result.returncode})")
-        return "caught" if result.returncode == 1 else "survived"
 
 
 def _uses(build: Build, module: str) -> bool:
@@ -228,9 +205,7 @@ def _compare(build: Build, library: Path, seed: int) -> bool:
 
 
 @click.command()
-@click.option("--count", default=120, show_default=True, type=click.IntRange(1), help="Number of faults.")
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of faults and rays.")
-@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+@options(120)
 def main(count: int, seed: int, report: str) -> None:
     """Put faults into the RTL and report how many the comparison with the twin catches.
 
@@ -242,7 +217,8 @@ def main(count: int, seed: int, report: str) -> None:
     files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
     per_file = [faults_of(path) for path in files]
     with tempfile.TemporaryDirectory() as folder:
-        rows = try_faults(in_turn(per_file, random), count, lambda fault: fate(fault, seed, Path(folder)), SAME)
+        scratch = Scratch(Path(folder))
+        rows = try_faults(in_turn(per_file, random), count, lambda fault: fate(fault, seed, scratch), SAME)
     text = (
         "Each is one changed operator, one negated condition, one choice with its branches swapped, or one flipped bit;"
         " those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays "

@@ -97,7 +97,7 @@ def golden(given: Given) -> Arrays:
         "origin_mm": rays.origin_mm,
         "direction": rays.direction,
         "status": rays.status.astype(np.float64)[:, None],
-        **steps(given.display, given.pixels, given.aims)._asdict(),
+        **steps(given.display, given.pixels, given.aims),
     }
 
 
@@ -143,8 +143,11 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         "columns counted from the right, one off (w - 1 - u)": lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]]),
         **{f"pixel off by one: ({du:+d}, {dv:+d})": partial(np.add, (du, dv)) for du, dv in BESIDE},
     }
-    for name, move in moves.items():
-        yield _before("panel", name, partial(_moved, move))
+
+    def moved(name: str, move: Callable[[Floats], Floats]) -> Variant:
+        return _before("panel", name, lambda g: g.but(pixels=move(g.pixels)))
+
+    yield from map(moved, moves, moves.values())
     x, y = array.offset_mm
     if (x, y) != (0.0, 0.0):
         yield _with("panel", "offset_mm left out", offset_mm=(0.0, 0.0))
@@ -156,10 +159,6 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         yield _with("panel", "rotation_deg left out", rotation_deg=0.0)
         yield _with("panel", "rotation_deg taken for radians", rotation_deg=math.degrees(turn))
         yield _with("panel", "rotation_deg made radians twice", rotation_deg=math.radians(turn))
-
-
-def _moved(move: Callable[[Floats], Floats], given: Given) -> Given:
-    return given.but(pixels=move(given.pixels))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
@@ -252,7 +251,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
 
     def toward(share: float, g: Given) -> Floats:
         """Return aims at a share of the way from the start to the aperture point, or beyond it."""
-        start = steps(g.display, g.pixels, g.aims).start_mm
+        start = steps(g.display, g.pixels, g.aims)["start_mm"]
         return np.asarray(start + (g.aims - start) * share)
 
     yield aimed("aperture points not used", lambda g: np.zeros_like(g.aims))
@@ -316,20 +315,22 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "direction not normalised: index times": lambda d: d * array.index,
     }
     for name, bend in bends.items():
-        yield _after("exit", name, partial(_bent, bend))
+        yield _bent(name, bend)
     if array.rotation_deg:
         yield _after("exit", "rays left along the array's axes", turned_back)
     for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm)):
-        yield _after("dome", f"origin's z from the {name}", partial(_added, ("local_mm", "origin_mm"), (0.0, 0.0, z)))
+        yield _added("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
     yield _after("dome", "origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]})
 
 
-def _bent(bend: Callable[[Floats], Floats], rays: Arrays) -> Arrays:
-    return {"direction": bend(rays["direction"])}
+def _bent(name: str, bend: Callable[[Floats], Floats]) -> Variant:
+    """Return the variant with other directions."""
+    return _after("exit", name, lambda rays: {"direction": bend(rays["direction"])})
 
 
-def _added(names: tuple[str, ...], constant: Any, rays: Arrays) -> Arrays:
-    return {name: rays[name] + constant for name in names}
+def _added(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Variant:
+    """Return the variant with a constant added to some arrays."""
+    return _after(stage, name, lambda rays: {array: rays[array] + constant for array in arrays})
 
 
 #: The display's numbers that are fitted, and the step that uses each.
@@ -371,7 +372,7 @@ def fitted(given: Given, values: Arrays) -> Iterator[Variant]:
         added = np.where(np.abs(added) > 0.05 * np.abs(added).max(), added, 0.0)
         said = ", ".join(f"{value:+.3g}{unit} in {axis}" for value, axis in zip(added, "xyz", strict=True) if value)
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
-        yield _after(STAGE_OF[name], f"a constant added to the {what}: {said}", partial(_added, moved, added))
+        yield _added(STAGE_OF[name], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
     for name in FITTED:
         yield from _number(name, given, values["direction"])
@@ -383,19 +384,17 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
             for name, cut in (("rounded", np.round), ("truncated", np.floor)):
-                bend = partial(_cut, cut, bits)
-                yield _after("exit", f"direction {name} to {bits} bits of fraction", partial(_bent, bend))
+                bend = partial(lambda cut, bits, d: np.ldexp(cut(np.ldexp(d, bits)), -bits), cut, bits)
+                yield _bent(f"direction {name} to {bits} bits of fraction", bend)
             return
-
-
-def _cut(cut: Callable[[Floats], Floats], bits: int, values: Floats) -> Floats:
-    return np.asarray(np.ldexp(cut(np.ldexp(values, bits)), -bits))
 
 
 def _number(name: str, given: Given, direction: Floats) -> Iterator[Variant]:
     """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
     display = given.display
-    value = _number_of(display, name)
+    path, _, entry = name.partition("[")
+    value = attrgetter(path)(display)
+    value = value[int(entry[0])] if entry else value
     # Offsets repeat after a pitch: their size says nothing about their error.
     unit = value if value and "offset" not in name else display.array.pitch_mm
 
@@ -421,23 +420,16 @@ def _number(name: str, given: Given, direction: Floats) -> Iterator[Variant]:
         yield _before(FITTED[name], f"{name} is {best:.6g} for {value:.6g}", partial(_with_number, name, best))
 
 
-def _number_of(display: Display, name: str) -> float:
-    path, _, entry = name.partition("[")
-    value = attrgetter(path)(display)
-    return float(value[int(entry[0])] if entry else value)
-
-
 def _with_number(name: str, number: float, given: Given) -> Given:
-    path, _, entry = name.partition("[")
-    part, _, key = path.rpartition(".")
+    """Return the same rays for another number of `FITTED`."""
+    part, _, key = name.rpartition(".")
     value: Any = number
-    if entry:
-        value = tuple(number if k == int(entry[0]) else old for k, old in enumerate(given.display.array.offset_mm))
-    if part == "array":
-        return given.with_array(**{key: value})
+    if "[" in key:
+        key, entry = key[:-3], int(key[-2])
+        value = tuple(number if k == entry else old for k, old in enumerate(given.display.array.offset_mm))
     if part == "panel":
         return given.with_display(panel=replace(given.display.panel, **{key: value}))
-    return given.with_display(**{key: value})
+    return given.with_array(**{key: value}) if part else given.with_display(**{key: value})
 
 
 def _near(display: Display) -> Floats:

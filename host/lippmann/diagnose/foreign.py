@@ -29,6 +29,8 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
+#: Arrays of the inputs, with their columns.
+INPUT_ARRAYS = {"pixel": 2, "aperture_mm": 2}
 #: Arrays that may be compared, with their columns.
 FIELDS = {
     "panel_mm": 2, "home": 2, "start_mm": 2, "near_mm": 2, "lenslet": 2, "centre_mm": 2, "local_mm": 3,
@@ -111,16 +113,13 @@ def _csv_columns(path: Path) -> dict[str, Ints]:
 def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> None:
     """Refuse words that exceed their bits."""
     for (name, column), bits in zip(columns.items(), widths(tuple(columns), fraction_bits), strict=True):
-        unsigned = bits == STATUS_BITS
-        low, high = (0, (1 << bits) - 1) if unsigned else (-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
+        low = 0 if bits == STATUS_BITS else -(1 << (bits - 1))
+        high = low + (1 << bits) - 1
         out = (column < low) | (column > high)
         if out.any():
             ray = int(np.argmax(out))
-            raise input_error(
-                str(path),
-                f"{name} of ray {ray} is {column[ray]}, beyond its {bits} bits",
-                f"give {low} to {high}, or the word length with --fraction-bits",
-            )
+            what = f"{name} of ray {ray} is {column[ray]}, beyond its {bits} bits"
+            raise input_error(str(path), what, f"give {low} to {high}, or the word length with --fraction-bits")
 
 
 def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: Build) -> Foreign:
@@ -143,12 +142,9 @@ def _of_arrays(path: Path) -> Foreign:
     try:
         with np.load(path) as file:
             if FROM_WORLD in file.files:
-                raise input_error(
-                    str(path),
-                    "holds rays from the world",
-                    "give rays from the panel; regress judges only those",
-                )
-            raw = {name: file[name] for name in ("pixel", "aperture_mm", *FIELDS) if name in file.files}
+                remedy = "give rays from the panel; regress judges only those"
+                raise input_error(str(path), "holds rays from the world", remedy)
+            raw = {name: file[name] for name in (*INPUT_ARRAYS, *FIELDS) if name in file.files}
     except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise input_error(str(path), f"cannot be read ({error})", "give an .npz of numbers") from None
     arrays = {}
@@ -163,16 +159,11 @@ def _of_arrays(path: Path) -> Foreign:
     n = len(arrays["pixel"])
     if not n:
         raise input_error(str(path), "holds no rays", "give at least one")
-    shapes = {"pixel": 2, "aperture_mm": 2, **FIELDS}
-    fields = {}
-    for name, width in shapes.items():
-        if name not in arrays:
-            continue
-        array = arrays[name][:, None] if arrays[name].ndim == 1 else arrays[name]
-        if array.shape != (n, width):
-            raise input_error(str(path), f"{name} has shape {arrays[name].shape}", f"give ({n}, {width})")
-        fields[name] = array
-    for name in ("pixel", "aperture_mm"):
-        if name in fields and not np.isfinite(fields[name]).all():
+    for name, array in arrays.items():
+        shape = (n, INPUT_ARRAYS.get(name) or FIELDS[name])
+        if (array[:, None] if array.ndim == 1 else array).shape != shape:
+            raise input_error(str(path), f"{name} has shape {array.shape}", f"give {shape}")
+        if name in INPUT_ARRAYS and not np.isfinite(array).all():
             raise input_error(str(path), f"{name} holds values that are not finite", "remove them")
-    return Foreign(fields.pop("pixel"), fields.pop("aperture_mm", None), fields)
+        arrays[name] = array.reshape(shape)
+    return Foreign(arrays.pop("pixel"), arrays.pop("aperture_mm", None), arrays)

@@ -7,8 +7,9 @@ bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from lippmann.diagnose.foreign import Foreign, Words
 from lippmann.display import Display
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
 Bools = npt.NDArray[np.bool_]
@@ -127,19 +129,22 @@ def _verdict(edge: Bools, wrong: Bools, finding: _Finding, compared: tuple[Compa
 class _Comparison:
     """Foreign rays beside golden's: N rays and their inputs.
 
-    `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off (an array
-    without a limit must be equal); `edge` (N,) marks rays whose status or lenslet changes within them. `wrong_by` tells
-    for each array which rays are wrong in it.
+    `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
+    `edge` (N,) marks rays whose status or lenslet changes within them.
     """
 
     given: Given
     fields: Arrays
     golden: Arrays
-    limits: dict[str, Floats]
+    limits: Arrays
     edge: Bools
-    wrong_by: dict[str, Bools]
 
-    @property
+    @cached_property
+    def wrong_by(self) -> dict[str, Bools]:
+        """The rays that are wrong, by array."""
+        return {name: self.wrong_in(name, values) for name, values in self.fields.items()}
+
+    @cached_property
     def wrong(self) -> Bools:
         """The rays that are wrong in some array."""
         return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
@@ -151,25 +156,25 @@ class _Comparison:
         columns = start if array.grid == "square" else start[:, :1]
         return np.asarray((columns == -0.5 * array.pitch_mm).any(axis=1))
 
+    def wrong_in(self, name: str, values: Floats) -> Bools:
+        """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
+        far = _distance(name, values, self.golden[name])
+        excused = self.edge & np.isfinite(far) & (name != "panel_mm")
+        return np.asarray((far > self.limits[name]) & ~excused)
+
     def some(self, chosen: npt.NDArray[np.intp]) -> _Comparison:
         """Return the comparison of some rays."""
-
-        def part(arrays: dict[str, Any]) -> dict[str, Any]:
-            return {name: array[chosen] for name, array in arrays.items()}
-
-        given, edge = self.given.some(chosen), self.edge[chosen]
-        return _Comparison(given, part(self.fields), part(self.golden), part(self.limits), edge, part(self.wrong_by))
-
-    def limit(self, name: str) -> Floats:
-        """Return how far an array may be off, (N,)."""
-        return self.limits.get(name, np.zeros(len(self.edge)))
+        fields, golden, limits = (
+            {key: array[chosen] for key, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
+        )
+        return _Comparison(self.given.some(chosen), fields, golden, limits, self.edge[chosen])
 
     def compared(self, name: str) -> Compared:
         """Return the summary of one array."""
         unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
         judged = ~self.edge
         far = _distance(name, self.fields[name], self.golden[name])[judged] * scale
-        limit = self.limit(name)[judged] * scale
+        limit = self.limits[name][judged] * scale
         limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
         wrong = int(self.wrong_by[name].sum())
         return Compared(name, STAGE_OF[name], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
@@ -193,13 +198,11 @@ def _compare(
             edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
             for name, far in most.items():
                 np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
+    limits = dict.fromkeys(WHOLE, np.zeros(n))
     place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
-    limits = dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
+    limits |= dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
     limits |= {name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}
-    seen = _Comparison(given, fields, rays, limits, edge, {})
-    for name, values in fields.items():
-        seen.wrong_by[name] = _wrong(seen, name, values)
-    return seen
+    return _Comparison(given, fields, rays, limits, edge)
 
 
 def _roundings(given: Given) -> tuple[Floats, Floats]:
@@ -226,19 +229,13 @@ def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
     return np.where(np.isfinite(far), far, np.inf)
 
 
-def _wrong(seen: _Comparison, name: str, values: Floats) -> Bools:
-    """Tell which rays are wrong in an array; on an edge only panel points and values that are not finite count."""
-    far = _distance(name, values, seen.golden[name])
-    excused = seen.edge & np.isfinite(far) & (name != "panel_mm")
-    return np.asarray((far > seen.limit(name)) & ~excused)
-
-
 # --- diagnosis --------------------------------------------------------------------------------------------------
 
 
 def _diagnosed(seen: _Comparison) -> _Finding:
     """Return stage, fault and share explained of rays that are wrong."""
-    first = min((STAGE_OF[name] for name, bad in seen.wrong_by.items() if bad.any()), key=STAGES.index)
+    bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
+    first = min((STAGE_OF[name] for name in bad), key=STAGES.index)
     if first == "status":
         return first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
     if _wrapped(seen):
@@ -246,9 +243,14 @@ def _diagnosed(seen: _Comparison) -> _Finding:
     if first == "exit":
         length = np.linalg.norm(seen.fields["direction"], axis=1)
         unit = seen.fields["direction"] / np.where(length > 0.0, length, 1.0)[:, None]
-        if not _wrong(seen, "direction", unit).any():
+        if not seen.wrong_in("direction", unit).any():
             return "exit", "direction not normalised: it is right but for its length", 1.0
-    late = _late(seen)
+
+    def equal(here: slice, there: slice) -> Bools:
+        far = {name: _distance(name, seen.fields[name][here], seen.golden[name][there]) for name in bad}
+        return np.asarray(np.all([far[name] <= seen.limits[name][there] for name in bad], axis=0))
+
+    late = _late(equal)
     if late:
         return "exit", late, 1.0
     return _best(seen) or _stale(seen) or (first, None, 0.0)
@@ -267,27 +269,17 @@ def _stale(seen: _Comparison) -> _Finding | None:
     return stage, f"stale register: rays {first} to {last} are of an earlier configuration ({fault})", share
 
 
-def _late(seen: _Comparison) -> str | None:
-    """Say by how many rays the wrong arrays came too late, or too early."""
+def _late(equal: Callable[[slice, slice], Bools]) -> str | None:
+    """Say by how many rays outputs came too late, or too early.
+
+    `equal(here, there)` tells which of the rays `here` have the values that the rays `there` should have.
+    """
     for lag in LAGS:
-        here, there = _shifted(lag)
-        right = [
-            _distance(name, seen.fields[name][here], seen.golden[name][there]) <= seen.limit(name)[there]
-            for name, bad in seen.wrong_by.items()
-            if bad.any()
-        ]
-        if len(right[0]) >= MANY and np.all(right, axis=0).mean() >= EXPLAINED:
-            return _lateness(lag)
+        here, there = (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
+        same = equal(here, there)
+        if len(same) >= MANY and same.mean() >= EXPLAINED:
+            return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has the values of ray k {-lag:+d}"
     return None
-
-
-def _shifted(lag: int) -> tuple[slice, slice]:
-    """Return which rays came, and which should have come, when all are `lag` late."""
-    return (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
-
-
-def _lateness(lag: int) -> str:
-    return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has the values of ray k {-lag:+d}"
 
 
 def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str:
@@ -347,7 +339,7 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
         if name in variant.silent:
             continue
         far, own = _distance(name, values, rays[name]), _distance(name, values, sample.golden[name])
-        right &= far <= sample.limit(name)
+        right &= far <= sample.limits[name]
         middle = np.mean if name in WHOLE else np.median
         wrong = sample.wrong_by[name]
         if wrong.any():
@@ -363,8 +355,8 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
 
 #: Words that are real numbers.
 REALS = ("x", "y", "z", "dx", "dy", "dz")
-#: Steps that compute words; the others are of the exit.
-WORD_STAGES = {**dict.fromkeys("ij", "lenslet"), **dict.fromkeys("xyz", "dome"), "status": "status"}
+#: The steps that compute words.
+WORD_STAGES = dict(zip(FixedRays._fields, ["lenslet"] * 2 + ["dome"] * 3 + ["exit"] * 3 + ["status"], strict=True))
 #: Words that may be taken for each other.
 SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "dx": "dy", "dy": "dx"})
 #: Words that may have the wrong sign.
@@ -373,35 +365,28 @@ SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx"
 
 def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
     twin = ray_pipeline(*words.inputs, words.registers, words.build)
-    wrong_by = {name: a != b for name, a, b in zip(FixedRays._fields, words.outputs, twin, strict=True)}
-    wrong: Bools = np.any(list(wrong_by.values()), axis=0)
-    compared = tuple(
-        Compared(
-            name,
-            WORD_STAGES.get(name, "exit"),
-            len(wrong),
-            int(wrong_by[name].sum()),
-            float(np.abs(got - wanted).max(initial=0)),
-            (0.0, 0.0),
-            "units of the last place" if name in REALS else "rays",
-        )
-        for name, got, wanted in zip(FixedRays._fields, words.outputs, twin, strict=True)
-    )
+    far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, words.outputs, twin, strict=True)}
+    wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
+    compared = []
+    for name, apart in far.items():
+        unit = "units of the last place" if name in REALS else "rays"
+        count, worst = int(np.count_nonzero(apart)), float(apart.max(initial=0))
+        compared.append(Compared(name, WORD_STAGES[name], len(wrong), count, worst, (0.0, 0.0), unit))
     finding: _Finding = (None, None, 0.0)
     if wrong.any():
         first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
-        finding = _diagnosed_words(foreign, words, given, twin, wrong_by, first)
-    return _verdict(np.zeros_like(wrong), wrong, finding, compared)
+        finding = _diagnosed_words(foreign, words, given, twin, wrong, first)
+    return _verdict(np.zeros_like(wrong), wrong, finding, tuple(compared))
 
 
 def _diagnosed_words(
-    foreign: Foreign, words: Words, given: Given, twin: FixedRays, wrong_by: dict[str, Bools], first: str
+    foreign: Foreign, words: Words, given: Given, twin: FixedRays, wrong: Bools, first: str
 ) -> _Finding:
     """Return stage, fault and share explained of words that differ from the twin's."""
     got, build = words.outputs, words.build
     if first == "status":
-        return first, _codes(got.status[:, None], twin.status[:, None], wrong_by["status"]), 1.0
-    lenslets = wrong_by["i"] | wrong_by["j"]
+        return first, _codes(got.status[:, None], twin.status[:, None], wrong), 1.0
+    lenslets: Bools = (got.i != twin.i) | (got.j != twin.j)
     rounding = None if lenslets.any() else _rounding(got, twin, build)
     slip = (first, rounding) if rounding else _slip(got, twin)
     if slip:
@@ -412,7 +397,7 @@ def _diagnosed_words(
     fields = {name: values for name, values in foreign.fields.items() if name != "origin_mm"}
     seen = _compare(fields, given, WORD_UNITS * unit, place, moved, moved)
     ties = lenslets & (seen.edge | seen.ties)
-    if (ties == np.any(list(wrong_by.values()), axis=0)).all():
+    if (ties == wrong).all():
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0
     if not seen.wrong.any():
         return first, "words differ by less than golden can tell: rounding, or the tie rule", 0.0
@@ -422,23 +407,26 @@ def _diagnosed_words(
 def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
     """Return stage and name of a fault that turns the twin's words into these, to the bit: a delay, a sign, a swap."""
 
-    def gives(words: FixedRays, here: slice = slice(None), there: slice = slice(None)) -> bool:
-        same = np.all([a[here] == b[there] for a, b in zip(got, words, strict=True)], axis=0)
+    def equal(here: slice, there: slice, words: FixedRays = twin) -> Bools:
+        return np.asarray(np.all([a[here] == b[there] for a, b in zip(got, words, strict=True)], axis=0))
+
+    def gives(**changed: Ints) -> bool:
+        same = equal(slice(None), slice(None), twin._replace(**changed))
         return len(same) >= MANY and bool(same.mean() >= EXPLAINED)
 
-    for lag in LAGS:
-        if gives(twin, *_shifted(lag)):
-            return "exit", _lateness(lag)
+    late = _late(equal)
+    if late:
+        return "exit", late
     for names in SIGNS:
-        if gives(twin._replace(**{name: -getattr(twin, name) for name in names})):
-            return WORD_STAGES.get(names[0], "exit"), f"sign of the words {', '.join(names)}"
+        if gives(**{name: -getattr(twin, name) for name in names}):
+            return WORD_STAGES[names[0]], f"sign of the words {', '.join(names)}"
     for swap in SWAPS:
-        if gives(twin._replace(**{name: getattr(twin, other) for name, other in swap.items()})):
-            return WORD_STAGES.get(next(iter(swap)), "exit"), f"words swapped: {', '.join(swap)}"
+        if gives(**{name: getattr(twin, other) for name, other in swap.items()}):
+            return WORD_STAGES[next(iter(swap))], f"words swapped: {', '.join(swap)}"
     for name, word, wanted in zip(FixedRays._fields, got, twin, strict=True):
         added = int(np.median(word - wanted))
-        if added and name != "status" and gives(twin._replace(**{name: wanted + added})):
-            return WORD_STAGES.get(name, "exit"), f"a constant added to the word {name}: {added:+d}"
+        if added and name != "status" and gives(**{name: wanted + added}):
+            return WORD_STAGES[name], f"a constant added to the word {name}: {added:+d}"
     return None
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.conditioning.digits import Numbers, TrueRays, exact_array, size, true_rays
+from lippmann.conditioning.digits import TrueRays, exact_array, size, true_rays
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -117,7 +117,7 @@ class Sample:
 
     def digits(self, model: Model) -> TrueRays:
         """Trace them in 50 digits."""
-        return true_rays(Numbers.of(self.display), self.pixels, self.aperture, model)
+        return true_rays(self.display, self.pixels, self.aperture, model)
 
 
 def fast_launch(display: Display, model: Model, aperture: str, rays: int) -> Callable[[int], float]:
