@@ -166,7 +166,7 @@ def test_the_command_with_a_set_up(mi, tmp_path, capfd, repository, monkeypatch)
     near = write_scene(tmp_path / "near.xml", light(), card(diffuse(), 999.0))
     command = ["export", "povray", str(near), "-o", str(tmp_path / "no"), "--setup", "scenes/setups/fig8a.toml"]
     assert run(command) == 2
-    assert "the scene extends" in capfd.readouterr().err
+    assert "the scene extends 1787 mm before" in capfd.readouterr().err
     assert not (tmp_path / "no").exists()
 
 

@@ -46,7 +46,9 @@ LEAST_HALF = 1 << 12
 MAX_ASTRAY = 8
 
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
-_TOO_NEAR = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
+_RAISE_GAP = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
+_TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
+_TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
@@ -88,31 +90,15 @@ class _Format(NamedTuple):
     fraction: int
     remedy: str
 
-
-def _formats(f: int) -> dict[str, _Format]:
-    """Return the format of each register in a build with F fraction bits."""
-    near = f + 2
-    far = near + 2
-    x = _Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}")
-    y = x._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
-    offset = _Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
-    slope = _Format(near, f, f"the panel stands too near for the pitch: {_TOO_NEAR}")
-    steep = _Format(near, f, "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm")
-    return {
-        **dict.fromkeys(("x_from_u", "x_from_v"), x),
-        **dict.fromkeys(("y_from_u", "y_from_v"), y),
-        **dict.fromkeys(("x_offset", "y_offset"), offset),
-        **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"), slope),
-        **dict.fromkeys(("point_x", "point_y", "point_aim_x", "point_aim_y", "cell_pitch_x", "cell_pitch_y"), steep),
-        "cell_half": steep._replace(fraction=f + 1),
-        "depth": _Format(far, f, _TOO_THICK),
-        "depth_rest": _Format(f + 9, f + 3, _TOO_THICK),
-        "exit_z": _Format(far, f + 1, _TOO_THICK),
-        "index": _Format(near + 1, f, _INDEX),
-        "index_square": _Format(far, f, _INDEX),
-        "index_inverse": _Format(near, f + 1, _INDEX),
-        "index_inverse_square": _Format(far, f, _INDEX),
-    }
+    def words(self, **values: float) -> dict[str, int]:
+        """Return the nearest words of values by register; refuse values for which the register is too narrow."""
+        words = {}
+        for name, value in values.items():
+            words[name] = math.floor(math.ldexp(value, self.fraction) + 0.5)
+            if not -(1 << (self.bits - 1)) <= words[name] < 1 << (self.bits - 1):
+                limit = 2.0 ** (self.bits - 1 - self.fraction)
+                raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", self.remedy)
+        return words
 
 
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
@@ -131,44 +117,47 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     _check_build(display, build, model)
     _check_panel(display)
     slope, point = _sums(display, build, model)
+    # Ranges that are narrower than the registers come first: their messages say more.
+    _check_curvature(display, build)
+    if exact:
+        _check_lens(display, build)
+    _check_reach(display, build, slope, point, reach_mm)
+
     # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit = model in ("paraxial", "exact") and array.plano_side == "viewer"
-
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
     frame = System.of(display).frame
     c, s, px = frame.cos, frame.sin, frame.pitch_mm
     zero_x, zero_y = frame.array_from_panel(0.0, 0.0)
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
-    values = {
-        "x_from_u": px * c / p,
-        "x_from_v": px * s / p,
-        "y_from_u": -px * s / row,
-        "y_from_v": px * c / row,
-        "x_offset": zero_x / p,
-        "y_offset": zero_y / row,
-        "depth": depth,
-        "depth_rest": 1.0 - rounded**2,
-        "index": n,
-        "index_square": n * n,
-        "index_inverse": 1.0 / n,
-        "index_inverse_square": 1.0 / n**2,
-        "exit_z": array.thickness_mm / R if flat_exit else 0.0,
-        "cell_half": 0.5 * p / R,
-        "cell_pitch_x": p / R,
-        "cell_pitch_y": row / R,
-    }
-    for axis, unit in (("x", p), ("y", row)):
-        values[f"slope_{axis}"], values[f"slope_aim_{axis}"] = (k * unit for k in slope)
-        values[f"point_{axis}"], values[f"point_aim_{axis}"] = (k * unit / R for k in point)
 
-    # Ranges that are narrower than the registers come first: their messages say more.
-    _check_curvature(display, build)
-    if exact:
-        _check_lens(display, build)
-    _check_reach(display, build, slope, point, reach_mm)
-    words = {name: _word(name, values[name], form) for name, form in _formats(f).items()}
+    near, far = f + 2, f + 4
+    slopes, points = _Format(near, f, _TOO_NEAR), _Format(near, f, _TOO_STEEP)
+    words = {
+        **_Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}").words(
+            x_from_u=px * c / p, x_from_v=px * s / p
+        ),
+        **_Format(SLOPE_BITS, SLOPE_FRACTION, f"give rows of lenslets more than 4 pixels apart {_PITCHES}").words(
+            y_from_u=-px * s / row, y_from_v=px * c / row
+        ),
+        **_Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel").words(
+            x_offset=zero_x / p, y_offset=zero_y / row
+        ),
+        **slopes.words(slope_x=slope[0] * p, slope_y=slope[0] * row),
+        **slopes.words(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
+        **points.words(point_x=point[0] * p / R, point_y=point[0] * row / R),
+        **points.words(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
+        **points.words(cell_pitch_x=p / R, cell_pitch_y=row / R),
+        **_Format(near, f + 1, _TOO_STEEP).words(cell_half=0.5 * p / R),
+        **_Format(far, f, _TOO_THICK).words(depth=depth),
+        **_Format(f + 9, f + 3, _TOO_THICK).words(depth_rest=1.0 - rounded**2),
+        **_Format(far, f + 1, _TOO_THICK).words(exit_z=array.thickness_mm / R if flat_exit else 0.0),
+        **_Format(near + 1, f, _INDEX).words(index=n),
+        **_Format(far, f, _INDEX).words(index_square=n * n, index_inverse_square=1.0 / n**2),
+        **_Format(near, f + 1, _INDEX).words(index_inverse=1.0 / n),
+    }
     half = 1 << (OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
     words["x_offset"] += half
     words["y_offset"] += half
@@ -190,15 +179,6 @@ def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, fl
         return (-1.0 / D, 1.0 / D - 1.0 / display.array.focal_length_mm), (0.0, 1.0)
     (m00, m01), (m10, m11) = ray_matrix(System.of(display)).tolist()
     return (m10 - m11 / D, m11 / D), (m00 - m01 / D, m01 / D)
-
-
-def _word(name: str, value: float, form: _Format) -> int:
-    """Return the nearest word of a value; refuse it where the register is too narrow."""
-    limit = 2.0 ** (form.bits - 1 - form.fraction)
-    word = math.floor(math.ldexp(value, form.fraction) + 0.5)
-    if not -(1 << (form.bits - 1)) <= word < 1 << (form.bits - 1):
-        raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", form.remedy)
-    return word
 
 
 def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
@@ -280,7 +260,7 @@ def _check_reach(
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
-            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: {_TOO_NEAR}"
+            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: {_RAISE_GAP}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
     if furthest >= MAX_POINT:

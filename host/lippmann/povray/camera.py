@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.povray.text import block, rows, vector
+from lippmann.rendering.placement import Triple
 
 Floats = npt.NDArray[np.float64]
 
@@ -22,41 +23,19 @@ FACE_MM = 10.0
 SPARE_ROWS = 1
 
 
-def pinhole(
-    position_mm: tuple[float, float, float],
-    to_window: tuple[float, float, float],
-    right_mm: tuple[float, float, float],
-    up_mm: tuple[float, float, float],
-) -> str:
-    """Return a pinhole camera that looks through a window.
-
-    Parameters
-    ----------
-    position_mm
-        The pinhole.
-    to_window
-        From the pinhole to the window's centre, mm.
-    right_mm, up_mm
-        The window's width and height, along its sides.
-    """
+def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: float) -> str:
+    """Return a pinhole camera that looks through an upright window; `to_window` leads to the window's centre, mm."""
     return block(
         "camera",
         f"perspective location {vector(position_mm)}",
-        f"right {vector(right_mm)} up {vector(up_mm)} direction {vector(to_window)}",
+        f"right {vector((width_mm, 0, 0))} up {vector((0, height_mm, 0))} direction {vector(to_window)}",
     )
 
 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
     """Write a camera with one ray for each pixel: the ray of pixel k starts at the centre of face k, along its normal.
 
-    Parameters
-    ----------
-    path
-        The file.
-    origin_mm
-        (N, 3), row by row from the image's top left.
-    direction
-        (N, 3), unit.
+    The origins and the unit directions are (N, 3), row by row from the picture's top left.
     """
     # Two unit vectors perpendicular to each ray; the first from the axis that is most perpendicular to it.
     helper = np.eye(3)[np.abs(direction).argmin(axis=1)]

@@ -5,16 +5,13 @@ The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,11 +20,12 @@ from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
 from lippmann.images import read_picture, replacing
-from lippmann.optics.rays import Model, gets_through
+from lippmann.optics.rays import Floats, Model, gets_through
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
 from lippmann.povray.program import Run, run_povray
 from lippmann.povray.scene import write_scene
 from lippmann.povray.text import plain
+from lippmann.rendering.placement import Triple
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
 
@@ -44,16 +42,9 @@ global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported folder.
+    """An exported folder: the .ini file that POV-Ray renders, in that folder, and the names of all files.
 
-    Attributes
-    ----------
-    ini
-        Its .ini file; `povray` renders it, in that folder.
-    files
-        Names of the files that were written, in order.
-    spare_rows
-        Surplus rows at the top of POV-Ray's image.
+    POV-Ray's picture has `spare_rows` rows on top that are not part of the picture.
     """
 
     ini: Path
@@ -82,20 +73,10 @@ class Exported:
 
 @dataclass(frozen=True)
 class View:
-    """Camera and optics that POV-Ray renders a scene through.
+    """A picture of a scene: its camera, and the optics between camera and scene, as text.
 
-    Attributes
-    ----------
-    camera
-        The camera's text, or an include of its file.
-    width_px, height_px
-        Size of the image.
-    optics
-        Text of the optics between camera and scene.
-    faces
-        Refracting faces of the optics that a ray may meet.
-    spare_rows
-        See `Exported`.
+    `faces` is the number of the optics' refracting faces that a ray may meet. `rays` are the origins (mm) and unit
+    directions of a camera of single rays, (N, 3) each.
     """
 
     camera: str
@@ -103,11 +84,11 @@ class View:
     height_px: int
     optics: str = ""
     faces: int = 0
-    spare_rows: int = 0
+    rays: tuple[Floats, Floats] | None = None
 
 
-def write_folder(scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] | None = None) -> Exported:
-    """Write all files; they appear in `folder`, which is made when missing, all at once.
+def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
+    """Write all files; they appear in `folder`, which is made when missing, when all are there.
 
     Raises
     ------
@@ -116,42 +97,37 @@ def write_folder(scene: Scene, view: View, folder: Path, rays: tuple[Any, Any] |
     """
     check_folder(folder)
     name = plain(scene.path.stem)
-    with _partial(folder) as partial:
-        write_scene(scene.path, scene.placement, partial)
-        (partial / "camera.inc").write_text(view.camera + "\n")
-        if rays is not None:
-            write_rays(partial / "rays.inc", *rays)
-        includes = ["camera.inc", "scene.inc"]
-        if view.optics:
-            (partial / "optics.inc").write_text(view.optics + "\n")
-            includes.insert(1, "optics.inc")
-        head = HEADER.format(name=name, levels=MAX_DEPTH + view.faces)
-        (partial / f"{name}.pov").write_text(head + "".join(f'#include "{file}"\n' for file in includes))
-        (partial / f"{name}.ini").write_text(
-            f"Input_File_Name={name}.pov\nOutput_File_Name={name}.exr\nOutput_File_Type=E\n"
-            f"Width={view.width_px}\nHeight={view.height_px + view.spare_rows}\n"
-            "Antialias=off\nDisplay=off\nPause_When_Done=off\n"
-        )
-        files = sorted(file.name for file in partial.iterdir())
-        for file in files:
-            if (folder / file).is_dir():
-                raise input_error(str(folder / file), "is a folder", "choose another place for the export")
-        folder.mkdir(exist_ok=True)
-        for file in files:
-            os.replace(partial / file, folder / file)
-    return Exported(folder / f"{name}.ini", tuple(files), view.spare_rows)
-
-
-@contextlib.contextmanager
-def _partial(folder: Path) -> Iterator[Path]:
-    """Provide a temporary folder beside another one; errors of the file system become `InputError`."""
+    spare_rows = 0 if view.rays is None else SPARE_ROWS
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
-            yield Path(place)
+            partial = Path(place)
+            write_scene(scene.path, scene.placement, partial)
+            (partial / "camera.inc").write_text(view.camera + "\n")
+            if view.rays is not None:
+                write_rays(partial / "rays.inc", *view.rays)
+            includes = ["camera.inc", "scene.inc"]
+            if view.optics:
+                (partial / "optics.inc").write_text(view.optics + "\n")
+                includes.insert(1, "optics.inc")
+            head = HEADER.format(name=name, levels=MAX_DEPTH + view.faces)
+            (partial / f"{name}.pov").write_text(head + "".join(f'#include "{file}"\n' for file in includes))
+            (partial / f"{name}.ini").write_text(
+                f"Input_File_Name={name}.pov\nOutput_File_Name={name}.exr\nOutput_File_Type=E\n"
+                f"Width={view.width_px}\nHeight={view.height_px + spare_rows}\n"
+                "Antialias=off\nDisplay=off\nPause_When_Done=off\n"
+            )
+            files = sorted(file.name for file in partial.iterdir())
+            for file in files:
+                if (folder / file).is_dir():
+                    raise input_error(str(folder / file), "is a folder", "choose another place for the export")
+            folder.mkdir(exist_ok=True)
+            for file in files:
+                os.replace(partial / file, folder / file)
     except OSError as error:
         raise input_error(
             str(folder), f"cannot be written ({error.strerror})", "free space or choose another place"
         ) from None
+    return Exported(folder / f"{name}.ini", tuple(files), spare_rows)
 
 
 def check_folder(folder: Path) -> Path:
@@ -165,10 +141,10 @@ def check_folder(folder: Path) -> Path:
     return folder
 
 
-def export_view(scene: Scene, eye_mm: tuple[float, float, float], window: Window, folder: Path) -> Exported:
-    """Write the scene as an eye sees it through a window in z = 0, without a display."""
+def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
+    """Write the scene as an eye sees it through a window in z = 0, with no display in between."""
     x, y, z = eye_mm
-    camera = pinhole(eye_mm, (-x, -y, -z), (window.width_mm, 0.0, 0.0), (0.0, window.height_mm, 0.0))
+    camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
     return write_folder(scene, View(camera, window.width_px, window.height_px), folder)
 
 
@@ -201,5 +177,5 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     # A ray that the lenslets block shall see nothing: it looks away from the scene.
     direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
     origin[~active] = (0.0, 0.0, near)
-    view = View('#include "rays.inc"', panel.width_px, panel.height_px, spare_rows=SPARE_ROWS)
-    return write_folder(scene, view, folder, (origin, direction))
+    view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))
+    return write_folder(scene, view, folder)

@@ -12,37 +12,29 @@ to 2 % up to 50 degrees and too bright beyond. The specular reflection follows F
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from lippmann.povray.source import Item
 from lippmann.povray.text import block, identifier, number, plain, vector
+from lippmann.rendering.placement import Triple
 from lippmann.variant import mitsuba
 
-Colour = tuple[float, float, float]
 #: Fade distance of point lights, mm.
 FADE_MM = 1e-3
 
 SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or not"
 
 
-@dataclass(frozen=True)
-class Picture:
-    """An image texture: its file in the exported folder, whether it is sRGB, and whether it is interpolated."""
+class Side(NamedTuple):
+    """One side of a surface: POV-Ray's pigments for a mesh and for a sphere, which differ for a picture; its finish."""
 
-    file: str
-    srgb: bool
-    bilinear: bool
-
-
-@dataclass(frozen=True)
-class Side:
-    """Appearance of one side of a surface: colour or image texture, and POV-Ray's finish."""
-
-    colour: Colour | Picture
+    pigment: str
+    sphere: str
     finish: str
-    transmit: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,43 +45,32 @@ class Material:
     front: Side
     back: Side
     index: float | None = None
-
-    @property
-    def clear(self) -> bool:
-        """Whether light passes."""
-        return self.front.transmit
+    clear: bool = False
 
     @property
     def pictures(self) -> bool:
-        """Whether it has an image texture."""
-        return any(isinstance(side.colour, Picture) for side in (self.front, self.back))
+        """Tell whether there is a picture on it."""
+        return any(side.pigment != side.sphere for side in (self.front, self.back))
 
     def declarations(self, spherical: bool) -> dict[str, str]:
         """Return the textures of front and back by name, for a sphere, or for a mesh with uv."""
         stem = f"{self.name}_sphere" if spherical and self.pictures else self.name
         sides = {stem: self.front} if self.back == self.front else {stem: self.front, f"{stem}_back": self.back}
-        return {name: _texture(side, spherical) for name, side in sides.items()}
+        return {
+            name: block(
+                "texture", side.sphere if spherical else side.pigment, block("finish", "ambient 0 " + side.finish)
+            )
+            for name, side in sides.items()
+        }
 
 
-BLACK = Side((0.0, 0.0, 0.0), "diffuse 0")
+def _plain(colour: Triple, finish: str) -> Side:
+    pigment = block("pigment", f"rgb {vector(colour)}")
+    return Side(pigment, pigment, finish)
 
 
-def _texture(side: Side, spherical: bool) -> str:
-    if isinstance(side.colour, Picture):
-        picture = side.colour
-        parts = [
-            f'png "{picture.file}" gamma {"srgb" if picture.srgb else "1.0"}',
-            "map_type 1" if spherical else "map_type 0",
-            "interpolate 2" if picture.bilinear else "",
-        ]
-        pigment = block("image_map", " ".join(part for part in parts if part))
-        if spherical:
-            # Longitude is about z in Mitsuba, about y in POV-Ray.
-            pigment += " matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>"
-    else:
-        pigment = f"rgb{'t' if side.transmit else ''} {vector([*side.colour, 1.0] if side.transmit else side.colour)}"
-    mapping = "uv_mapping " if isinstance(side.colour, Picture) and not spherical else ""
-    return block("texture", f"{mapping}{block('pigment', pigment)}", block("finish", f"ambient 0 {side.finish}"))
+BLACK = _plain((0.0, 0.0, 0.0), "diffuse 0")
+CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
 
 class Materials:
@@ -119,42 +100,43 @@ class Materials:
         if item.plugin == "twosided":
             sides = [self._one(inner) for inner in item.children()]
             item.refuse_leftovers()
-            return Material(name, sides[0][0], sides[-1][0], sides[0][1])
+            return Material(name, sides[0][0], sides[-1][0], sides[0][1], sides[0][0].pigment == CLEAR)
         front, index = self._one(item)
-        return Material(name, front, front if front.transmit else BLACK, index)
+        clear = front.pigment == CLEAR
+        return Material(name, front, front if clear else BLACK, index, clear)
 
     def _one(self, item: Item) -> tuple[Side, float | None]:
-        reader = {
+        """Return the look of a material's front, and the index of what it encloses."""
+        readers = {
             "diffuse": self._diffuse,
             "conductor": self._mirror,
             "dielectric": self._glass,
             "plastic": self._plastic,
-        }.get(item.plugin)
-        if reader is None:
+        }
+        if item.plugin not in readers:
             raise item.refusal("has no counterpart in POV-Ray", SUBSET)
-        side = reader(item)
+        side = readers[item.plugin](item)
         item.refuse_leftovers()
         return side
 
     def _diffuse(self, item: Item) -> tuple[Side, float | None]:
-        return Side(self._colour(item, "reflectance"), "diffuse 1"), None
+        return self._coloured(item, "reflectance", "diffuse 1"), None
 
     def _mirror(self, item: Item) -> tuple[Side, float | None]:
-        if item.text("material", "Cu") != "none" or item.has("eta") or item.has("k"):
+        if item.value("material", "Cu") != "none" or item.has("eta") or item.has("k"):
             raise item.refusal("has a complex index", "give material none and a specular_reflectance")
         tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
-        return Side((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}"), None
+        return _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}"), None
 
     def _glass(self, item: Item) -> tuple[Side, float | None]:
         for name in ("specular_reflectance", "specular_transmittance"):
             if item.triple(name, (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
                 raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
         finish = "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy"
-        return Side((1.0, 1.0, 1.0), finish, transmit=True), self._index(item)
+        return Side(CLEAR, CLEAR, finish), self._index(item)
 
     def _plastic(self, item: Item) -> tuple[Side, float | None]:
-        colour = self._colour(item, "diffuse_reflectance")
-        if item.flag("nonlinear", False):
+        if item.value("nonlinear", False):
             raise item.refusal("is nonlinear", "leave nonlinear out")
         tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
         index = self._index(item)
@@ -162,33 +144,40 @@ class Materials:
         inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
         diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
         finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
-        return Side(colour, finish), index
+        return self._coloured(item, "diffuse_reflectance", finish), index
 
     def _index(self, item: Item) -> float:
-        """Return the relative index; names are looked up in Mitsuba's own table of materials."""
-        # Defaults from the documentation of Mitsuba's dielectric and plastic.
-        inside = item.text("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
-        outside = item.text("ext_ior", "air")
-        given = {name: _number_or_name(value) for name, value in (("int_ior", inside), ("ext_ior", outside))}
+        """Return the relative index, by Mitsuba's own table of materials where it is named."""
+        # The defaults of Mitsuba's dielectric and plastic: their documentation.
+        inside = item.value("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
+        given: dict[str, float | str] = {"int_ior": inside, "ext_ior": item.value("ext_ior", "air")}
+        for name, value in given.items():
+            with contextlib.suppress(ValueError):  # the name of a material
+                given[name] = float(value)
         try:
             glass = self._mi.load_dict({"type": "dielectric", **given})
         except Exception as error:  # Mitsuba's errors have no common base
             raise item.refusal(f"has an unknown index ({' '.join(str(error).split())[:100]})", "give it") from None
         return float(self._mi.traverse(glass)["eta"])
 
-    def _colour(self, item: Item, name: str) -> Colour | Picture:
+    def _coloured(self, item: Item, name: str, finish: str) -> Side:
+        """Return a side with the colour or the picture that a property gives."""
         texture = item.child(name)
         if texture is None:
-            return item.triple(name, (0.5, 0.5, 0.5))
+            return _plain(item.triple(name, (0.5, 0.5, 0.5)), finish)
         if texture.plugin != "bitmap":
             raise texture.refusal("has no counterpart", "use a colour or a bitmap")
-        if texture.text("wrap_mode", "repeat") != "repeat":
+        if texture.value("wrap_mode", "repeat") != "repeat":
             raise texture.refusal("has a wrap_mode other than repeat", "leave it out")
-        bilinear = texture.text("filter_type", "bilinear") == "bilinear"
-        raw = texture.flag("raw", False)
+        interpolate = " interpolate 2" if texture.value("filter_type", "bilinear") == "bilinear" else ""
+        raw = texture.value("raw", False)
         file = self._picture(texture, raw)
         texture.refuse_leftovers()
-        return Picture(file, not raw, bilinear)
+        image = f'png "{file}" gamma {"1.0" if raw else "srgb"} map_type'
+        mesh, sphere = (block("image_map", f"{image} {shape}{interpolate}") for shape in (0, 1))
+        # Longitude runs about Mitsuba's z, and about POV-Ray's y.
+        sphere = block("pigment", f"{sphere} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>")
+        return Side(f"uv_mapping {block('pigment', mesh)}", sphere, finish)
 
     def _picture(self, texture: Item, raw: bool) -> str:
         """Copy an image texture as an 8-bit PNG; return its name in the exported folder."""
@@ -212,14 +201,7 @@ class Materials:
         return self._pictures[key]
 
 
-def _number_or_name(value: str) -> float | str:
-    try:
-        return float(value)
-    except ValueError:
-        return value
-
-
-def point_light(position_mm: Colour, intensity: Colour) -> str:
+def point_light(position_mm: Triple, intensity: Triple) -> str:
     """Return a point light of an intensity (radiance times mm^2)."""
     colour = [value / (2.0 * math.pi * FADE_MM**2) for value in intensity]
     fade = f"fade_distance {number(FADE_MM)} fade_power 2"

@@ -49,12 +49,8 @@ def setup_view(setup: Setup) -> View:
     to_plane = setup.camera_distance_mm
     assert to_plane is not None
     origin = object_from_lens(setup, 0.0)
-    camera = pinhole(
-        (0.0, 0.0, origin + setup.pickup.distance_mm),
-        (0.0, 0.0, -to_plane),
-        (panel.width_mm, 0.0, 0.0),
-        (0.0, panel.height_mm, 0.0),
-    )
+    position = (0.0, 0.0, origin + setup.pickup.distance_mm)
+    camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
     parts = [lenslets(setup)]
     faces = ARRAY_FACES
     if isinstance(setup.lens, LensPair):
@@ -80,12 +76,12 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
     # The sphere's centre is 1 / c behind its vertex along the lens's z, which is opposite to the object's.
     centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
     ends = [origin_mm - face.z_mm for face in (curved, flat)]
+    outward = math.copysign(1.0, ends[1] - ends[0])
     solid = block(
         "intersection",
         f"cylinder {{ {vector((0, 0, ends[0]))}, {vector((0, 0, ends[1]))}, {number(radius)} open {BLACK} }}",
         f"sphere {{ {vector((0, 0, centre))}, {number(1.0 / abs(curved.curvature))} {GLASS} }}",
-        f"plane {{ {vector((0, 0, math.copysign(1.0, ends[1] - ends[0])))}, "
-        f"{number(ends[1] * math.copysign(1.0, ends[1] - ends[0]))} {GLASS} }}",
+        f"plane {{ {vector((0, 0, outward))}, {number(ends[1] * outward)} {GLASS} }}",
         f"interior {{ ior {number(pair.index)} }} no_shadow",
     )
     hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
@@ -119,21 +115,17 @@ def lenslets(setup: Setup) -> str:
     place = np.eye(4)
     place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
     place[:3, 3] = *frame.offset_mm, vertex
-    starts = ", ".join(str(first) for _, first, _ in rows)
-    ends = ", ".join(str(last) for _, _, last in rows)
-    return "\n".join(
-        [
-            lenslet,
-            f"#declare L_first = array[{len(rows)}] {{ {starts} }}",
-            f"#declare L_last = array[{len(rows)}] {{ {ends} }}",
-            f"#for (Row, 0, {len(rows) - 1})",
-            "  #for (Column, L_first[Row], L_last[Row])",
-            f"    object {{ L_lenslet translate <Column * {number(p)} + (Row + {rows[0][0]}) * {number(step_x)}, "
-            f"(Row + {rows[0][0]}) * {number(step_y)}, 0> {matrix(place)} }}",
-            "  #end",
-            "#end",
-        ]
-    )
+    starts, ends = (", ".join(str(row[k]) for row in rows) for k in (1, 2))
+    row = f"(Row + {rows[0][0]})"
+    at = f"Column * {number(p)} + {row} * {number(step_x)}, {row} * {number(step_y)}, 0"
+    return f"""{lenslet}
+#declare L_first = array[{len(rows)}] {{ {starts} }}
+#declare L_last = array[{len(rows)}] {{ {ends} }}
+#for (Row, 0, {len(rows) - 1})
+  #for (Column, L_first[Row], L_last[Row])
+    object {{ L_lenslet translate <{at}> {matrix(place)} }}
+  #end
+#end"""
 
 
 def _prism(setup: Setup, near: float, far: float) -> str:
@@ -142,11 +134,10 @@ def _prism(setup: Setup, near: float, far: float) -> str:
     low, high = min(near, far), max(near, far)
     if array.grid == "square":
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
-    corners = [
-        (2.0 * half / math.sqrt(3.0) * math.cos(turn), 2.0 * half / math.sqrt(3.0) * math.sin(turn))
-        for turn in np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
-    ]
-    # POV-Ray's prisms are along y; the matrix rotates it to z.
+    turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
+    radius = 2.0 * half / math.sqrt(3.0)
+    corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+    # A prism stands along y; the matrix lays it along z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, 7, {points}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lippmann.povray.materials import Material, Materials, point_light
 from lippmann.povray.source import Item, Tree
 from lippmann.povray.text import block, identifier, matrix, plain, rows
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import ORIGIN, Placement
 from lippmann.variant import mitsuba
 
 Array = npt.NDArray[Any]
@@ -27,16 +27,7 @@ GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, a file for each mesh, and the image textures.
-
-    Parameters
-    ----------
-    path
-        The scene file.
-    placement
-        From scene units to mm.
-    folder
-        An existing folder.
+    """Write `scene.inc`, a file for each mesh, and the pictures of a scene file to a folder that exists.
 
     Raises
     ------
@@ -62,17 +53,18 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
 def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
-    place = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", (0.0, 0.0, 0.0)), 1.0])
-    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
+    x, y, z, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
+    # In scene units a surface at distance d gets I / d^2; in mm both squares grow by the scale's.
     area = placement.scale**2
     red, green, blue = item.triple("intensity", (1.0, 1.0, 1.0))
     item.refuse_leftovers()
-    return point_light((place[0], place[1], place[2]), (area * red, area * green, area * blue))
+    return point_light((x, y, z), (area * red, area * green, area * blue))
 
 
 def _shape(
     item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, number: int
 ) -> list[str]:
+    """Return the objects of a shape, and add its textures to those declared; `number` makes its names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
     material = None
@@ -95,13 +87,13 @@ def _shape(
 def _sphere(item: Item, placement: Placement) -> str:
     """Return the unit sphere with its transform, which applies to its image texture too."""
     to_world = item.matrix()
-    to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", (0.0, 0.0, 0.0)))
-    to_world[:3, :3] *= item.number("radius", 1.0)
+    to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", ORIGIN))
+    to_world[:3, :3] *= item.value("radius", 1.0)
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
-        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
-    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a transform that mirrors.
-    if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.flag("flip_normals", False):
+        raise item.refusal("is no sphere where it stands", "scale it alike in all directions")
+    # Mitsuba turns a sphere inside out for flip_normals, for a negative radius and for a mirror in its transform.
+    if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
@@ -118,20 +110,20 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
         _check_closed(item, points, faces)
     points = points @ placement.display_from_scene[:3, :3].T
     points += placement.display_from_scene[:3, 3]
-    parts = ["vertex_vectors", rows(points)]
+    parts = {"vertex_vectors": points}
     if mesh.has_vertex_normals():
         normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
-        # flip_normals does not change the file's normals.
-        facing = -1.0 if item.flag("flip_normals", False) else 1.0
-        parts += ["normal_vectors", rows(facing * normals / placement.scale)]
+        # The file's, which flip_normals leaves as they are.
+        facing = -1.0 if item.value("flip_normals", False) else 1.0
+        parts["normal_vectors"] = facing * normals / placement.scale
     if mesh.has_vertex_texcoords():
-        # The first row of a texture is v = 0 in Mitsuba and v = 1 in POV-Ray.
-        parts += ["uv_vectors", rows(_column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0])]
+        # The first row of a picture is v = 0 in Mitsuba and v = 1 in POV-Ray.
+        parts["uv_vectors"] = _column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0]
     elif material.pictures:
-        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
-    parts += ["face_indices", rows(faces)]
+        raise item.refusal("has a picture on it but no uv", "give the mesh uv, or the material a colour")
+    parts["face_indices"] = faces
     name = f"{stem}-{number}.inc"
-    body = "\n".join(_braced(parts))
+    body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())
     declared = identifier("mesh", number, stem)
     (folder / name).write_text(f"#declare {declared} = mesh2 {{\n{body}\n}}\n")
     return f'#include "{name}"\nobject {{ {declared} @ }}'
@@ -178,10 +170,6 @@ def _check_closed(item: Item, points: Array, faces: Array) -> None:
         raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
 
 
-def _braced(parts: list[str]) -> list[str]:
-    return [f"{keyword} {{ {values} }}" for keyword, values in zip(parts[::2], parts[1::2], strict=True)]
-
-
 def _load(item: Item) -> tuple[Any, str]:
     """Return Mitsuba's mesh, in scene units, and a name for it."""
     mi = mitsuba()
@@ -193,8 +181,8 @@ def _load(item: Item) -> tuple[Any, str]:
         stem = plain(path.stem)
         for name in ("face_normals", "flip_tex_coords"):
             if item.has(name):
-                given[name] = item.flag(name, False)
-    if item.flag("flip_normals", False):
+                given[name] = item.value(name, False)
+    if item.value("flip_normals", False):
         given["flip_normals"] = True
     try:
         shape = mi.load_dict(given)
@@ -214,7 +202,7 @@ def _object(geometry: str, material: Material, textures: dict[str, str], spheric
     front, back = next(iter(declared)), list(declared)[-1]
     look = f"texture {{ {front} }} interior_texture {{ {back} }}"
     if material.index is not None:
-        look += " interior { ior " + f"{material.index:.9g}" + " }"
+        look += f" interior {{ ior {material.index:.9g} }}"
     if not material.clear:
         return [geometry.replace("@", look)]
     # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.

@@ -7,15 +7,17 @@ supports; the remaining ones are errors that name property, file and line.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
+from lippmann.rendering.placement import Triple
 from lippmann.variant import mitsuba
 
 Matrix = npt.NDArray[np.float64]
+Value = TypeVar("Value", float, str, bool)
 
 
 class Item:
@@ -34,13 +36,12 @@ class Item:
 
     @property
     def where(self) -> str:
-        """Its file, line and column."""
-        place: str = self.tree.mi.parser.file_location(self.tree.state, self._node)
-        return place
+        """Where it stands: file, line and column."""
+        return str(self.tree.mi.parser.file_location(self.tree.state, self._node))
 
     def path(self, name: str) -> Path:
-        """Return the path that a property names, relative to the scene or to the included file that names it."""
-        given = self.text(name, "")
+        """Return the file that a property names: beside the scene, or beside the included file that names it."""
+        given = self.value(name, "")
         beside = self.tree.path.parent / given
         return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
 
@@ -57,26 +58,16 @@ class Item:
         """Tell whether a property is given."""
         return name in self._properties
 
-    def number(self, name: str, default: float) -> float:
-        """Return a number."""
+    def value(self, name: str, default: Value) -> Value:
+        """Return a number, a text or a truth value: of the default's type."""
         value = self._take(name)
         if value is None:
             return default
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.refusal(f"has a {name} that is not a number", "give a number")
-        return float(value)
+        if type(default) is float and type(value) not in (int, float):
+            raise self.refusal(f"has a {name} that is no number", "give a number")
+        return type(default)(value)
 
-    def flag(self, name: str, default: bool) -> bool:
-        """Return a Boolean."""
-        value = self._take(name)
-        return default if value is None else bool(value)
-
-    def text(self, name: str, default: str) -> str:
-        """Return a text."""
-        value = self._take(name)
-        return default if value is None else str(value)
-
-    def triple(self, name: str, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    def triple(self, name: str, default: Triple) -> Triple:
         """Return a point or a colour."""
         value = self._take(name)
         if value is None:
@@ -106,14 +97,14 @@ class Item:
         return Item(self.tree, value.index())
 
     def children(self) -> list[Item]:
-        """Return the nested and referenced objects that are not yet read, in order."""
-        found = [
-            (name, Item(self.tree, value.index()))
+        """Return all objects that this one holds or refers to and that are not yet read, in their order."""
+        found = {
+            name: Item(self.tree, value.index())
             for name, value in self._properties.items()
             if isinstance(value, self.tree.reference) and name not in self._read
-        ]
-        self._read.update(name for name, _ in found)
-        return [item for _, item in found]
+        }
+        self._read.update(found)
+        return list(found.values())
 
     def refuse_leftovers(self) -> None:
         """Raise for the first property that has not been read."""
