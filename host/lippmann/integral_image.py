@@ -1,7 +1,7 @@
 """The integral image: radiance, the display that it was made for, and metadata.
 
-A file carries the identity of the display and the transfer curve and bits of its panel; `IntegralImage.load` checks
-them.
+A file carries the identity of the display and the transfer curve and bits of its panel. `IntegralImage.load` checks the
+identity, and in a PNG, which contains panel values, curve and bits too; linear radiance fits every curve.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class IntegralImage(Showable):
 
     @classmethod
     def load(cls, path: str | Path, display: Display, force: bool = False) -> IntegralImage:
-        """Read an image that was made for a display. Version 0.1 saved no bits; they are not checked then.
+        """Read an image that was made for a display. Version 0.1 saved no bits, which are then not checked.
 
         Parameters
         ----------
@@ -104,8 +104,8 @@ class IntegralImage(Showable):
         Raises
         ------
         InputError
-            When the file is missing, broken, of another size, or made for another display, transfer curve or number of
-            bits.
+            When the file is missing, broken, of another size, or made for another display, or is a PNG for another
+            transfer curve or number of bits.
         """
 
         def accept(metadata: Mapping[str, str]) -> None:
@@ -133,12 +133,12 @@ def check_identity(metadata: Mapping[str, str], display: Display, source: str, e
     source
         Names the file in the error.
     encoded
-        Whether the file contains panel values. In linear files of version 0.1, without bits, `transfer` is the file's.
+        Whether the file contains panel values, which depend on transfer curve and bits.
 
     Raises
     ------
     InputError
-        When identity, transfer curve or bits differ, or there is no identity.
+        When the identity is missing or differs, or transfer curve or bits of panel values differ.
     """
     identity = metadata.get("identity")
     if identity != display.identity:
@@ -153,7 +153,7 @@ def check_identity(metadata: Mapping[str, str], display: Display, source: str, e
         )
     for key, wanted in _tones(display).items():
         found = metadata.get(key, wanted)
-        if found != wanted and (encoded or "bits" in metadata):
+        if encoded and found != wanted:
             raise InputError(
                 f"{source}: was made for a panel with {key} {found}, '{display.name}' has {key} {wanted}; render it "
                 "for this display, or give --force (force=True in Python)"

@@ -440,7 +440,7 @@ def test_what_is_no_scene(place, capfd, mi):
         ("absent.xml", "no such scene; give"),
         (".", "no such scene; give"),
         ("tiny.toml", r"is not a Mitsuba scene; give an \.xml"),
-        ("shape.xml", "holds no scene; make <scene>"),
+        ("shape.xml", "contains no scene; make <scene>"),
     ):
         line = refused(capfd, "render", name, "--display", "tiny.toml", "-o", "a.exr")
         assert re.search(rf"{re.escape(name)}: {message}", line)
@@ -560,9 +560,7 @@ def test_a_display_that_does_not_match_the_picture(place, picture, capfd):
     (place / "wide.toml").write_text(TINY.replace("= 64\n", "= 65\n"))
     look = ("observe", "a.exr", "--eye", "0,0,600", "-o", "v.png", "--width", "8", "--device", "llvm")
     line = refused(capfd, *look, "--display", "other.toml")
-    assert re.search(
-        r"a\.exr: was rendered for display .*; give the display that it was rendered for, or --force", line
-    )
+    assert re.search(r"a\.exr: was made for display .*; give the display that it was made for, or --force", line)
     assert lippmann(capfd, *look, "--display", "other.toml", "--force")[0] == 0
     assert re.search(
         r"a\.exr: is 64 x 48 pixels, the panel 65 x 48; render", refused(capfd, *look, "--display", "wide.toml")
@@ -594,7 +592,7 @@ def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
     def lacking(_):
         raise MissingLibraryError("mitsuba cannot be imported (no libLLVM); run make setup")
 
-    monkeypatch.setattr("lippmann.cli.render.start_mitsuba", lacking)
+    monkeypatch.setattr("lippmann.variant.start_mitsuba", lacking)
     assert refused(capfd, *render("-o", "a.exr"), code=3).endswith("run make setup")
 
 
@@ -604,7 +602,7 @@ def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
 SLOW_RENDER = """
 import signal
 import sys
-import lippmann.cli.render as command
+import lippmann.rendering.integral as command
 import lippmann.rendering.renderer as renderer
 from lippmann.cli import main
 # A shell may have told its background jobs to ignore it.
@@ -614,7 +612,7 @@ whole = command.render_integral
 def announced(*arguments):
     def progress(done, total):
         print("started", file=sys.stderr, flush=True)
-    return whole(*arguments[:5], progress)
+    return whole(*arguments[:4], progress)
 command.render_integral = announced
 main(sys.argv[1:])
 """
