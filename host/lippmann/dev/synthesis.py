@@ -6,7 +6,6 @@ by a hash of their inputs: a configuration is placed and routed again only when 
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import importlib.metadata
 import json
@@ -15,8 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +22,14 @@ import click
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
-from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.errors import LippmannError
 from lippmann.fixed.configurations import Named, chosen
 from lippmann.images import check_output
-from lippmann.measure.fixed import FixedError, measure
+from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
 from lippmann.report.tables import table, write_report
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import needed, optics_sources, repository, verilator_environment
+from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository, verilator_environment
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -46,28 +43,6 @@ SAMPLE_PIXELS = 2_000_000
 REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
 #: Registers of sim/synth/probe_top.sv, which keeps their names.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A configuration on the ECP5-85.
-
-    `stages` of the pipeline from pixel to ray; `mhz` the clock after routing; cells of the whole design, of which
-    `probe_ff` flip-flops are the probe's around the engine; `limit` where the slowest path begins and ends.
-    """
-
-    configuration: str
-    stages: int
-    mhz: float
-    lut: int
-    ff: int
-    probe_ff: int
-    mult18x18d: int
-    dp16kd: int
-    ramw: int
-    limit: str
-    seed: int
-    seconds: float
 
 
 # ---- sources ----
@@ -94,21 +69,6 @@ def elaboration(named: Named, top: Path) -> str:
 # ---- tools ----
 
 
-@cache
-def tool(name: str) -> str:
-    """Return the path of a tool that the environment brings.
-
-    Raises
-    ------
-    MissingLibraryError
-        When it is not there.
-    """
-    path = Path(sys.executable).parent / name
-    if not path.exists():
-        raise MissingLibraryError(f"{name} is missing; run make setup, which installs it")
-    return str(path)
-
-
 def run_tool(command: list[str], record: Path | None = None) -> str:
     """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
 
@@ -118,16 +78,18 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
     ------
     LippmannError
         When it fails: its first error.
+    MissingLibraryError
+        When it is not installed.
     """
-    command = [tool(command[0]), *command[1:]]
-    result = subprocess.run(command, cwd=repository(), capture_output=True, text=True, check=False)
+    program = next(tool for tool in RTL_TOOLS if tool.name == command[0]).path()
+    result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
     said = result.stdout + result.stderr
     if record is not None:
         record.write_text(said)
     if result.returncode:
         lines = said.strip().splitlines() or ["no message"]
         wrong = next((line for line in lines if "error" in line.lower()), lines[-1])
-        raise LippmannError(f"{command[0]} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
+        raise LippmannError(f"{program} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
     return said
 
 
@@ -139,8 +101,16 @@ def elaborate(named: Named) -> str:
 # ---- place and route ----
 
 
-def place(named: Named, seed: int) -> Placed:
-    """Synthesise, place and route a configuration, or return what is kept of it."""
+def place(named: Named, seed: int) -> dict[str, Any]:
+    """Synthesise, place and route a configuration, or return what is kept of it.
+
+    Returns
+    -------
+    dict
+        `stages` of the pipeline from pixel to ray; `mhz`, the clock after routing; cells of the whole design (`lut`,
+        `ff`, `mult18x18d`, `dp16kd`, `ramw`), of which `probe_ff` flip-flops are the probe's around the engine;
+        `limit`, where the slowest path begins and ends; `configuration`, `seed`, and `seconds` taken.
+    """
     top = repository()
     versions = [importlib.metadata.version(name) for name in PACKAGES]
     what = hashlib.sha256(repr((parameters(named.build), seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
@@ -149,7 +119,7 @@ def place(named: Named, seed: int) -> Placed:
     folder = top / "build" / "synth" / f"{named.name}-{what.hexdigest()[:16]}"
     kept = folder / "result.json"
     if kept.exists():
-        return Placed(**{**json.loads(kept.read_text()), "configuration": named.name})
+        return {**json.loads(kept.read_text()), "configuration": named.name}
     folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(dir=folder) as work:
@@ -177,21 +147,21 @@ def place(named: Named, seed: int) -> Placed:
             f"{named.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design is "
             "not driven or not used"
         )
-    placed = Placed(
-        configuration=named.name,
-        stages=stages(named),
-        mhz=round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
-        lut=used["TRELLIS_COMB"],
-        ff=used["TRELLIS_FF"],
-        probe_ff=probe_ff,
-        mult18x18d=used["MULT18X18D"],
-        dp16kd=used["DP16KD"],
-        ramw=used["TRELLIS_RAMW"],
-        limit=_slowest(found),
-        seed=seed,
-        seconds=round(time.perf_counter() - started, 1),
-    )
-    kept.write_text(json.dumps(dataclasses.asdict(placed), indent=1))
+    placed = {
+        "configuration": named.name,
+        "stages": stages(named),
+        "mhz": round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
+        "lut": used["TRELLIS_COMB"],
+        "ff": used["TRELLIS_FF"],
+        "probe_ff": probe_ff,
+        "mult18x18d": used["MULT18X18D"],
+        "dp16kd": used["DP16KD"],
+        "ramw": used["TRELLIS_RAMW"],
+        "limit": _slowest(found),
+        "seed": seed,
+        "seconds": round(time.perf_counter() - started, 1),
+    }
+    kept.write_text(json.dumps(placed, indent=1))
     return placed
 
 
@@ -257,31 +227,12 @@ COLUMNS = (
 ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
 
-def figures_of(placed: Placed, errors: list[FixedError]) -> dict[str, Any]:
-    """Return the figures of a configuration: its place and the largest errors over its displays."""
-    return dataclasses.asdict(placed) | {name: max(getattr(error, name) for error in errors) for name in ERRORS}
-
-
 def report_text(rows: list[dict[str, Any]]) -> str:
-    """Return the page."""
+    """Return the page: synthesis.md with its tables."""
     cells = {heading: [format(row[name], form) for row in rows] for heading, name, form in COLUMNS}
     limits = {"configuration": cells["configuration"], "slowest path": [row["limit"] for row in rows]}
-    return f"""# Size, clock and error of the named configurations
-The whole `ray_lenslet` (stream, FIFO and configuration copy included) on an ECP5 LFE5U-85, speed grade 6, CABGA381,
-between the registers of sim/synth/probe_top.sv. yosys (`synth_ecp5 -nodsp -abc9`, sources read by slang) and nextpnr,
-with {WANTED_MHZ} MHz as the target and one seed. The clock is nextpnr's after routing. The configurations are in
-host/lippmann/fixed/configurations.py; `stages` are the pipeline's clocks from pixel to ray.
-
-The error is the twin's against golden; the RTL equals the twin bit for bit. It is measured over the pixels of the
-shipped displays (at most {SAMPLE_PIXELS} of each), and the largest of their figures stands here; more in
-[fixed-point error](fixed-point-error.md).
-
-{table(cells)}
-Available: 83640 LUT and FF, 156 MULT18X18D, 208 DP16KD, 10455 RAMW (16 x 4 bits of distributed memory).
-
-## What limits the clock
-
-{table(limits)}"""
+    page = Path(__file__).with_name("synthesis.md").read_text()
+    return page.format(mhz=WANTED_MHZ, pixels=SAMPLE_PIXELS, sizes=table(cells), limits=table(limits))
 
 
 @click.command()
@@ -298,12 +249,12 @@ def main(names: tuple[str, ...], seed: int, report: str) -> None:
     rows = []
     for named in chosen(names):
         placed = place(named, seed)
-        log(f"{named.name}: {placed.mhz:.1f} MHz, {placed.mult18x18d} multipliers, {placed.seconds:.0f} s")
+        log(f"{named.name}: {placed['mhz']:.1f} MHz, {placed['mult18x18d']} multipliers, {placed['seconds']:.0f} s")
         errors = [
             measure(named, display, "sample", frame_words(display, named.build, seed, most=SAMPLE_PIXELS))
             for display in named.displays(scenes)
         ]
-        rows.append(figures_of(placed, errors))
+        rows.append(placed | {name: max(getattr(error, name) for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
     origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
     write_report(Path(report), "synthesis", origin, report_text(rows), {"synthesis": rows})

@@ -29,6 +29,19 @@ class Tool(NamedTuple):
         found = shutil.which(self.name, path=path)
         return None if found is None else Path(found)
 
+    def path(self) -> Path:
+        """Return its path.
+
+        Raises
+        ------
+        MissingLibraryError
+            When it is missing; the message says what installs it.
+        """
+        found = self.find()
+        if found is None:
+            raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
+        return found
+
 
 #: Programs that Verilator calls.
 VERILATOR_CALLS = (
