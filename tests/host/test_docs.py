@@ -32,7 +32,7 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
 #: Pages whose commands render large panels or many frames.
-SLOW = ("README.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
+SLOW = ("README.md", "docs/how-to/browser.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
 #: Pages whose Python programs run between the commands, as a board that they need is started and stopped there.
 PROGRAMS = ("README.md",)
 INDENTED = re.compile(
