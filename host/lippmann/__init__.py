@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from lippmann import moved
+
 if TYPE_CHECKING:
     from lippmann.api import capture, load_scene, observe, render, view
     from lippmann.board.board import Board
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from lippmann.rendering.placement import Placement
 
 __version__ = "0.1.0"
+
+moved.watch()
 
 __all__ = [
     "Board",
