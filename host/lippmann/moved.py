@@ -32,7 +32,7 @@ class _Moved(MetaPathFinder):
         """Name the new module where `name` is an old one."""
         new = MOVED.get(name.removeprefix("lippmann."))
         if new and name.startswith("lippmann."):
-            raise ModuleNotFoundError(f"module '{name}' is gone since version 0.2; import from {new}", name=name)
+            raise ModuleNotFoundError(f"module '{name}' is gone; import from {new}", name=name)
 
 
 def watch() -> None:
