@@ -54,12 +54,13 @@ class _Commands(click.Group):
         return command
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120})
 @click.version_option(__version__, prog_name="lippmann")
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
-    Exit codes: 0 ok, 1 device, 2 usage or bad input, 3 environment, 4 rays judged wrong, 130 interrupted.
+    Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing; 4 regress
+    found wrong rays; 130 interrupted.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

@@ -22,7 +22,7 @@ WORD = Field(0, 32)
 
 @click.group("board")
 def command() -> None:
-    """Start a virtual board, or use any board.
+    """Start a virtual board, or use a real or virtual one.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml
     """
@@ -35,7 +35,7 @@ command.add_command(stop_command)
 @command.command("info")
 @board_options
 def info_command(port: str | None, baud: int, as_json: bool) -> None:
-    """Print a board's identity, panel, scanned-out frame and error counters.
+    """Print a board's display, panel, optics and error counters.
 
     Example: lippmann board info --port socket://127.0.0.1:4000
     """
@@ -63,10 +63,12 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
 
 @command.command("setup")
 @display_option
-@click.option("--force", is_flag=True, help="Also when the board drives another display.")
+@click.option("--force", is_flag=True, help="Accept a board that drives another display.")
 @board_options
 def setup_command(display_path: str, port: str | None, baud: int, force: bool, as_json: bool) -> None:
-    """Write a display's optics into the board, for its rays and test patterns.
+    """Write a display's optics to the board.
+
+    The board needs them for its rays and its test patterns.
 
     Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
@@ -88,9 +90,9 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
 def check_command(
     display_path: str, port: str | None, baud: int, region: tuple[float, ...] | None, as_json: bool
 ) -> None:
-    """Compare the board's rays with those of the integer twin, word by word.
+    """Compare the board's rays with those of the integer twin.
 
-    The board returns one CRC-32 for all rays, so a slow line is enough for a whole panel.
+    Every bit must be equal. The board returns only one CRC-32 for all rays, so a slow line is enough for a whole panel.
 
     Example: lippmann board check --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
@@ -130,7 +132,9 @@ def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
 @click.argument("count", type=click.IntRange(1, 64), default=1)
 @board_options
 def read_command(register: str, count: int, port: str | None, baud: int, as_json: bool) -> None:
-    """Read registers from a name or an address; names of the optics block begin with `optics.` (address 0x200).
+    """Read registers, by name or address.
+
+    COUNT words are read. Names of the optics block begin with `optics.` (address 0x200).
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
@@ -148,7 +152,9 @@ def read_command(register: str, count: int, port: str | None, baud: int, as_json
 @click.argument("values", nargs=-1, required=True)
 @board_options
 def write_command(register: str, values: tuple[str, ...], port: str | None, baud: int, as_json: bool) -> None:
-    """Write words from a register, or some fields of one register as FIELD=VALUE.
+    """Write registers, by name or address.
+
+    VALUES are words for this register and the next ones, or fields of this register: FIELD=VALUE.
 
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """

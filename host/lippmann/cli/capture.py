@@ -50,7 +50,9 @@ def command(
     as_json: bool,
     **settings: Any,
 ) -> None:
-    """Capture a Mitsuba scene through an imaging lens and a microlens array: an integral image for a display.
+    """Capture a scene through an imaging lens and a microlens array.
+
+    The result is an integral image for a display.
 
     Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o fish.exr
     """

@@ -44,7 +44,9 @@ REGION_PX = 512
 @device_option
 @json_option
 def command(scenes: str, output: str, device: str, as_json: bool) -> None:
-    """Render the fish, stream it to a virtual board, and view the board's panel through the lenslets.
+    """Run the main steps once: render, stream, observe.
+
+    Renders the fish, streams it to a virtual board, and computes what an eye sees of the board's panel.
 
     Example: lippmann demo
     """

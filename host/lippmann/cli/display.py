@@ -33,7 +33,9 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Show an image full-screen and unscaled on the monitor behind the microlens array.
+    """Show an image on a monitor, full-screen and unscaled.
+
+    The monitor is the panel behind the microlens array.
 
     Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml --monitor 1
     """

@@ -29,10 +29,10 @@ NO_ANSWER = "the port opens, but no board answers at any baud rate; check the bo
 @json_option
 @click.pass_context
 def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
-    """Check libraries, rendering, the RTL's tools and serial ports; exit 3 when something needed is missing.
+    """Check libraries, rendering, the RTL's tools and serial ports.
 
-    With --port, exit 1 when no board answers there. The RTL's tools are needed for simulation (`trace --engine rtl`,
-    the virtual board), synthesis and proofs only.
+    Exit code 3: something that is needed is missing; with --port, 1: no board answers there. The RTL's tools are
+    needed only for simulation (`trace --engine rtl`, the virtual board), synthesis and proofs.
 
     Example: lippmann doctor
     """

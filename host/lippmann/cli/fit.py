@@ -20,14 +20,16 @@ from lippmann.select.model import TOLERANCE
 @click.argument("display_path", metavar="DISPLAY.toml")
 @click.option(
     "--tolerance", type=Finite(), default=TOLERANCE, show_default=True,
-    help="Largest error allowed, pixels of the reconstructed view; above 0.",
+    help="Largest error, in pixels of the reconstructed view; greater than 0.",
 )  # fmt: skip
 @click.option(
     "--depths", type=Vector(2, "FAR,NEAR"), help="The scene's range of z, mm.  [default: the display's own depth range]"
 )
 @json_option
 def command(display_path: str, tolerance: float, depths: tuple[float, float] | None, as_json: bool) -> None:
-    """Choose the cheapest lens model, number of samples and RTL build for a display's chief rays, with reasons.
+    """Choose the cheapest lens model, samples and RTL build.
+
+    Their errors stay within --tolerance for the display's chief rays. The reasons are printed.
 
     Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
     """

@@ -38,9 +38,9 @@ def schema_of(kind: str) -> dict[str, Any]:
 @click.option("--schema", "kind", type=click.Choice(tuple(FILES)), help="Print the JSON Schema of a kind of TOML file.")
 @json_option
 def command(display_path: str | None, kind: str | None, as_json: bool) -> None:
-    """Print the numbers that follow from a display file, with units and warnings.
+    """Print the properties of a display file, with units and warnings.
 
-    With --schema no display is read: an editor checks TOML files against what is printed.
+    With --schema it reads no display: it prints the JSON Schema with which an editor checks TOML files.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

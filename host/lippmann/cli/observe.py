@@ -34,10 +34,21 @@ MAX_VIEW_PX = 16384
 @click.command("observe")
 @click.argument("image_path", metavar="IMAGE")
 @display_option
-@click.option("--eye", type=Vector(3), required=True, help="Eye, mm; the display is at z = 0.")
-@click.option("-o", "output", required=True, metavar="VIEW", help=".png, .exr or .tif; with --sweep .gif or .png.")
 @click.option(
-    "--width", type=click.IntRange(1, MAX_VIEW_PX), default=api.VIEW_PX, show_default=True, help="Pixels of the view."
+    "--eye",
+    type=Vector(3),
+    required=True,
+    help="Position of the eye, mm; the display is at z = 0, the viewer at z > 0.",
+)
+@click.option(
+    "-o", "output", required=True, metavar="VIEW", help="Output: .png, .exr or .tif; with --sweep .gif or .png."
+)
+@click.option(
+    "--width",
+    type=click.IntRange(1, MAX_VIEW_PX),
+    default=api.VIEW_PX,
+    show_default=True,
+    help="Width of the view, pixels.",
 )
 @click.option(
     "--samples",
@@ -47,9 +58,9 @@ MAX_VIEW_PX = 16384
     help="Rays for each pixel of the view.",
 )
 @click.option("--pupil", type=Finite(), default=0.0, show_default=True, help="Diameter of the pupil, mm.")
-@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z in focus, mm.")
+@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z on which the eye focuses, mm.")
 @model_option
-@click.option("--no-crosstalk", is_flag=True, help="Show black in place of a neighbour's elemental image.")
+@click.option("--no-crosstalk", is_flag=True, help="Draw rays that see a neighbour's elemental image black.")
 @click.option("--rotation-error", type=Finite(), default=0.0, show_default=True, help="Rotation of the array, degrees.")
 @click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Shift of the array, mm.")
 @click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Change of the gap, mm.")
@@ -84,7 +95,9 @@ def command(
     device: str,
     as_json: bool,
 ) -> None:
-    """Show what an eye sees through the lenslets, with crosstalk and misalignment.
+    """Compute what an eye sees through the lenslets.
+
+    Crosstalk is included. The -error options and --pitch-scale misalign the array.
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """

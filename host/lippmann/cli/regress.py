@@ -42,7 +42,9 @@ def command(
     tolerance_nm: float,
     as_json: bool,
 ) -> int:
-    """Judge foreign rays against golden (.npz) or the RTL's twin, bit for bit (.csv, .mem), and name what is wrong.
+    """Check the rays of another ray tracer or RTL design.
+
+    A .npz is compared with golden; a .csv or .mem with the RTL's twin, bit for bit. The first wrong step is named.
 
     Exit code 0: every ray is right; 4: some are wrong.
 

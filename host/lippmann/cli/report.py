@@ -17,17 +17,25 @@ from lippmann.variant import start_mitsuba
 
 
 @click.command("report")
-@click.option("-o", "output", default="out/report", show_default=True, metavar="FOLDER", help="Made when missing.")
+@click.option(
+    "-o",
+    "output",
+    default="out/report",
+    show_default=True,
+    metavar="FOLDER",
+    help="Output folder; created when missing.",
+)
 @click.option("--against", metavar="FOLDER", help="Folder of the run to compare with.  [default: the folder of -o]")
 @click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes.")
-@click.option("--quick", is_flag=True, help="Measure little of everything, without simulation: a first look.")
+@click.option("--quick", is_flag=True, help="A trial: few measurements, no simulation.")
 @seed_option
 @device_option
 @json_option
 def command(output: str, against: str | None, scenes: str, quick: bool, seed: int, device: str, as_json: bool) -> None:
-    """Measure speed against error of engines, models, word lengths and renderer, and list what moved.
+    """Measure speed and error of everything, and write a report.
 
-    Writes report.md, report.html, plots and CSV. Run it on a quiet machine, in the project's top folder.
+    It covers engines, models, word lengths and the renderer, and lists what changed since an earlier run. The files are
+    report.md, report.html, plots and CSV. Run it on a quiet machine, in the project's top folder.
 
     Example: lippmann report -o out/report
     """

@@ -38,7 +38,9 @@ ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm"
 
 @click.command("trace")
 @display_option
-@click.option("--engine", type=click.Choice(ENGINES), default="golden", show_default=True)
+@click.option(
+    "--engine", type=click.Choice(ENGINES), default="golden", show_default=True, help="Implementation of the ray trace."
+)
 @model_option
 @click.option(
     "--pixels", required=True, metavar="N|FILE",
@@ -70,7 +72,9 @@ def command(
     output: str,
     as_json: bool,
 ) -> None:
-    """Trace rays and write pixel, origin_mm, direction, status (and lenslet) as arrays.
+    """Trace rays from pixels through the lenslets.
+
+    The .npz holds pixel, origin_mm, direction, status, lenslet and more.
 
     Status: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
 

@@ -16,7 +16,9 @@ from lippmann.provenance import provenance
 
 @click.command("vectors")
 @display_option
-@click.option("--case", default="all", show_default=True, help="Name of a hard case, or all.")
+@click.option(
+    "--case", default="all", show_default=True, help="Name of a hard case, or all; an unknown name lists them."
+)
 @model_option
 @fraction_bits_option("the fixed-point files")
 @click.option(
@@ -36,7 +38,9 @@ def command(
     output: str,
     as_json: bool,
 ) -> None:
-    """Write hard rays, their truth in 50 digits, and the RTL's words of them, as .npz, .csv and $readmemh files.
+    """Write test vectors: rays that are hard to compute.
+
+    Each set holds the rays with results from 50-digit arithmetic (.npz), and as words of the RTL (.csv, $readmemh).
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
     """

@@ -61,9 +61,9 @@ def command(
     as_json: bool,
     moved: dict[str, Any],
 ) -> None:
-    """Make a page that shows an integral image as an eye sees it through the lenslets, in any browser with WebGL 2.
+    """Make a browser page that shows an integral image.
 
-    The page is one file and needs no network.
+    The page shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """

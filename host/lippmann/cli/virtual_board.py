@@ -63,7 +63,9 @@ def start_command(
     background: bool,
     as_json: bool,
 ) -> None:
-    """Run a virtual board until Ctrl-C: the RTL under Verilator, on TCP (loopback only) or on a pty.
+    """Run a virtual board until Ctrl-C.
+
+    It is the board's RTL under Verilator, on TCP (loopback only) or on a pty.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """

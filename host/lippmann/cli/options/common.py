@@ -74,7 +74,9 @@ device_option = click.option(
 )
 
 
-model_option = click.option("--model", type=click.Choice(MODELS), default="exact", show_default=True)
+model_option = click.option(
+    "--model", type=click.Choice(MODELS), default="exact", show_default=True, help="Lens model."
+)
 seed_option = click.option(
     "--seed", default=0, show_default=True, type=click.IntRange(0, 2**32 - 1), help="Random seed."
 )

@@ -16,15 +16,18 @@ from lippmann.link.port import DEFAULT_BAUD
 port_option = click.option(
     "--port",
     metavar="URL",
-    help="The board's port: a device, a pty, or socket://HOST:PORT. Default: the USB serial adapter where a board is.",
+    help="The board's port: a device, a pty, or socket://HOST:PORT. Default: the one USB serial adapter on which a "
+    "board answers.",
 )
-baud_option = click.option("--baud", type=click.IntRange(1), default=DEFAULT_BAUD, show_default=True)
+baud_option = click.option(
+    "--baud", type=click.IntRange(1), default=DEFAULT_BAUD, show_default=True, help="Baud rate of a serial port."
+)
 #: The options of a command that uses a board.
 board_options = together(port_option, baud_option, json_option)
 
 
 def chosen_port(port: str | None, baud: int) -> str:
-    """Return the port named, or that of the one board found.
+    """Return `port`, or the port of the only board found when it is None.
 
     Raises
     ------
@@ -35,7 +38,7 @@ def chosen_port(port: str | None, baud: int) -> str:
 
 
 def opened_board(port: str | None, baud: int) -> Board:
-    """Open the board at a port, or the one board found. Raises as `chosen_port` and `Board.open`."""
+    """Open the board at `port`, or the only board found. Raises as `chosen_port` and `Board.open`."""
     return Board.open(chosen_port(port, baud), baud)
 
 
@@ -46,7 +49,9 @@ def _confirmed(urls: list[str]) -> bool:
 
 
 def check_board(board: Board, display: Display, path: str, otherwise: str = "") -> None:
-    """Refuse a board that drives another display than the file `path`; `otherwise` ends the remedy.
+    """Refuse a board that drives another display than that of the file `path`.
+
+    `otherwise` is added to the remedy in the error message.
 
     Raises
     ------
@@ -56,4 +61,4 @@ def check_board(board: Board, display: Display, path: str, otherwise: str = "") 
     own = f"{board.info.identity:016x}"
     if own != display.identity:
         what = f"the board drives display {own}, {path} is {display.identity}"
-        raise input_error(board.line.url, what, f"name its display file{otherwise}")
+        raise input_error(board.line.url, what, f"give the board's display file{otherwise}")
