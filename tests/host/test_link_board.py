@@ -194,7 +194,7 @@ def test_an_image_is_shown_and_verified():
         model.registers[display_register] = 0x7F
         with pytest.raises(DeviceError, match="brightness=255"):
             board.verify(sent.crc ^ 1)
-    with joined() as (model, board), pytest.raises(InputError, match="the panel belongs to"):
+    with joined() as (model, board), pytest.raises(InputError, match="panel belongs to display"):
         board.show(image)
     assert not model.shown
 

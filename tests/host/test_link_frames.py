@@ -102,7 +102,7 @@ def test_what_a_file_does_not_name_is_supplied_or_told(tmp_path):
         load_frame(tmp_path / "old.exr", HELLO, note=notes.append), np.rint(srgb_levels(light))
     )
     assert [note.partition(": ")[2] for note in notes] == [
-        "taken to be for srgb, 8 bits; name the panel with --display FILE"
+        "srgb and 8 bits are assumed; name the panel with --display FILE"
     ]
     linear = load_frame(tmp_path / "old.exr", HELLO, None, Tones("linear", 6), note=pytest.fail)
     np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
@@ -127,7 +127,7 @@ def test_the_frame_of_an_image_is_what_its_display_asks_for():
     light = picture()
     image = IntegralImage(light, display)
     np.testing.assert_array_equal(image_frame(image, target), np.rint(np.rint(light * 63) * 255 / 63))
-    with pytest.raises(InputError, match="the panel belongs to"):
+    with pytest.raises(InputError, match="panel belongs to display"):
         image_frame(image, HELLO)
     assert image_frame(image, HELLO, force=True).shape == (40, 60, 3)
     image.metadata["transfer"] = "srgb"
@@ -140,7 +140,7 @@ def test_the_frame_of_an_image_is_what_its_display_asks_for():
 def test_images_of_other_displays_are_refused_unless_forced(tmp_path):
     path = tmp_path / "other.exr"
     for metadata, message in (
-        ({"identity": "0123456789abcdef"}, r"0123456789abcdef, the panel belongs to 79ee8471d40b2533.*--force"),
+        ({"identity": "0123456789abcdef"}, r"0123456789abcdef, the board's panel .* 79ee8471d40b2533.*--force"),
         ({}, r"names no display.*--force"),
     ):
         write_picture(path, picture(), metadata)

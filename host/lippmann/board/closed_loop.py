@@ -16,7 +16,7 @@ from lippmann.board.tiles import Pixels
 from lippmann.display import Display
 from lippmann.sim import virtual_board
 
-#: Longest silence of a simulated board with its video running, s: it shares the machine.
+#: Longest silence of a virtual board with its video running, s: it shares the machine.
 PATIENCE_S = 300.0
 
 

@@ -16,7 +16,7 @@ from lippmann.errors import input_error
 from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
 from lippmann.integral_image import IntegralImage
 
-#: Bits of a colour on the link: a panel with more bits gets these.
+#: Bits per colour on the serial link; a panel with more bits receives these.
 LINK_BITS = 8
 
 
@@ -29,7 +29,7 @@ class Target(NamedTuple):
 
 
 class Tones(NamedTuple):
-    """Transfer curve and bits of a panel."""
+    """Transfer curve of a panel, and bits per colour."""
 
     transfer: str = "srgb"
     bits: int = 8
@@ -81,7 +81,7 @@ def load_frame(
     """Read an image file as a frame for a panel.
 
     The file's metadata name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or supply what
-    the file does not name. What nothing names is sRGB and 8 bits. A PNG without metadata holds sRGB values.
+    the file does not name. The defaults are sRGB and 8 bits. A PNG without metadata holds sRGB values.
 
     Parameters
     ----------
@@ -121,19 +121,19 @@ def load_frame(
 
     picture = read_picture(path, (target.width, target.height), accept)
     tones = Tones(**agreed)
-    # An encoded file without bits has its values quantised already.
+    # An encoded file needs no bits: its values are quantised already.
     if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
-        note(f"{path}: taken to be for {tones.transfer}, {tones.bits} bits; name the panel with --display FILE")
+        note(f"{path}: {tones.transfer} and {tones.bits} bits are assumed; name the panel with --display FILE")
     return panel_values(picture.radiance, tones)
 
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
-    """Refuse an image of another display."""
+    """Refuse an image that was rendered for another display or names none, except with `force`."""
     wanted = f"{target.identity:016x}"
     if identity != wanted and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
         remedy = "render it for this display, or stream it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the panel belongs to {wanted}", remedy)
+        raise input_error(name, f"{what}, the board's panel belongs to display {wanted}", remedy)
 
 
 def _tones_of(panel: Panel | Tones) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def _tones_of(panel: Panel | Tones) -> dict[str, Any]:
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str, Any]:
     """Return the transfer curve and the bits of the panel that an image's metadata name.
 
-    Version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
+    An early version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
     """
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):

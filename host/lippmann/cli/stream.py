@@ -18,7 +18,7 @@ from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Transfer, load_display
 from lippmann.errors import DeviceError, NoBoardError
 
-#: Pause between attempts to find a lost board again, s.
+#: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5
 
 
@@ -27,7 +27,10 @@ RETRY_S = 0.5
 @port_option
 @baud_option
 @click.option(
-    "--display", "display_path", metavar="FILE", help="The board's display: its curve and bits must be the image's."
+    "--display",
+    "display_path",
+    metavar="FILE",
+    help="The board's display file; its curve and bits must be the image's.",
 )
 @click.option(
     "--transfer", type=click.Choice(get_args(Transfer)),
@@ -51,10 +54,11 @@ def command(
     verify: bool,
     as_json: bool,
 ) -> None:
-    """Stream an image, or an animation of several images, to the panel of a board.
+    """Stream images to the panel of a board.
 
-    The panel shows a frame when all of it has arrived and its CRC-32 is right; until then it keeps the frame before.
-    Tiles that the board holds are not sent: after an interruption, run the same command again.
+    Several images make an animation. The panel shows a frame when all of it has arrived and its CRC-32 is right; until
+    then it keeps the previous frame. Tiles that the board already holds are not sent: after an interruption, run the
+    same command again.
 
     Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
     """
@@ -88,12 +92,12 @@ def command(
                         if not resume_s:
                             raise
                         if len(sent.arrived) == arrived:
-                            # Without progress it would be lost again and again.
-                            raise NoBoardError(f"{error} (lost twice, and no tile has arrived in between)") from None
+                            # Without a new tile since the last loss, another attempt would fail the same way.
+                            raise NoBoardError(f"{error} (lost twice without a new tile in between)") from None
                         arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
-                        board = _again(url, baud, hello, resume_s)
+                        board = _reopened(url, baud, hello, resume_s)
             rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
             results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **result})
     finally:
@@ -103,20 +107,20 @@ def command(
 
 
 def _opened(url: str, baud: int, seconds: float) -> Board:
-    """Open a board; try again for some seconds. Raises as `Board.open`."""
-    until = time.monotonic() + seconds
+    """Open a board; repeat until it answers, for at most `seconds`. Raises as `Board.open`."""
+    deadline = time.monotonic() + seconds
     while True:
         try:
             return Board.open(url, baud)
         except NoBoardError as error:
-            if time.monotonic() >= until:
+            if time.monotonic() >= deadline:
                 if not seconds:
                     raise
                 raise NoBoardError(f"{error} (waited {seconds:g} s; the same command continues the frame)") from None
         time.sleep(RETRY_S)
 
 
-def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
+def _reopened(url: str, baud: int, hello: Hello, seconds: float) -> Board:
     """Open the board again; it must drive the same display. Raises as `_opened`."""
     board = _opened(url, baud, seconds)
     try:
@@ -130,7 +134,7 @@ def _again(url: str, baud: int, hello: Hello, seconds: float) -> Board:
 def _line(result: dict[str, Any]) -> str:
     """Return a frame's result as one line."""
     if result["unchanged"]:
-        text = "shown already"
+        text = "already on the panel"
     else:
         kinds = ", ".join(
             f"{result[kind]} {kind}" for kind in ("raw", "solid", "qoi", "copied", "skipped") if result[kind]

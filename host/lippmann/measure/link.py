@@ -31,7 +31,7 @@ LINES = (
 #: Panels to which a whole frame is sent.
 PANELS = ((640, 480), (1920, 1080), (2400, 2400))
 BITS_A_BYTE = 10
-#: Clocks a second that a simulated board runs at least.
+#: Fewest clocks a second at which a virtual board runs.
 SIMULATED_HZ = 300_000
 
 
