@@ -19,7 +19,7 @@ FIRST = (
     "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
     "test_povray_optics.py", "test_diagnose_regress.py", "test_formal.py", "test_povray_scene.py",
     "test_link_faults.py", "test_fit.py", "test_fixed_error.py", "test_conditioning_cases.py",
-    "test_golden_exact.py", "test_ray_pipeline.py", "test_conditioning_registers.py", "test_choose.py",
+    "test_golden_exact.py", "test_ray_pipeline.py", "test_conditioning_registers.py", "test_select_model.py",
     "test_capture_depth.py", "test_dispatcher.py", "test_tile_writer.py", "test_uart_rx.py", "test_aim.py",
 )  # fmt: skip
 

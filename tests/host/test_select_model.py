@@ -1,4 +1,4 @@
-"""`auto`: the cheapest model within a tolerance, against brute force over whole panels."""
+"""`choose_model` (`--model auto`): the cheapest model within a tolerance, against brute force over whole panels."""
 
 import dataclasses
 import itertools
@@ -97,8 +97,8 @@ def test_the_choice_holds_over_the_whole_panel(display, far, deep, tolerance):
     if choice.model != "exact":
         assert true[choice.model] <= tolerance
         assert choice.error_px[choice.model] <= tolerance
-    # No cheaper one would have done: its error, found by the probe, is real. Of that at least half must be there in the
-    # few pixels of a small panel and at 25 depths.
+    # No cheaper model is good enough. The probe's error is real: brute force over the few pixels of a small panel
+    # and 25 depths must find at least half of it.
     for cheaper in MODELS[: MODELS.index(choice.model)]:
         assert choice.error_px[cheaper] > tolerance
         assert true[cheaper] > 0.5 * tolerance
@@ -121,7 +121,7 @@ def test_a_long_focus_needs_little_and_a_steep_dome_needs_exact(grid, side, aper
 
 
 def disagreeing(display, model, rng, count=20_000):
-    """Tell of random rays over whole cells which the model has otherwise than exact, and how far out they aim."""
+    """Return which random rays over whole cells differ from exact, and their aims' reach (1: the border)."""
     pixels, aims = random_pixels(display, rng, count), random_aims(display, rng, count)
     pixels = pixels[: len(aims)]
     truth, rays = lippmann.trace(display, pixels, aims), lippmann.trace(display, pixels, aims, model)
