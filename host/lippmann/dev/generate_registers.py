@@ -52,6 +52,8 @@ _MAPS = (
         "board_registers",
         Path("host/lippmann/registers/board.json"),
         Path("docs/reference/board-registers.md"),
+        "Read a register with `lippmann board read NAME`; write its fields with `lippmann board write NAME "
+        "FIELD=VALUE`. "
         "Registers are 32-bit words at byte addresses; the packets READ and WRITE of [the protocol](protocol.md) "
         "access them. The [optics block's registers](registers.md) begin at address `0x200`. Signed fields are two's "
         "complement.",
