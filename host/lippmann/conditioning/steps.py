@@ -1,4 +1,4 @@
-"""Golden's intermediate values on the way out, to compare a design step by step."""
+"""Golden's intermediate values along a ray from the panel outward, to compare a design step by step."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from lippmann.optics.system import System
 
 
 def steps(display: Display, pixels: Floats, aims: Floats) -> dict[str, Floats]:
-    """Return the steps of rays from pixels (N, 2) to aims (N, 2), mm, by name.
+    """Return the intermediate values of rays from pixels (N, 2), px, to aims (N, 2), mm, by name.
 
     Returns
     -------
     dict
         `panel_mm` (N, 2), the pixel's point, panel frame; `home` (N, 2), the lenslet of the cell that contains it,
         integers; `start_mm` (N, 2), the same point from that lenslet's centre, array's axes; `near_mm` (N, 2), the
-        point where the ray in air crosses the array's near plane (flat face or domes' vertices), likewise.
+        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same
+        centre.
     """
     system = System.of(display)
     px, py = system.frame.panel_from_pixel(pixels[:, 0], pixels[:, 1])

@@ -2,8 +2,8 @@
 
 Relative time t_R = t_SR / T (paper, equation 6) over the number of lenslets in the rendered window. T is the tracer's
 own time for the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are
-CPU seconds of all threads, which other programs hardly change. POV-Ray's include the parsing of its files; ours leave
-out loading and compiling.
+CPU seconds of all threads, which other programs hardly change. POV-Ray's times include the parsing of its files;
+Lippmann's exclude loading and compiling.
 """
 
 from __future__ import annotations
@@ -43,13 +43,14 @@ WINDOWS_PX = (720, 1200, 1800, 2400, 3600)
 PITCHES_MM = (1.0, 2.0, 4.0, 9.0)
 #: The largest window that Lippmann renders with anti-aliasing, and the largest that POV-Ray renders.
 ANTIALIASED_PX, POVRAY_PX = 2400, 720
-#: Lippmann's samples a pixel with about the noise of POV-Ray's anti-aliasing with threshold 0.3 (`bench peers`).
+#: Samples per pixel that give about the noise of POV-Ray's anti-aliasing with threshold 0.3 (`bench peers`).
 SAMPLES = 8
-#: Repeats of Lippmann's pictures without anti-aliasing, of which the fastest counts.
+#: Lippmann renders each picture without anti-aliasing so often; the fastest run counts.
 ROUNDS = 2
+#: POV-Ray's options for anti-aliasing, and the side of the base scene's picture, px.
 ANTIALIAS = ("+WT2", "+A0.3")
 BASE_PX = 720
-#: `--quick`, for tests. Windows as small as these measure nothing: most of the time goes into starting.
+#: `--quick`, for tests. Windows as small as these measure nothing: most of the time is start-up.
 QUICK: dict[str, Any] = {
     "windows": (48,),
     "pitches": (1.0,),
@@ -77,7 +78,7 @@ class Timed:
     lenslets: int
     #: Whether edges are anti-aliased.
     antialias: bool
-    #: Wall-clock time, CPU time of all threads, and the latter over the tracer's own T.
+    #: Wall-clock time; CPU time of all threads; CPU time over the tracer's own T (t_R).
     seconds: float
     cpu_seconds: float
     relative: float
@@ -100,12 +101,12 @@ def lenslets_in(display: Display) -> int:
 
 
 def load_for(path: Path, setup: Setup) -> Scene:
-    """Load a scene with its placement before a set-up."""
+    """Load a scene, placed in front of a set-up."""
     return load_scene(path, placement_beside(path).then(setup.subject.placement))
 
 
 def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> tuple[float, float]:
-    """Return wall-clock and CPU seconds of the fastest of some renders, without compilation."""
+    """Return wall-clock and CPU seconds of the fastest of `rounds` renders, without compilation."""
     times = []
     for _ in range(rounds):
         rendered = render_rays(scene, source, Settings(samples=samples))
@@ -156,7 +157,7 @@ def bench_seed(
 def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     """Return T: Lippmann's and POV-Ray's times for the base scene through the display's window."""
     scene = load_scene(scenes / "seed/base.xml")
-    side = 2400 * MM_PER_INCH / 600.0
+    side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
     window = Window(side, side, base_px, base_px)
     seconds, cpu = render_source(scene, PerspectiveSource(EYE_MM, window, SAMPLES, 0), SAMPLES)
     ours = Timed("lippmann", "none", base_px, None, 0, True, seconds, cpu, 1.0)
@@ -174,7 +175,7 @@ def _row(tracer: str, setup: Setup, antialias: bool, seconds: float, cpu: float,
 class Findings:
     """Ratios of CPU times over the sweep; None where nothing was measured."""
 
-    #: By window (px): the longest time over the shortest, over the pitches; square, no anti-aliasing.
+    #: By window (px): time of the slowest pitch over that of the fastest; square array, no anti-aliasing.
     growth: dict[int, float]
     povray_growth: dict[int, float]
     #: Median of the time for a hexagonal array over that for a square one, less 1.
@@ -186,7 +187,7 @@ class Findings:
 
 
 def findings(rows: Sequence[Timed]) -> Findings:
-    """Return the ratios of some rows."""
+    """Return the ratios of measured rows."""
     by_key = {(r.tracer, r.grid, r.window_px, r.pitch_mm, r.antialias): r.cpu_seconds for r in rows}
 
     def growth(tracer: str) -> dict[int, float]:
@@ -259,7 +260,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
 
 
 @measurement(
-    click.option("--quick", is_flag=True, help="Try it on windows too small to measure anything."),
+    click.option("--quick", is_flag=True, help="A trial: the windows are too small to measure anything."),
     page="seed",
     needs_device=True,
 )

@@ -1,4 +1,4 @@
-"""A path: where something stands at each frame, between keys."""
+"""A path: the motion of a part of a scene at each frame, interpolated between keys."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from lippmann.errors import input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.toml import documented, key
 
-#: How a path runs from key to key.
+#: Interpolation of a path between keys.
 Motion = Literal["smooth", "linear"]
 
 
 @documented
 @dataclass(frozen=True)
 class Key:
-    """Where something stands at a frame: scaled, turned, and moved."""
+    """The motion at one frame: scaling, rotation and shift."""
 
     frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
     offset_mm: Annotated[Triple, key("shift from the position at rest")] = ORIGIN
@@ -30,11 +30,11 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class Path:
-    """Keys, and how to go from one to the next.
+    """Keys, and the interpolation between them.
 
-    Before the first key and after the last, things stand still. `motion` is "linear": evenly; or "smooth": by cubics
+    Before the first key and after the last, nothing moves. `motion` is "linear": evenly; or "smooth": by cubics
     that never go beyond a key (F. Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
-    interpolants", 1984), each number for itself. None in a film's file is the film's motion, elsewhere "smooth".
+    interpolants", 1984), each component separately. None means the film's `motion` in a film file, elsewhere "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]
@@ -42,7 +42,7 @@ class Path:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion of a frame, from where things stand at rest, in the display's frame."""
+        """Return the motion at a frame, relative to the position at rest, in the display's coordinates."""
         from scipy.interpolate import PchipInterpolator
 
         frames = np.array([key.frame for key in self.keys], np.float64)
@@ -64,7 +64,7 @@ def check_frames(path: Path, frames: int, where: str) -> None:
     Raises
     ------
     InputError
-        For the first of them.
+        For the first key that is refused.
     """
     before = -1
     for place, frame in enumerate(one.frame for one in path.keys):
@@ -72,5 +72,5 @@ def check_frames(path: Path, frames: int, where: str) -> None:
         if frame >= frames:
             raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
         if frame <= before:
-            raise input_error(here, f"{frame} does not come after {before}", "put keys in order")
+            raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
         before = frame

@@ -8,5 +8,5 @@ from lippmann.fixed.words import Ints
 
 
 def saturate(x: Ints, bits: int) -> Ints:
-    """Return the nearest number that a signed word of so many bits can hold."""
+    """Return the number nearest to `x` that a signed word of `bits` bits can hold."""
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)

@@ -1,4 +1,4 @@
-"""The picture that an engine, a model or a word length makes: a scene rendered for a display, and an eye's view."""
+"""Pictures that compare engines, models and word lengths: a scene's integral image, and an eye's view of it."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from lippmann.rendering.renderer import Settings, render_integral, render_view
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.sources import Aperture
 
-#: The eye's place: off the axis, within the viewing angle of the displays that ship.
+#: Position of the eye: off the axis, within the viewing angle of the displays that ship.
 EYE_MM = (20.0, -20.0, 600.0)
 #: Samples a pixel of a view.
 VIEW_SAMPLES = 64
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Return the display with the middle of its panel only, at most so many pixels wide and high."""
+    """Return the display with its panel cropped to the middle, at most `most_px` pixels wide and high."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
 
 
 def noise_levels(one: Radiance, other: Radiance) -> float:
-    """Return the noise of two renders with different seeds: the standard deviation of a value, in 8-bit sRGB levels.
+    """Return the standard deviation of a pixel value, in 8-bit sRGB levels, from two renders with different seeds.
 
-    The difference of two independent values with the same noise has twice the variance of one.
+    The difference of two independent values with the same noise has twice the variance of one value.
     """
     apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
     return float(np.sqrt((apart**2).mean() / 2.0))
@@ -42,7 +42,7 @@ def noise_levels(one: Radiance, other: Radiance) -> float:
 class Pictures:
     """Pictures of a scene for the middle of a display.
 
-    Each has one sample a pixel, through the pixel's centre: two pictures differ by the rays of their engines only.
+    Each has one sample per pixel, at the pixel's centre, so two pictures differ only by the rays of their engines.
     """
 
     scene: Scene

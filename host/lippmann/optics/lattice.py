@@ -1,4 +1,4 @@
-"""Step 2: the lenslet that a point belongs to, and the point's position inside that lenslet.
+"""Step 2 of a ray: the lenslet that a point belongs to, and the point's position inside that lenslet.
 
 The centre of lenslet (i, j) is at p (i, j) on the square grid, at p (i + j/2, j sqrt(3)/2) on the hexagonal one. A cell
 is half-open, -p/2 <= q < p/2 along each of its axes, so that every point of the plane has exactly one owner.
@@ -14,7 +14,7 @@ from lippmann.optics.backend import Arr, Backend
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
 
-#: Step in (i, j) to the neighbour across each pair of flats of a cell.
+#: Step in (i, j) to the neighbour across the side of a cell that each of `Lattice.axes` crosses.
 STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
     "square": ((1, 0), (0, 1)),
     "hex": ((1, 0), (0, 1), (-1, 1)),
@@ -34,13 +34,13 @@ class Lattice:
 
     @property
     def axes(self) -> tuple[tuple[float, float], ...]:
-        """Unit vectors across the pairs of flats of a cell."""
+        """Unit vectors perpendicular to the sides of a cell, one for each pair of opposite sides."""
         if self.grid == "square":
             return (1.0, 0.0), (0.0, 1.0)
         return (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
-        """Return the centre of lenslet (i, j), given in the real format that is wanted, mm."""
+        """Return the centre of lenslet (i, j), mm, in the floating-point format of `i` and `j`."""
         if self.grid == "square":
             return i * self.pitch_mm, j * self.pitch_mm
         return (i + 0.5 * j) * self.pitch_mm, j * (self.half_sqrt3 * self.pitch_mm)
@@ -84,9 +84,9 @@ class Lattice:
         Returns
         -------
         t
-            At its crossing of the first flat (infinite for a line along the axis).
+            Parameter of the line where it crosses the cell's side (infinite when dx = dy = 0).
         step
-            (di, dj) to the neighbour there, whole numbers in x's format.
+            (di, dj) to the neighbour across that side, whole numbers in x's format.
         centre
             That neighbour's centre from this one's, mm.
         """
@@ -95,8 +95,8 @@ class Lattice:
         for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
             q, v = ax * x + ay * y, ax * dx + ay * dy
             sign = b.where(v < 0.0, -1.0, 1.0)
-            still = b.absolute(v) < 1e-30
-            t_k = b.where(still, math.inf, (sign * half - q) / b.where(still, 1.0, v))
+            parallel = b.absolute(v) < 1e-30
+            t_k = b.where(parallel, math.inf, (sign * half - q) / b.where(parallel, 1.0, v))
             nx, ny = sign * (ax * self.pitch_mm), sign * (ay * self.pitch_mm)
             if t is None:
                 t, di, dj, cx, cy = t_k, sign * si, sign * sj, nx, ny

@@ -61,10 +61,10 @@ def register_lights() -> None:
                 smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
                 radiance += dr.select(smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0)
                 depth += 1
-                # Only mirror reflection and refraction go on.
+                # Only mirror reflection and refraction are followed.
                 active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < self.max_depth)
-                turn, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
-                ray = si.spawn_ray(si.to_world(turn.wo))
+                bounced, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
+                ray = si.spawn_ray(si.to_world(bounced.wo))
                 throughput = dr.select(active, throughput * weight, throughput)
                 active &= dr.any(throughput != 0.0)
                 return sampler, ray, throughput, radiance, depth, seen, active

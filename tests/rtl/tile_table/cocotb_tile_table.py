@@ -1,4 +1,4 @@
-"""tile_table in the simulator."""
+"""tile_table in the simulator. `place`: (buffer, tile)."""
 
 import random
 
@@ -20,6 +20,7 @@ async def reset(dut, edge):
     while dut.busy_o.value:
         await edge
         clocks += 1
+    # It clears both buffers, one entry a clock.
     assert clocks == 2 << TILES.bit_length()
 
 
