@@ -21,7 +21,6 @@ import serial
 from fault_line import Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.check import check_rays
-from lippmann.board.connection import BACK, FRONT
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
 from lippmann.errors import DeviceError, InputError
@@ -30,7 +29,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.integral_image import IntegralImage
 from lippmann.link import port as port_module
-from lippmann.link.packets import Kind, ReplyStatus, packed
+from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS

@@ -8,14 +8,18 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import takewhile
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lippmann.board.connection import BACK, FRONT, SEND_S, Connection
 from lippmann.board.tiles import Coded, Coding, Crcs, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError, device_error
-from lippmann.link.packets import REPLY, Kind, Packet, ReplyStatus, packed
+from lippmann.link.packets import BACK, FRONT, REPLY, Kind, Packet, ReplyStatus, packed
+from lippmann.link.port import SEND_S
 from lippmann.link.round_trip import RoundTrip
+
+if TYPE_CHECKING:
+    from lippmann.board.board import Board
 
 #: Most bytes that are sent and not yet acknowledged: about 16 raw tiles.
 WINDOW_BYTES = 50_000
@@ -94,7 +98,7 @@ class Sent:
 
 
 def send_frame(
-    board: Connection,
+    board: Board,
     frame: Pixels,
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
@@ -145,9 +149,7 @@ def send_frame(
     return sent
 
 
-def _show(
-    board: Connection, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int
-) -> None:
+def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
     """Send the missing tiles and present the frame, until the board shows it."""
     status = ReplyStatus.OK
     for _ in range(MAX_ROUNDS):
@@ -206,7 +208,7 @@ class _Sender:
     the order: earlier packets that are still unanswered are lost, or their replies are.
     """
 
-    board: Connection
+    board: Board
     frame: Pixels
     epoch: int
     in_front: np.ndarray[tuple[int], np.dtype[np.bool_]]

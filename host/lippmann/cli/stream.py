@@ -8,8 +8,7 @@ from typing import Any, get_args
 
 import click
 
-from lippmann.board.board import Board
-from lippmann.board.connection import Hello
+from lippmann.board.board import Board, Hello
 from lippmann.board.frames import load_frame
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.options.common import Finite, json_option

@@ -22,6 +22,9 @@ DELIMITER = b"\0"
 #: Bit that is set in the type of a reply.
 REPLY = 0x80
 
+#: The board's frame buffers: the one that tiles are written to, and the one that is scanned out.
+BACK, FRONT = 0, 1
+
 HEADER = struct.Struct("<BH")
 CRC = struct.Struct("<I")
 #: Shortest packet, without a body.

@@ -27,6 +27,8 @@ POLL_S = 0.001
 #: Received packets that are kept for the caller; when more come, the oldest are dropped.
 MAX_WAITING = 1024
 READ_BYTES = 65536
+#: Longest time to write a request to the port before it is sent again, s.
+SEND_S = 2.0
 #: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
