@@ -299,7 +299,12 @@ class _Sender:
         self._round_trip.sample(time.monotonic() - flight.time)
         status = reply.body[0]
         if status == ReplyStatus.OK and reply.body[1:] == TILE_REPLY.pack(flight.tile):
-            self._arrive(flight)
+            if flight.tile not in self._arrived:
+                self._arrived.add(flight.tile)
+                self.sent.arrived.add(flight.tile)
+                self.sent.payload_bytes += len(flight.coded.data)
+                count = "copied" if flight.coded.coding == Coding.COPY else flight.coded.coding.name.lower()
+                setattr(self.sent, count, getattr(self.sent, count) + 1)
         elif status == ReplyStatus.BAD_TILE_DATA and flight.coded.coding != Coding.RAW:
             # Sent raw next: raw pixels need no decoder.
             self._refused.add(flight.tile)
@@ -307,17 +312,6 @@ class _Sender:
         elif status != ReplyStatus.STALE_EPOCH:
             raise self.board.refusal(Kind.TILE, status)
         return ReplyStatus(status)
-
-    def _arrive(self, flight: _Flight) -> None:
-        """Count a tile that arrived."""
-        if flight.tile in self._arrived:
-            return
-        self._arrived.add(flight.tile)
-        sent = self.sent
-        sent.arrived.add(flight.tile)
-        sent.payload_bytes += len(flight.coded.data)
-        count = "copied" if flight.coded.coding == Coding.COPY else flight.coded.coding.name.lower()
-        setattr(sent, count, getattr(sent, count) + 1)
 
     def _give_up(self, numbers: list[int]) -> None:
         """Treat packets as lost: their tiles are sent next."""

@@ -118,11 +118,9 @@ class PacketReader:
         *ended, unfinished = data.split(DELIMITER)
         for part in ended:
             self._hold(part)
-            packet = self._end()
-            if packet is not None:
-                packets.append(packet)
+            packets.append(self._end())
         self._hold(unfinished)
-        return packets
+        return [packet for packet in packets if packet is not None]
 
     def _hold(self, part: bytes) -> None:
         """Keep a part of a packet, unless the packet is too long."""

@@ -14,7 +14,6 @@ from collections import deque
 
 import serial
 from serial.tools import list_ports
-from serial.tools.list_ports_common import ListPortInfo
 
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 from lippmann.link.packets import DELIMITER, Packet, PacketReader
@@ -83,23 +82,18 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
         return no_board_error(url, "no such host", "check the name, or use 127.0.0.1")
     if isinstance(cause, TimeoutError):
         return no_board_error(url, "the host does not answer", "check its address and the network")
-    missing = "no such port", "plug the board in, or name another: " + (", ".join(ports()) or "this machine has none")
-    forbidden = "no permission", _permission(url)
-    busy = "the port is busy", "close the other program that uses it"
-    known = {
-        errno.ENOENT: missing,
-        errno.ENODEV: missing,
-        errno.ENXIO: missing,
-        errno.EACCES: forbidden,
-        errno.EPERM: forbidden,
-        errno.EBUSY: busy,
-        errno.EAGAIN: busy,
-        errno.ECONNREFUSED: ("no program listens there", "start the virtual board: lippmann board start"),
-    }
-    what, remedy = known.get(
-        cause.errno or 0 if isinstance(cause, OSError) else 0,
-        (f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"),
-    )
+    match getattr(cause, "errno", None):
+        case errno.ENOENT | errno.ENODEV | errno.ENXIO:
+            known = ", ".join(ports()) or "this machine has none"
+            what, remedy = "no such port", f"plug the board in, or name another: {known}"
+        case errno.EACCES | errno.EPERM:
+            what, remedy = "no permission", _permission(url)
+        case errno.EBUSY | errno.EAGAIN:
+            what, remedy = "the port is busy", "close the other program that uses it"
+        case errno.ECONNREFUSED:
+            what, remedy = "no program listens there", "start the virtual board: lippmann board start"
+        case _:
+            what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
     return no_board_error(url, what, remedy)
 
 
@@ -116,18 +110,16 @@ def _permission(path: str) -> str:
 
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
-    return [port.device for port in _sorted_ports()]
+    found = list_ports.comports()
+    return [
+        port.device
+        for port in sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
+    ]
 
 
 def adapter_ports() -> list[str]:
     """Return the serial ports whose USB vendor makes the adapters on FPGA boards."""
-    return [port.device for port in _sorted_ports() if port.vid in ADAPTER_VENDORS]
-
-
-def _sorted_ports() -> list[ListPortInfo]:
-    return sorted(
-        list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
-    )
+    return sorted(port.device for port in list_ports.comports() if port.vid in ADAPTER_VENDORS)
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
@@ -257,7 +249,6 @@ class Line:
 
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith("socket://") and not self.reader.counts.bytes:
-            return no_board_error(
-                self.url, "it closed the connection at once", "close the other program that uses the board"
-            )
+            what, remedy = "it closed the connection at once", "close the other program that uses the board"
+            return no_board_error(self.url, what, remedy)
         return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps its tiles")

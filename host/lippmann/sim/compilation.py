@@ -25,6 +25,8 @@ from lippmann.sim.tools import repository, verilator_environment, verilator_fold
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: For a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
+#: Verilator's options for a model that is fast and checks no assertion.
+UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
 # Libraries that a process loads share no variable of their runtimes.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
@@ -130,11 +132,9 @@ def processor() -> bytes:
 def _runtime(name: str, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
     source = verilator_folder() / "include" / f"{name}.cpp"
-
-    def make(path: Path) -> None:
-        _run(["g++", *flags, *_includes(), "-c", str(source), "-o", str(path)])
-
-    return kept(repository() / "build" / "verilator" / name, [source, *flags], make, ".o")
+    command = ["g++", *flags, *_includes(), "-c", str(source), "-o"]
+    path = repository() / "build" / "verilator" / name
+    return kept(path, [source, *flags], lambda made: _run([*command, str(made)]), ".o")
 
 
 def _include(path: Path) -> str:

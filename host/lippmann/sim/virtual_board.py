@@ -25,7 +25,7 @@ from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
-from lippmann.sim.compilation import FAST, SHORT, kept, verilated
+from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
@@ -95,9 +95,8 @@ class RunningBoard:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.communicate()
-            raise DeviceError(
-                f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
-            ) from None
+            late = f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
+            raise DeviceError(late) from None
         if self.process.returncode == CaptureError.exit_code:
             raise CaptureError(f"a frame cannot be written ({err.strip()}); free space, or make the folder again")
         if self.process.returncode:
@@ -274,11 +273,11 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
     ]  # fmt: skip
-    options = ["--x-assign", "fast", "--x-initial", "fast", "--noassert", *["--trace-fst"] * trace]
+    options = [*UNCHECKED, *["--trace-fst"] * trace]
+    main = [part for part in parts if part.suffix == ".cpp"]
+    flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 
     def make(path: Path) -> None:
-        main = [part for part in parts if part.suffix == ".cpp"]
-        flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
         verilated(path, "board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
