@@ -13,8 +13,7 @@ import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -62,7 +61,8 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(target.with_name(f"{target.name}.lock")):
+        with target.with_name(f"{target.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
             if not target.exists():
                 with tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{target.name}-") as work:
                     make(Path(work) / target.name)
@@ -158,11 +158,3 @@ def _run(command: Sequence[str]) -> None:
         telling = (line for line in lines if "rror" in line or "undefined" in line)
         wrong = next(telling, lines[-1] if lines else "no message")
         raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold a lock against other processes, and against other threads."""
-    with path.open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

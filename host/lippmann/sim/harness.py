@@ -23,15 +23,7 @@ MAIN = Path("sim", "batch", "batch.cpp")
 
 
 class Harness:
-    """A compiled build; `library` names it where it is not the one of the sources as they are.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When the compilation fails.
-    """
+    """A compiled build; `library` names it where it is not the one of the sources. Raises as `verilated`."""
 
     def __init__(self, build: Build, library: Path | None = None) -> None:
         self.build = build
@@ -59,18 +51,13 @@ class Harness:
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((len(FixedRays._fields), len(u)), np.int64)
         registers = np.frombuffer(packed(config), np.uint32)
-        self.clocks = self._trace(
-            len(u), *(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data,
-            seed, _share(idle), _share(stall),
-        )  # fmt: skip
+        pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
+        # In 256ths; 1 would never let a ray pass.
+        chances = (min(round(chance * 256.0), 255) for chance in (idle, stall))
+        self.clocks = self._trace(len(u), *pointers, seed, *chances)
         if self.clocks < 0:
             raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
         return FixedRays(*out)
-
-
-def _share(chance: float) -> int:
-    """Return a chance in 256ths; 1 would never let a ray pass."""
-    return min(round(chance * 256.0), 255)
 
 
 @cache
@@ -122,15 +109,7 @@ def _compiled(build: Build) -> Path:
 
 
 def compile_library(build: Build, sources: list[Path], library: Path, flags: Sequence[str] = FAST) -> None:
-    """Compile RTL sources, the packages first, with the harness's C++ into a library.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When Verilator or the compiler refuses.
-    """
+    """Compile RTL sources, the packages first, with the harness's C++ into a library. Raises as `verilated`."""
     main, flags = [repository() / MAIN], [*flags, f"-DLIPPMANN_NEAR={build.near}"]
     files = needed("ray_lenslet", sources)
     verilated(library, "ray_lenslet", files, main, parameters(build), options=UNCHECKED, flags=flags)

@@ -174,18 +174,14 @@ def start(
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
-        command = [
-            str(program), "--line", port, "--port", str(tcp_port), "--identity", display.identity,
-            "--ready", str(told), "--step", str(step),
-        ]  # fmt: skip
+        options = {"line": port, "port": tcp_port, "identity": display.identity, "ready": told, "step": step}
         if host_baud is not None:
-            command += ["--host-step", str(step_of(host_baud, clock_hz))]
+            options["host-step"] = step_of(host_baud, clock_hz)
         if capture is not None:
-            command += ["--capture", str(capture)]
+            options["capture"] = capture
         if trace is not None:
-            command += [
-                "--trace", str(trace), "--trace-from", str(trace_clocks[0]), "--trace-to", str(trace_clocks[1]),
-            ]  # fmt: skip
+            options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
+        command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             return RunningBoard(_wait(process, told), process)
@@ -247,15 +243,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 
 
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
-    """Return the program of a board, compiled at first use.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When the RTL does not compile.
-    """
+    """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = repository()
     files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]
     parts = sorted((top / "sim" / "board").iterdir())
