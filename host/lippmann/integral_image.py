@@ -122,7 +122,7 @@ def _tones(display: Display) -> dict[str, str]:
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse the metadata of a file (`source`) for another display; of panel values (`encoded`), for other tones too."""
+    """Refuse a file (`source`) that was made for another display; one of panel values (`encoded`), for other tones too."""
     identity = metadata.get("identity")
     if identity != display.identity:
         made = f"was made for display '{metadata.get('display', '?')}' ({identity})"

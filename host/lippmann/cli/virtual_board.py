@@ -31,7 +31,7 @@ CAPTURE_SECONDS = 10.0
 ERRORS: dict[int, type[LippmannError]] = {
     kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
 }
-PATH = click.Path(path_type=Path)
+PATH = click.Path(path_type=Path, readable=False)
 
 
 @click.command("start")

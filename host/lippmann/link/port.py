@@ -187,10 +187,7 @@ class Line:
     def send(self, packet: bytes, patience_s: float) -> bool:
         """Write a whole packet; return False when the port accepted no byte for `patience_s`.
 
-        Raises
-        ------
-        NoBoardError
-            When the connection is lost.
+        Like `receive`, it raises NoBoardError when the connection is lost.
         """
         if self._broken:
             packet = DELIMITER + packet
@@ -212,13 +209,7 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next valid packet, or None when none arrives within `wait_s`.
-
-        Raises
-        ------
-        NoBoardError
-            When the connection is lost.
-        """
+        """Return the next valid packet, or None when none arrives within `wait_s`."""
         end = time.monotonic() + wait_s
         while not self._waiting:
             left = end - time.monotonic()

@@ -107,13 +107,7 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
-    """Return the bits per clock of a bit line, in 1 / 65536.
-
-    Raises
-    ------
-    InputError
-        For a baud rate that is too high or too low for the clock.
-    """
+    """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to 18000000 baud")
