@@ -122,7 +122,7 @@ def _tones(display: Display) -> dict[str, str]:
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse a file (`source`) that was made for another display; one of panel values (`encoded`), for other tones too."""
+    """Refuse a file (`source`) made for another display, and one of panel values (`encoded`) for other tones."""
     identity = metadata.get("identity")
     if identity != display.identity:
         made = f"was made for display '{metadata.get('display', '?')}' ({identity})"
