@@ -51,16 +51,13 @@ class Build:
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
         for name, kind in (("grid", Grid), ("model", HardwareModel)):
-            if getattr(self, name) not in get_args(kind):
-                raise InputError(
-                    f"{name} '{getattr(self, name)}' cannot be built; choose from {', '.join(get_args(kind))}"
-                )
-        for name, low, high in (
-            ("fraction_bits", FRACTIONS[0], FRACTIONS[-1]),
-            ("max_cell_steps", 0, MOST_CELL_STEPS),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} = {getattr(self, name)} cannot be built; choose {low} to {high}")
+            value = getattr(self, name)
+            if value not in get_args(kind):
+                raise InputError(f"{name} '{value}' cannot be built; choose from {', '.join(get_args(kind))}")
+        for name, values in (("fraction_bits", FRACTIONS), ("max_cell_steps", range(MOST_CELL_STEPS + 1))):
+            value = getattr(self, name)
+            if value not in values:
+                raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError
-from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, wrapped
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
 
 #: Sources of jitter, in the order of their codes in the register.
@@ -151,14 +151,11 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     if len(offset_px) > TABLE_ENTRIES:
         raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
     entries, low_bit = np.zeros(len(offset_px), np.int64), 0
-    for name, values, bits, fraction in (
-        ("offset", offset_px, 4, PIXEL_FRACTION),
-        ("aim", aim, AIM_BITS, AIM_FRACTION),
-    ):
+    formats = (("offset", offset_px, 4, PIXEL_FRACTION), ("aim", aim, AIM_BITS, AIM_FRACTION))
+    for name, values, bits, fraction in formats:
         word = np.floor(np.ldexp(values, fraction) + 0.5)
-        limit = 1 << (bits - 1)
-        if not ((word >= -limit) & (word < limit)).all():
-            low, high = (np.ldexp(word, -fraction) for word in (-limit, limit - 1))
+        if not fits(word, bits).all():
+            low, high = (np.ldexp(word, -fraction) for word in (-(1 << (bits - 1)), (1 << (bits - 1)) - 1))
             raise InputError(f"jitter table: an {name}, rounded, is outside its range [{low:.10g}, {high:.10g}]")
         for column in word.astype(np.int64).T:
             entries |= (column & ((1 << bits) - 1)) << low_bit
