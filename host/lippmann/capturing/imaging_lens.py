@@ -12,13 +12,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
+from lippmann.toml import documented, key
 
 #: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
 Convex = Literal["in", "out", "image", "object"]
@@ -57,32 +58,17 @@ class ThinLens:
         return Ray(x, y, 0.0 * x, dx, dy, dz), _inside(x, y, self.aperture_mm)
 
 
+@documented
 @dataclass(frozen=True)
 class LensPair:
-    """Two equal plano-convex lenses on one axis.
+    """Two equal plano-convex lenses on one axis."""
 
-    Attributes
-    ----------
-    radius_mm
-        Radius of both domes.
-    index
-        Refractive index at the design wavelength.
-    thickness_mm
-        Centre thickness of each lens.
-    separation_mm
-        Air between the two lenses' inner vertices.
-    aperture_mm
-        Diameter that light passes through.
-    convex
-        Where the domes face.
-    """
-
-    radius_mm: float
-    index: float
-    thickness_mm: float
-    separation_mm: float
-    aperture_mm: float
-    convex: Convex = "in"
+    radius_mm: Annotated[float, key("radius of both domes")]
+    index: Annotated[float, key("refractive index at the design wavelength")]
+    thickness_mm: Annotated[float, key("centre thickness of each lens")]
+    separation_mm: Annotated[float, key("air between the inner vertices")]
+    aperture_mm: Annotated[float, key("diameter that light passes through")]
+    convex: Annotated[Convex, key("where the domes face")] = "in"
 
     def with_focal_length(self, focal_length_mm: float) -> LensPair:
         """Return the pair with the domes that give it a focal length f.

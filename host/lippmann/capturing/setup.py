@@ -68,39 +68,23 @@ class Pickup:
     gap_mm: Annotated[Gap, key("gap between the array and the sensor, as in a display file")]
 
 
+@documented
 @dataclass(frozen=True)
 class Setup:
-    """A capture.
+    """A capture. The lenslets that are captured through may be other ones than the display's: see `array`."""
 
-    Attributes
-    ----------
-    name
-        What reports call it.
-    subject
-        The scene's stand.
-    lens
-        The imaging lens; None for an array that looks at the scene itself.
-    display
-        What shows the picture: its panel gives the picture's pixels, its lattice is the captured array's.
-    array
-        The lenslets that are captured through; the display's own unless the file says otherwise.
-    concave
-        Whether those lenslets are plano-concave: their sphere's centre on the lens's side. `array.thickness_mm` is then
-        that of their middle.
-    position_mm
-        The array's vertices from the image of the object's centre, positive towards the camera; 0 without a lens.
-    pickup
-        What takes the picture: a pinhole camera, or a sensor behind the array.
-    """
-
-    name: str
-    subject: Subject
-    lens: ImagingLens | None
-    display: Display
-    array: Array
-    concave: bool
-    position_mm: float
-    pickup: Camera | Pickup
+    name: Annotated[str, key("name in reports")]
+    subject: Annotated[Subject, key("where the scene stands")]
+    lens: Annotated[ImagingLens | None, key("imaging lens; None for an array that looks at the scene itself")]
+    display: Annotated[
+        Display, key("shows the picture: its panel gives the pixels, its lattice is the captured array's")
+    ]
+    array: Annotated[Array, key("captured lenslets; concave: `thickness_mm` is that of their middle")]
+    concave: Annotated[bool, key("the captured lenslets are plano-concave: their sphere's centre on the lens's side")]
+    position_mm: Annotated[
+        float, key("vertices, from the object's image; positive towards the camera; 0 without a lens")
+    ]
+    pickup: Annotated[Camera | Pickup, key("takes the picture: a pinhole camera, or a sensor behind the array")]
 
     @property
     def image_distance_mm(self) -> float:

@@ -13,13 +13,11 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from lippmann import __version__
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
-from lippmann.film.shot import Shot, render_shot
+from lippmann.film.shot import Shot, render_shot, versions
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.scene import digest_of
 from lippmann.variant import start_mitsuba
@@ -33,11 +31,6 @@ AHEAD = 2
 
 #: A worker renders one frame at a time on all cores, whatever its number of threads.
 _rendering = threading.Lock()
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that pixels depend on."""
-    return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
 
 
 def render_on_cluster(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Model
+from lippmann.toml import documented, key
 
 #: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
@@ -18,35 +19,19 @@ HardwareModel = Literal["pinhole", "paraxial", "exact"]
 MOST_CELL_STEPS = 4
 
 
+@documented
 @dataclass(frozen=True)
 class Build:
-    """Parameters of the RTL module `ray_pipeline`.
+    """Parameters of the RTL module `ray_pipeline`."""
 
-    Attributes
-    ----------
-    fraction_bits
-        F, 14 to 23.
-    grid
-        Lattice.
-    model
-        Lens model.
-    viewer
-        The plano side faces the viewer.
-    aims
-        Rays aim at aperture points; without, all rays are chief rays.
-    max_cell_steps
-        Neighbouring cells that a ray may step to when it meets a dome outside that dome's cell (RTL: `Walk`).
-    cross_cells
-        Compute the cross terms of products in multiplier cells, not in logic. The results are the same.
-    """
-
-    fraction_bits: int
-    grid: Grid
-    model: HardwareModel = "exact"
-    viewer: bool = False
-    aims: bool = False
-    max_cell_steps: int = 0
-    cross_cells: bool = False
+    fraction_bits: Annotated[int, key("F, 14 to 23")]
+    grid: Annotated[Grid, key("lattice")]
+    model: Annotated[HardwareModel, key("lens model")] = "exact"
+    viewer: Annotated[bool, key("the plano side faces the viewer")] = False
+    aims: Annotated[bool, key("rays aim at aperture points; without, all rays are chief rays")] = False
+    #: The RTL's parameter `Walk`.
+    max_cell_steps: Annotated[int, key("cells that a ray may step to when it meets a dome outside its cell")] = 0
+    cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
