@@ -20,6 +20,11 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that pixels depend on."""
+    return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
+
+
 @dataclass(frozen=True)
 class Shot:
     """One frame.
@@ -62,7 +67,7 @@ class Shot:
             "reach": self.reach,
             "display": self.display.identity,
             "options": options,
-            "versions": [__version__, *(metadata.version(name) for name in ("mitsuba", "drjit"))],
+            "versions": list(versions().values()),
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

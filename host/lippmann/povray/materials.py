@@ -45,7 +45,11 @@ class Material:
     front: Side
     back: Side
     index: float | None = None
-    clear: bool = False
+
+    @property
+    def clear(self) -> bool:
+        """Tell whether light passes."""
+        return self.front.pigment == CLEAR
 
     @property
     def pictures(self) -> bool:
@@ -100,10 +104,9 @@ class Materials:
         if item.plugin == "twosided":
             sides = [self._one(inner) for inner in item.children()]
             item.refuse_leftovers()
-            return Material(name, sides[0][0], sides[-1][0], sides[0][1], sides[0][0].pigment == CLEAR)
+            return Material(name, sides[0][0], sides[-1][0], sides[0][1])
         front, index = self._one(item)
-        clear = front.pigment == CLEAR
-        return Material(name, front, front if clear else BLACK, index, clear)
+        return Material(name, front, front if front.pigment == CLEAR else BLACK, index)
 
     def _one(self, item: Item) -> tuple[Side, float | None]:
         """Return the look of a material's front, and the index of what it encloses."""
