@@ -15,13 +15,7 @@ from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.conversion import (
-    aims_of_words,
-    pixels_of_words,
-    rays_of_words,
-    words_of_aims,
-    words_of_pixels,
-)
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import Ints
 from lippmann.optics.lattice import Lattice
