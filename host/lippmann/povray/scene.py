@@ -91,7 +91,7 @@ def _sphere(item: Item, placement: Placement) -> str:
     to_world[:3, :3] *= item.value("radius", 1.0)
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
-        raise item.refusal("is no sphere where it stands", "scale it alike in all directions")
+        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
     # Mitsuba turns a sphere inside out for flip_normals, for a negative radius and for a mirror in its transform.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
@@ -120,7 +120,7 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
         # The first row of a picture is v = 0 in Mitsuba and v = 1 in POV-Ray.
         parts["uv_vectors"] = _column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0]
     elif material.pictures:
-        raise item.refusal("has a picture on it but no uv", "give the mesh uv, or the material a colour")
+        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
     parts["face_indices"] = faces
     name = f"{stem}-{number}.inc"
     body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())

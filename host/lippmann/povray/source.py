@@ -64,7 +64,7 @@ class Item:
         if value is None:
             return default
         if type(default) is float and type(value) not in (int, float):
-            raise self.refusal(f"has a {name} that is no number", "give a number")
+            raise self.refusal(f"has a {name} that is not a number", "give a number")
         return type(default)(value)
 
     def triple(self, name: str, default: Triple) -> Triple:
