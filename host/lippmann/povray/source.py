@@ -59,13 +59,9 @@ class Item:
         return name in self._properties
 
     def value(self, name: str, default: Value) -> Value:
-        """Return a number, a text or a Boolean: the type is the default's."""
+        """Return a number, a text or a Boolean: the type is the default's, which Mitsuba has checked."""
         value = self._take(name)
-        if value is None:
-            return default
-        if type(default) is float and type(value) not in (int, float):
-            raise self.refusal(f"has a {name} that is not a number", "give a number")
-        return type(default)(value)
+        return default if value is None else type(default)(value)
 
     def triple(self, name: str, default: Triple) -> Triple:
         """Return a point or a colour."""
