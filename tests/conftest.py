@@ -32,9 +32,11 @@ def pytest_sessionstart(session):
         rtl_coverage.clear()
 
 
-def pytest_collection_modifyitems(items):
-    places = {name: k for k, name in enumerate(FIRST)}
-    items.sort(key=lambda item: places.get(item.path.name, len(FIRST)))
+def pytest_collection_modifyitems(config, items):
+    # In one process the files' given order stands: the mutation tools name the nearest first.
+    if hasattr(config, "workerinput"):
+        places = {name: k for k, name in enumerate(FIRST)}
+        items.sort(key=lambda item: places.get(item.path.name, len(FIRST)))
 
 
 def pytest_terminal_summary(terminalreporter):

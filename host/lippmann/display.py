@@ -188,12 +188,16 @@ def load_display(path: str | Path) -> Display:
     InputError
         Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
-    return read_display(toml.load(Path(path), "display"), str(path))
+    return _read(toml.load(Path(path), "display"), str(path))
 
 
 def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
-    return read_display(toml.parse(text, source), source)
+    return _read(toml.parse(text, source), source)
+
+
+def _read(raw: Mapping[str, Any], source: str) -> Display:
+    return display_of(toml.read(DisplayFile, raw, source), Path(source).stem, f"{source}: ")
 
 
 _Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
@@ -202,11 +206,6 @@ _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
 #: A display file: the keys of `Display`, and other ways to give the same numbers.
 DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
-
-
-def read_display(raw: Mapping[str, Any], source: str) -> Display:
-    """Read a display from parsed TOML; `source` names it in errors, and the display without a name."""
-    return display_of(toml.read(DisplayFile, raw, source), Path(source).stem, f"{source}: ")
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
@@ -256,27 +255,21 @@ def display_text(display: Display) -> str:
 
 def check_radius(array: Array, where: str) -> None:
     """Refuse domes that do not span their cells; `where` names the key in errors."""
-    if not array.radius_mm >= array.half_diagonal_mm:
-        raise input_error(
-            where,
-            f"radius {array.radius_mm:g} mm is too small to span its cell "
-            f"(half diagonal {array.half_diagonal_mm:g} mm)",
-            "give a larger radius_mm or focal_length_mm, or a smaller pitch_mm",
-        )
+    rho = array.half_diagonal_mm
+    if not array.radius_mm >= rho:
+        what = f"radius {array.radius_mm:g} mm is too small to span its cell (half diagonal {rho:g} mm)"
+        raise input_error(where, what, "give a larger radius_mm or focal_length_mm, or a smaller pitch_mm")
 
 
 def _check(display: Display, where: str) -> None:
     """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
-    array = display.array
+    array, pixel_mm = display.array, display.panel.pixel_pitch_mm
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
-    if array.pitch_mm < display.panel.pixel_pitch_mm:
-        raise input_error(
-            f"{where}array.pitch_mm",
-            f"{array.pitch_mm:g} mm is finer than the panel's pixels ({display.panel.pixel_pitch_mm:.6g} mm)",
-            "give lenslets of at least a pixel",
-        )
+    if array.pitch_mm < pixel_mm:
+        what = f"{array.pitch_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
+        raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
 
 
 def check_array(array: Array, where: str) -> None:
@@ -284,8 +277,6 @@ def check_array(array: Array, where: str) -> None:
     check_radius(array, f"{where}radius_mm")
     # A thickness typed as the sag with 15 digits may round to a hair less.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
-        raise input_error(
-            f"{where}thickness_mm",
-            f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm",
-            "make it at least the sag, or leave it out for the thinnest lenslet",
-        )
+        what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
+        remedy = "make it at least the sag, or leave it out for the thinnest lenslet"
+        raise input_error(f"{where}thickness_mm", what, remedy)

@@ -6,8 +6,10 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
-from lippmann.display import Display
+from lippmann.display import Display, Pair
+from lippmann.toml import documented, key
 
 #: Assumed distance of the eyes from the display, mm.
 VIEWING_DISTANCE_MM = 600.0
@@ -18,40 +20,22 @@ MOIRE_BELOW_PIXELS = 60.0
 #: A lattice turned by less than this counts as parallel to the pixels, degrees.
 PARALLEL_DEG = 0.05
 
+Lenslets = tuple[int, int, int]
+_ZONE = (
+    "largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees the whole panel without crosstalk; 0 "
+    "when no eye there does"
+)
+_DEPTHS = (
+    "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
+)
 
+
+@documented
 @dataclass(frozen=True)
 class DisplayProperties:
     """The numbers that follow from a display file.
 
-    Attributes
-    ----------
-    radius_mm, sag_mm, flat_distance_mm, thickness_mm, focal_length_mm, f_number
-        Of a lenslet (paper, equations 2 to 4); the f-number is f / pitch.
-    back_focal_length_mm
-        From the array's near face to the focus on the panel's side.
-    lenslets
-        (across, down, total): equation 5, rounded up to whole lenslets; a hexagonal array has closer rows.
-    elemental_image_px
-        Pixels across an elemental image: lenslet pitch over pixel pitch.
-    viewing_angle_deg
-        Full angle in which a lenslet shows its own elemental image: 2 atan(pitch / 2D).
-    crosstalk_angle_deg
-        Half the viewing angle: farther off its axis, a lenslet shows the elemental image of its neighbour.
-    viewing_zone_mm
-        Largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees the whole panel without crosstalk; 0
-        when no eye there does.
-    central_depth_plane_mm
-        z of the panel's image: 1/l = 1/f - 1/D; infinite when the panel is in focus.
-    depth_range_mm
-        (far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart.
-    angular_resolution_deg
-        Angle between neighbouring pixels' rays: pixel pitch / D.
-    spatial_resolution_mm
-        Lenslet pitch: a view has one pixel for each lenslet.
-    views
-        Number of directions across: whole pixels in an elemental image.
-    warnings
-        One sentence each, with a remedy.
+    Those of a lenslet, from its radius to its focal length, are by equations 2 to 4 of the paper.
     """
 
     radius_mm: float
@@ -59,63 +43,62 @@ class DisplayProperties:
     flat_distance_mm: float
     thickness_mm: float
     focal_length_mm: float
-    f_number: float
+    f_number: Annotated[float, key("focal length over pitch")]
     index: float
     aperture_distance_mm: float
-    back_focal_length_mm: float
-    lenslets: tuple[int, int, int]
-    elemental_image_px: float
-    viewing_angle_deg: float
-    crosstalk_angle_deg: float
-    viewing_zone_mm: float
-    central_depth_plane_mm: float
-    depth_range_mm: tuple[float, float]
-    angular_resolution_deg: float
-    spatial_resolution_mm: float
-    views: int
-    warnings: tuple[str, ...]
+    back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
+    lenslets: Annotated[
+        Lenslets, key("(across, down, total): equation 5, rounded up; a hexagonal array has closer rows")
+    ]
+    elemental_image_px: Annotated[float, key("pixels across an elemental image: lenslet pitch over pixel pitch")]
+    viewing_angle_deg: Annotated[float, key("full angle of a lenslet's own elemental image: 2 atan(pitch / 2D)")]
+    crosstalk_angle_deg: Annotated[
+        float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
+    ]
+    viewing_zone_mm: Annotated[float, key(_ZONE)]
+    central_depth_plane_mm: Annotated[float, key("z of the panel's image: 1/l = 1/f - 1/D; infinite when in focus")]
+    depth_range_mm: Annotated[Pair, key(_DEPTHS)]
+    angular_resolution_deg: Annotated[float, key("angle between neighbouring pixels' rays: pixel pitch / D")]
+    spatial_resolution_mm: Annotated[float, key("lenslet pitch: a view has one pixel for each lenslet")]
+    views: Annotated[int, key("number of directions across: whole pixels in an elemental image")]
+    warnings: Annotated[tuple[str, ...], key("one sentence each, with a remedy")]
 
 
 def display_properties(display: Display) -> DisplayProperties:
     """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
-    distance = display.aperture_distance_mm
-    row_pitch = array.row_pitch_mm
-    across = _whole_lenslets(panel.width_mm / array.pitch_mm)
-    down = _whole_lenslets(panel.height_mm / row_pitch)
-    half_field_deg = math.degrees(math.atan2(0.5 * array.pitch_mm, distance))
+    pitch, distance = array.pitch_mm, display.aperture_distance_mm
+    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
+    across = math.ceil(panel.width_mm / pitch - 1e-9)
+    down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
+    half_field_deg = _half_field_deg(display)
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
-    reach = array.pitch_mm * distance / panel.pixel_pitch_mm
+    reach = pitch * distance / panel.pixel_pitch_mm
+    in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
-        radius_mm=array.radius_mm,
-        sag_mm=array.sag_mm,
-        flat_distance_mm=array.flat_distance_mm,
-        thickness_mm=array.thickness_mm,
+        **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
         focal_length_mm=array.focal_length_mm,
-        f_number=array.focal_length_mm / array.pitch_mm,
-        index=array.index,
+        f_number=array.focal_length_mm / pitch,
         aperture_distance_mm=distance,
-        back_focal_length_mm=array.focal_length_mm
-        - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0),
+        back_focal_length_mm=array.focal_length_mm - in_glass,
         lenslets=(across, down, across * down),
-        elemental_image_px=array.pitch_mm / panel.pixel_pitch_mm,
+        elemental_image_px=pitch / panel.pixel_pitch_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
-        viewing_zone_mm=max(0.0, 0.5 * (VIEWING_DISTANCE_MM * array.pitch_mm / distance - panel.width_mm)),
+        viewing_zone_mm=max(0.0, 0.5 * (VIEWING_DISTANCE_MM * pitch / distance - panel.width_mm)),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
         angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),
-        spatial_resolution_mm=array.pitch_mm,
-        views=math.floor(array.pitch_mm / panel.pixel_pitch_mm + 1e-9),
+        spatial_resolution_mm=pitch,
+        views=math.floor(pitch / panel.pixel_pitch_mm + 1e-9),
         warnings=tuple(_warnings(display)),
     )
 
 
-def _whole_lenslets(exact: float) -> int:
-    """Round a number of lenslets up; 1e-9 forgives the rounding of a panel that is a whole number wide."""
-    return math.ceil(exact - 1e-9)
+def _half_field_deg(display: Display) -> float:
+    return math.degrees(math.atan2(0.5 * display.array.pitch_mm, display.aperture_distance_mm))
 
 
 def beats_in_lenslets(display: Display) -> tuple[float, float]:
@@ -163,7 +146,7 @@ def _warnings(display: Display) -> list[str]:
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
-    half_field = math.degrees(math.atan2(0.5 * array.pitch_mm, display.aperture_distance_mm))
+    half_field = _half_field_deg(display)
     if half_field < 5.0:
         found.append(
             f"crosstalk: eyes more than {half_field:.3g} degrees off a lenslet's axis see its neighbour's elemental "

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -31,14 +33,11 @@ def monitors() -> list[tuple[int, int]]:
     DeviceError
         When there is no desktop.
     """
-    pygame = _pygame()
-    try:
+    with _desktop("its sizes") as pygame:
         return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
-    finally:
-        pygame.display.quit()
 
 
-def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Callable[[], None] | None = None) -> Pixels:
+def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
     """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
 
     Parameters
@@ -49,8 +48,6 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
         Number of the monitor, from 0.
     seconds
         Duration; None: until a key is pressed.
-    shown
-        Called when the image is on the monitor.
 
     Raises
     ------
@@ -69,8 +66,7 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
             f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {width} x {height}; "
             "set the monitor to its panel's own resolution, without scaling"
         )
-    pygame = _pygame()
-    try:
+    with _desktop("a full screen") as pygame:
         screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
         if screen.get_size() != (width, height):
             raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
@@ -78,14 +74,8 @@ def show(image: Pixels, monitor: int, seconds: float | None = None, shown: Calla
         screen.blit(pygame.image.frombuffer(np.ascontiguousarray(image).tobytes(), (width, height), "RGB"), (0, 0))
         pygame.display.flip()
         held = np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
-        if shown is not None:
-            shown()
         _wait(pygame, seconds)
         return held
-    except pygame.error as error:
-        raise DeviceError(f"the desktop refuses a full screen ({error}); run it in a graphical session") from None
-    finally:
-        pygame.display.quit()
 
 
 def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
@@ -100,8 +90,7 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
     """
     width, height = monitors()[0]
     scale = min(1.0, WINDOW_SHARE * width / image.shape[1], WINDOW_SHARE * height / image.shape[0])
-    pygame = _pygame()
-    try:
+    with _desktop("a window") as pygame:
         picture = pygame.surfarray.make_surface(image.swapaxes(0, 1))
         size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
         screen = pygame.display.set_mode(size)
@@ -109,24 +98,30 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
         screen.blit(pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, (0, 0))
         pygame.display.flip()
         _wait(pygame, seconds)
-    except pygame.error as error:
-        raise DeviceError(f"the desktop refuses a window ({error})") from None
-    finally:
-        pygame.display.quit()
 
 
 def _wait(pygame: Any, seconds: float | None) -> None:
     """Wait for Escape, q or the close button, or some seconds."""
-    until = None if seconds is None else time.monotonic() + seconds
-    while (until is None or time.monotonic() < until) and not _asked_to_end(pygame):
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    while time.monotonic() < until:
+        for event in pygame.event.get():
+            if event.type == pygame.QUIT or (
+                event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)
+            ):
+                return
         time.sleep(LOOK_S)
 
 
-def _asked_to_end(pygame: Any) -> bool:
-    return any(
-        event.type == pygame.QUIT or (event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q))
-        for event in pygame.event.get()
-    )
+@contextmanager
+def _desktop(wanted: str) -> Iterator[Any]:
+    """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
+    pygame = _pygame()
+    try:
+        yield pygame
+    except pygame.error as error:
+        raise DeviceError(f"the desktop refuses {wanted} ({error}); run it in a graphical session") from None
+    finally:
+        pygame.display.quit()
 
 
 def _pygame() -> Any:

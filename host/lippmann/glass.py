@@ -21,31 +21,16 @@ WAVELENGTH_RANGE_NM = (380.0, 1060.0)
 
 #: Name -> pairs (B, C in square micrometres).
 SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
-    "N-BK7": (
-        (1.03961212, 0.00600069867),
-        (0.231792344, 0.0200179144),
-        (1.01046945, 103.560653),
-    ),
+    "N-BK7": ((1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653)),
     "PMMA": ((1.1819, 0.011313),),
     "polycarbonate": ((1.4182, 0.021304),),
     "polystyrene": ((1.4435, 0.020216),),
-    "fused silica": (
-        (0.6961663, 0.0684043**2),
-        (0.4079426, 0.1162414**2),
-        (0.8974794, 9.896161**2),
-    ),
+    "fused silica": ((0.6961663, 0.0684043**2), (0.4079426, 0.1162414**2), (0.8974794, 9.896161**2)),
 }
 
 
 def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
-    """Return the refractive index of a named glass.
-
-    Parameters
-    ----------
-    glass
-        A name of `SELLMEIER`, upper and lower case alike.
-    wavelength_nm
-        Vacuum wavelength, nm, within `WAVELENGTH_RANGE_NM`.
+    """Return the refractive index of a glass (a name of `SELLMEIER`, in upper or lower case) at a vacuum wavelength.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 
 from lippmann.display import Display
-from lippmann.errors import DeviceError, InputError, input_error
+from lippmann.errors import DeviceError, input_error
 from lippmann.fullscreen import show_window
 from lippmann.images import ENCODED_SUFFIXES, Radiance, encoded_values, png_bytes, read_picture, write_picture
 
@@ -110,7 +110,7 @@ class IntegralImage(Showable):
 
         def accept(metadata: Mapping[str, str]) -> None:
             if not force:
-                check_identity(metadata, display, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
+                _check(metadata, display, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
 
         picture = read_picture(path, (display.panel.width_px, display.panel.height_px), accept)
         return cls(picture.radiance, display, dict(picture.metadata))
@@ -121,40 +121,16 @@ def _tones(display: Display) -> dict[str, str]:
     return {"transfer": display.panel.transfer, "bits": str(display.panel.bits)}
 
 
-def check_identity(metadata: Mapping[str, str], display: Display, source: str, encoded: bool = False) -> None:
-    """Refuse the metadata of an image that was made for another display, or for other tones.
-
-    Parameters
-    ----------
-    metadata
-        The file's.
-    display
-        The display that shall show the image.
-    source
-        Names the file in the error.
-    encoded
-        Whether the file contains panel values, which depend on transfer curve and bits.
-
-    Raises
-    ------
-    InputError
-        When the identity is missing or differs, or transfer curve or bits of panel values differ.
-    """
+def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
+    """Refuse a file (`source`) made for another display, and one of panel values (`encoded`) for other tones."""
     identity = metadata.get("identity")
     if identity != display.identity:
-        carried = (
-            "names no display"
-            if identity is None
-            else f"was made for display '{metadata.get('display', '?')}' ({identity})"
-        )
-        raise InputError(
-            f"{source}: {carried}, not for '{display.name}' ({display.identity}); give the display that it was made "
-            "for, or --force (force=True in Python)"
-        )
+        made = f"was made for display '{metadata.get('display', '?')}' ({identity})"
+        what = f"{'names no display' if identity is None else made}, not for '{display.name}' ({display.identity})"
+        remedy = "give the display that it was made for, or --force (force=True in Python)"
+        raise input_error(source, what, remedy)
     for key, wanted in _tones(display).items():
         found = metadata.get(key, wanted)
         if encoded and found != wanted:
-            raise InputError(
-                f"{source}: was made for a panel with {key} {found}, '{display.name}' has {key} {wanted}; render it "
-                "for this display, or give --force (force=True in Python)"
-            )
+            what = f"was made for a panel with {key} {found}, '{display.name}' has {key} {wanted}"
+            raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")

@@ -54,7 +54,7 @@ def key(
 
 
 def documented(form: type[Form]) -> type[Form]:
-    """Append the meanings of a dataclass's keys to its docstring."""
+    """Append the meanings of a dataclass's keys to its docstring. Dataclasses that no file declares may use it too."""
     lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
     for name, hint in get_type_hints(form, include_extras=True).items():
         described = [note.description for part in (hint, *get_args(hint)) for note in getattr(part, "__metadata__", ())]

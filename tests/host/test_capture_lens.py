@@ -13,8 +13,9 @@ B = NumpyBackend()
 
 
 def pair(convex="in", **changes):
-    numbers = {"focal_length_mm": F, "index": 1.5168, "thickness_mm": 58.0, "separation_mm": 1.0, "aperture_mm": 320.0}
-    return LensPair.of_focal_length(**{**numbers, **changes}, convex=convex)
+    numbers = {"index": 1.5168, "thickness_mm": 58.0, "separation_mm": 1.0, "aperture_mm": 320.0, "convex": convex}
+    focal_length_mm = changes.pop("focal_length_mm", F)
+    return LensPair(np.inf, **{**numbers, **changes}).with_focal_length(focal_length_mm)
 
 
 def rays_from(point, aim):

@@ -171,6 +171,25 @@ def test_words_beyond_their_bits_are_bad_input(word, value, says, tmp_path, caps
     assert says in err
 
 
+@pytest.mark.parametrize(
+    ("inputs", "rays", "says"),
+    [
+        ("0\n", "12_ab // a ray\nxyz\n", "rays.mem:2: 'xyz' is not hexadecimal; give a line a ray"),
+        ("0\n", "\n" + "f" * 40 + "\n", "rays.mem:2: more than the 141 bits of a ray; see vectors.json"),
+        ("0\n0\n", "0\n", "rays.mem: inputs and outputs differ in number, or are empty"),
+        ("", "", "rays.mem: inputs and outputs differ in number, or are empty"),
+    ],
+)
+def test_memory_files_that_hold_no_rays_are_bad_input(inputs, rays, says, tmp_path, capsys):
+    (tmp_path / "inputs.mem").write_text(inputs)
+    (tmp_path / "rays.mem").write_text(rays)
+    command = ["regress", "--display", SQUARE, "--fraction-bits", "16", "--rays"]
+    assert run([*command, str(tmp_path / "rays.mem")]) == 2
+    assert says in capsys.readouterr().err
+    assert run([*command, str(tmp_path / "none.csv")]) == 2
+    assert "none.csv: no such file; give a .npz, .csv or .mem" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["rays.csv", "rays.mem", "inputs.mem"])
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", b"u,v\n\0\n"])
 def test_words_that_are_no_text_are_bad_input(name, content, tmp_path, capsys):
@@ -189,6 +208,8 @@ def test_words_that_are_no_text_are_bad_input(name, content, tmp_path, capsys):
         ({"pixel": np.zeros((2, 2)), "direction": np.zeros((2, 3), complex)}, "direction is complex128; give real"),
         ({"pixel": np.array([["a", "b"]]), "direction": np.zeros((1, 3))}, "pixel is <U1; give real"),
         ({"pixel": np.float64(3.0), "direction": np.zeros((1, 3))}, "pixel has shape"),
+        ({"pixel": np.zeros((1, 2))}, "has no array direction; give at least pixel and direction"),
+        ({"pixel": np.full((1, 2), np.nan), "direction": np.zeros((1, 3))}, "pixel holds values that are not finite"),
     ],
 )
 def test_arrays_that_are_no_rays_are_bad_input(arrays, says, tmp_path, capsys):

@@ -420,12 +420,29 @@ def test_a_word_that_is_off_by_a_constant(written, capsys):
     assert said["fault"].startswith("a constant added")
 
 
+def by_turns(words, one, other):
+    """One number and another, as many as words."""
+    return np.where(np.arange(len(words)) % 2, one, other)
+
+
 #: Slips of words: what is made of right ones, the step and a word of what is said.
 SLIPS = {
     "sign of x": (lambda out: out._replace(x=-out.x), "dome", "sign of the words x"),
     "sign of x and dx": (lambda out: out._replace(x=-out.x, dx=-out.dx), "dome", "sign of the words x, dx"),
     "x and y swapped": (lambda out: out._replace(x=out.y, y=out.x), "dome", "words swapped: x, y"),
     "dx and dy swapped": (lambda out: out._replace(dx=out.dy, dy=out.dx), "exit", "words swapped: dx, dy"),
+    "status code": (lambda out: out._replace(status=np.where(out.status == 0, 4, out.status)), "status", "4 for 0"),
+    "truncated towards zero": (
+        lambda out: out._replace(dx=out.dx - np.sign(out.dx)),
+        "exit",
+        "truncation for rounding (towards zero): dx",
+    ),
+    "rounded otherwise": (lambda out: out._replace(dy=out.dy + by_turns(out.dy, 2, -1)), "exit", "another rounding"),
+    "within golden's rounding": (
+        lambda out: out._replace(dy=out.dy + by_turns(out.dy, 20, -12)),
+        "exit",
+        "words differ by less than golden can tell",
+    ),
     "one clock late": (lambda out: FixedRays(*(np.roll(word, 1) for word in out)), "exit", "late by 1"),
 }
 
@@ -437,6 +454,23 @@ def test_slips_of_words_are_named(slip, written, capsys):
     code, said = judge_words(made(ray_pipeline(*case.words, case.registers, case.build)), capsys)
     assert (code, said["stage"]) == (4, stage)
     assert said["fault"].startswith(says) or says in said["fault"]
+
+
+def test_tie_rule_of_words(tmp_path, capsys):
+    """Lenslets alone are wrong, one to the left, and only of points on the cells' left edges."""
+    (rays,) = hard_sets(display_of("square", "panel", pixel_pitch=0.0625), "cell-ties", SEED, 36)
+    case, why = fixed_words(rays, 16)
+    assert case is not None, why
+    out = ray_pipeline(*case.words, case.registers, case.build)
+    tie = (rays.pixels[case.kept, 0] - 200.0) / 16.0 % 1.0 == 0.5
+    assert 10 < tie.sum() < len(tie)
+    (tmp_path / "display.toml").write_text(display_text(rays.display))
+    write_words(tmp_path / "rays.csv", case, out._replace(i=out.i - tie))
+    assert run(["regress", "--display", str(tmp_path / "display.toml"), "--rays", str(tmp_path / "rays.csv"),
+                "--fraction-bits", "16"]) == 4  # fmt: skip
+    said = capsys.readouterr().out
+    assert f"{tie.sum()} of {len(tie)} rays wrong" in said
+    assert "stage: lenslet; cells closed on their other side (tie rule)" in said
 
 
 def test_a_word_far_off_is_not_called_wrapped():

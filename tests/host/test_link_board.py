@@ -21,16 +21,16 @@ import serial
 from fault_line import Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.check import check_rays
-from lippmann.board.connection import BACK, FRONT
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
+from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
 from lippmann.integral_image import IntegralImage
 from lippmann.link import port as port_module
-from lippmann.link.packets import Kind, ReplyStatus, packed
+from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS
@@ -387,6 +387,15 @@ def test_ports_that_cannot_be_waited_on():
         begun = time.monotonic()
         assert line.receive(0.05) is None
         assert 0.05 <= time.monotonic() - begun < 0.2
+
+
+def test_a_word_of_a_memory_is_written(capsys):
+    """A memory has no fields, so any bits of its words may be set."""
+    with ModelBoard() as model:
+        model.registers[0x300] = 0
+        assert run(["board", "write", "optics.jitter_table", "0x12345", "--port", model.url]) == 0
+        assert model.registers[0x300] == 0x12345
+    assert capsys.readouterr().out == "0x300  0x00012345\n"
 
 
 def test_search_by_answer():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from lippmann.board.connection import Hello
+from lippmann.board.board import Hello
 from lippmann.board.frames import Target, Tones, image_frame, load_frame
 from lippmann.errors import InputError
 from lippmann.images import write_picture

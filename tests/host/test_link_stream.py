@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from fault_line import Proxy
 from lippmann.board.board import Board
-from lippmann.board.connection import BACK, FRONT
 from lippmann.board.stream import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.link.packets import Kind, packed
+from lippmann.link.packets import BACK, FRONT, Kind, packed
 from lippmann.link.round_trip import RoundTrip
 from model_board import ModelBoard
 from scene_cases import generator

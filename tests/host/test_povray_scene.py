@@ -333,6 +333,18 @@ def test_materials_keep_apart_whatever_their_names(seen, mi, tmp_path):
     np.testing.assert_allclose(ours[on], expected, rtol=1e-4)
 
 
+@pytest.mark.parametrize("grey", ['<float name="{}" value="0.5"/>', '<spectrum name="{}" value="0.5"/>'])
+def test_a_grey_may_be_a_number_or_a_uniform_spectrum(mi, tmp_path, grey):
+    texts = []
+    for colour in (grey.format("reflectance"), rgb("reflectance", (0.5, 0.5, 0.5))):
+        material = f'<bsdf type="diffuse">{colour}</bsdf>'
+        path = write_scene(tmp_path / "s.xml", light(), card(material), placement="near_mm = 20\nfar_mm = -30")
+        exported = export_view(load_scene(path), EYE, WINDOW, tmp_path / "pov")
+        texts.append((exported.ini.parent / "scene.inc").read_text())
+    assert texts[0] == texts[1]
+    assert "rgb <0.5, 0.5, 0.5>" in texts[0]
+
+
 def test_names_that_a_file_may_have(mi, tmp_path, capfd):
     """A scene, a mesh and a picture with spaces, quotes and letters of other tongues; the folder too."""
     folder = tmp_path / "a scène's"

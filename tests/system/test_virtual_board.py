@@ -22,7 +22,6 @@ from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
-from lippmann.board.connection import BACK, FRONT
 from lippmann.board.stream import send_frame
 from lippmann.cli import run
 from lippmann.display import display_text, load_display
@@ -32,7 +31,7 @@ from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import Kind, PacketReader, ReplyStatus, packed
+from lippmann.link.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 

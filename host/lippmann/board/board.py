@@ -1,32 +1,310 @@
-"""The public class of a board: it shows images on the panel and verifies the scanned-out frame."""
+"""A board: requests to it, one at a time and sent again until the reply arrives, and images on its panel."""
 
 from __future__ import annotations
 
+import secrets
+import struct
 import time
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Self
 
-from lippmann.board.connection import Connection
+import numpy as np
+
 from lippmann.board.frames import image_frame
 from lippmann.board.stream import Progress, Sent, send_frame
-from lippmann.errors import device_error
+from lippmann.board.tiles import TILE, Crcs, TileGrid
+from lippmann.errors import DeviceError, InputError, LippmannError, NoBoardError
+from lippmann.fixed.build import Build
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.register_file import Write, build_of
+from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.registers import BOARD_REGISTERS
+from lippmann.link.packets import MAX_PACKET, REPLY, VERSION, Kind, ReplyStatus, packed
+from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
+from lippmann.link.round_trip import RoundTrip
+from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
 
+#: Longest silence of a board before a request fails, s.
+PATIENCE_S = 10.0
+#: Slowest clock of a board (a simulated one), Hz: bounds the wait for requests that process a whole frame.
+SLOWEST_HZ = 3e5
+#: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
+PRESENT_CLOCKS = 4
 #: Frame ends until one whole frame has begun and ended.
 FRAME_ENDS = 2
 #: Longest time for these frames, s: a simulated panel is slow.
 FRAME_SECONDS = 120.0
 #: Pause between two queries of the frame counter, s.
 QUERY_S = 0.02
+#: Clocks for each ray of a SIGN: nine words, and one to spare.
+SIGN_CLOCKS = 10
+#: Most rays in a TRACE, words in a READ or WRITE, tiles in a TILES request.
+MAX_RAYS, MAX_WORDS, MAX_TILES = 64, 64, 512
+#: Address of the optics block's first register.
+OPTICS_BASE = 0x200
+
+HELLO_REQUEST = struct.Struct("<BI")
+HELLO_REPLY = struct.Struct("<BIQHHBHIHI")
+READ_REQUEST = struct.Struct("<HB")
+ADDRESS = struct.Struct("<H")
+PRESENT_REQUEST = struct.Struct("<HI")
+EPOCH = struct.Struct("<H")
+TILES_REQUEST = struct.Struct("<BHH")
+TILES_REPLY = struct.Struct("<HH")
+SIGNATURE = struct.Struct("<II")
+
+UPDATE = "update the board or this host"
+#: Cause and remedy of each refusal.
+REFUSALS = {
+    ReplyStatus.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
+    ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
+    ReplyStatus.NO_SUCH_ADDRESS: (
+        "no register there, or it cannot be read or written",
+        "see docs/reference/board-registers.md",
+    ),
+    ReplyStatus.STALE_EPOCH: ("its buffers were swapped during the transfer", "stream the frame again"),
+    ReplyStatus.BAD_TILE_DATA: ("it cannot decode a tile", UPDATE),
+    ReplyStatus.FRAME_CRC_DIFFERS: ("its frame differs from the one sent", "stream the frame again"),
+    ReplyStatus.NO_SUCH_TILE: ("it has no such tile", "render the image for this panel"),
+    ReplyStatus.WRONG_VERSION: (f"it does not support version {VERSION} of the protocol", UPDATE),
+    ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
+}
 
 
-class Board(Connection):
-    """A board with a panel, real or virtual.
+class Hello(NamedTuple):
+    """A board's reply to HELLO.
+
+    Attributes
+    ----------
+    version
+        Version of the protocol.
+    identity
+        Identity of the board's display (`Display.identity` as a number).
+    width, height
+        Size of the panel, px.
+    tile
+        Side of a tile, px.
+    max_packet
+        Longest packet that the board accepts, bytes before COBS.
+    clock_hz
+        Frequency of the board's clock.
+    epoch
+        Number of buffer swaps, modulo 2^16.
+    optics
+        Register `build` of the optics block.
+    """
+
+    version: int
+    identity: int
+    width: int
+    height: int
+    tile: int
+    max_packet: int
+    clock_hz: int
+    epoch: int
+    optics: int
+
+    @property
+    def grid(self) -> TileGrid:
+        """The panel's tiles."""
+        return TileGrid(self.width, self.height)
+
+
+class TileTable(NamedTuple):
+    """CRC-32 of each tile in a buffer (count,), 0 for an empty tile, and the epoch of the reply."""
+
+    epoch: int
+    crcs: Crcs
+
+
+class Board:
+    """A board with a panel, real or virtual, and the open line to it; a `with` block closes the line.
+
+    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer.
+
+    Attributes
+    ----------
+    line
+        The line; closed with the connection.
+    info
+        The board's latest reply to HELLO.
+    patience_s
+        Longest silence before a request fails, s.
 
     Examples
     --------
     >>> with Board.open("socket://127.0.0.1:4000") as board:  # doctest: +SKIP
     ...     board.show(image)
     """
+
+    def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
+        self.line = line
+        self.patience_s = patience_s
+        # Random, so that late replies to another program match no request of this one.
+        self._seq = secrets.randbits(16)
+        self._round_trip = RoundTrip()
+        self.info = self.hello()
+
+    @classmethod
+    def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
+        """Open a port and send HELLO to the board there.
+
+        Parameters
+        ----------
+        url
+            A serial device, a pty, or socket://HOST:PORT.
+        baud
+            Bits a second; a socket ignores it.
+        patience_s
+            Longest silence before a request fails, s.
+
+        Raises
+        ------
+        InputError
+            For an invalid URL or baud rate.
+        DeviceError
+            When the port does not open, or no board with this protocol answers.
+        """
+        line = Line(url, baud)
+        try:
+            return cls(line, patience_s)
+        except BaseException:
+            line.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the port."""
+        self.line.close()
+
+    def hello(self) -> Hello:
+        """Begin a session: send HELLO, check the reply, and keep it in `info`.
+
+        Raises
+        ------
+        DeviceError
+            When nothing answers, or the board has another protocol version or unknown limits.
+        """
+        nonce = secrets.randbits(32)
+        body = self._ask(Kind.HELLO, HELLO_REQUEST.pack(VERSION, nonce), HELLO_REPLY.size)
+        version, echo, *rest = HELLO_REPLY.unpack(body)
+        hello = Hello(version, *rest)
+        if version != VERSION:
+            raise self._error(f"the board speaks version {version} of the protocol, this host {VERSION}", "update one")
+        if echo != nonce:
+            raise self._error("the reply answers another HELLO", "check that no other program uses this line")
+        if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
+            raise self._error(
+                f"the board has limits that this host does not support (panel {hello.width} x {hello.height}, "
+                f"tile {hello.tile}, packet {hello.max_packet})",
+                "update one",
+            )
+        self.info = hello
+        return hello
+
+    def must_be(self, before: Hello) -> None:
+        """Check that this board drives the same display as one that answered before.
+
+        Raises
+        ------
+        DeviceError
+            When it drives another display.
+        """
+        if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
+            raise self._error("another board answers than before", "stream an image that was rendered for its display")
+
+    def read(self, address: int, count: int = 1) -> list[int]:
+        """Return `count` words from a byte address, a multiple of 4.
+
+        Raises
+        ------
+        InputError
+            For an address without a register.
+        """
+        words: list[int] = []
+        for first in range(0, count, MAX_WORDS):
+            some = min(MAX_WORDS, count - first)
+            body = self._ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), some), 4 * some)
+            words += struct.unpack(f"<{some}I", body)
+        return words
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        """Write 1 to 64 words from a byte address, exactly once: all of them or none.
+
+        Raises
+        ------
+        InputError
+            For an address without a register, or a wrong number of words.
+        """
+        if not 1 <= len(words) <= MAX_WORDS:
+            raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
+        if not all(0 <= word < 1 << 32 for word in words):
+            raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
+        self._ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
+
+    def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
+        """Write registers in order, neighbours in one request; addresses count from `base`."""
+        run: list[Write] = []
+        for one in writes:
+            if run and (one.address != run[-1].address + 4 or len(run) == MAX_WORDS):
+                self.write(base + run[0].address, [write.word for write in run])
+                run = []
+            run.append(one)
+        if run:
+            self.write(base + run[0].address, [write.word for write in run])
+
+    def optics_build(self) -> Build:
+        """Return the build of the board's optics block; raises InputError for unknown optics."""
+        names = ("identity", "version", "build")
+        return build_of({name: self.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in names})
+
+    def tiles(self, buffer: int) -> TileTable:
+        """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`."""
+        count = self.info.grid.count
+        crcs = np.empty(count, np.uint32)
+        epochs = set()
+        for first in range(0, count, MAX_TILES):
+            some = min(MAX_TILES, count - first)
+            body = self._ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, some), TILES_REPLY.size + 4 * some)
+            epoch, echo = TILES_REPLY.unpack(body[: TILES_REPLY.size])
+            if echo != first:
+                raise self._error(f"the board replies for tile {echo}, not tile {first}", "update the board")
+            epochs.add(epoch)
+            crcs[first : first + some] = np.frombuffer(body[TILES_REPLY.size :], "<u4")
+        if len(epochs) > 1:
+            raise self._error("its buffers were swapped during the query", "let one program at a time use the board")
+        return TileTable(epochs.pop(), crcs)
+
+    def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
+        """Swap the buffers when the back buffer's CRC-32 is `crc`.
+
+        Return OK and the board's new epoch, or STALE_EPOCH or FRAME_CRC_DIFFERS and the epoch of the request.
+        """
+        clocks = PRESENT_CLOCKS * self.info.width * self.info.height
+        status, body = self._request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
+        if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):
+            return ReplyStatus(status), epoch
+        return ReplyStatus.OK, EPOCH.unpack(self._good(Kind.PRESENT, status, body, EPOCH.size))[0]
+
+    def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
+        """Trace rays (N,) through the board's pipeline; words as in `lippmann.fixed.ray_pipeline`."""
+        rays = np.stack([u, v, a, b], axis=1).astype("<i4")
+        out = np.empty((len(rays), len(FixedRays._fields)), np.int64)
+        for first in range(0, len(rays), MAX_RAYS):
+            some = rays[first : first + MAX_RAYS]
+            body = self._ask(Kind.TRACE, some.tobytes(), 4 * out.shape[1] * len(some))
+            out[first : first + MAX_RAYS] = np.frombuffer(body, "<i4").reshape(len(some), -1)
+        return FixedRays(*out.T)
+
+    def sign(self, rays: int) -> tuple[int, int]:
+        """Trace one frame of the raster, of about `rays` rays; return their number and the CRC-32 of their words."""
+        count, crc = SIGNATURE.unpack(self._ask(Kind.SIGN, b"", SIGNATURE.size, SIGN_CLOCKS * rays / SLOWEST_HZ))
+        return count, crc
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
@@ -68,7 +346,7 @@ class Board(Connection):
         until = time.monotonic() + FRAME_SECONDS
         while (self.read(frames)[0] - first) & 0xFFFFFFFF < FRAME_ENDS:
             if time.monotonic() > until:
-                raise device_error(self.line.url, "the board scans out no frame", "check its clock and its cable")
+                raise self._error("the board scans out no frame", "check its clock and its cable")
             time.sleep(QUERY_S)
         return self.read(BOARD_REGISTERS["shown_crc"].address)[0]
 
@@ -86,8 +364,84 @@ class Board(Connection):
         display = BOARD_REGISTERS["display"]
         changed = self.read(display.address)[0] != display.fields["brightness"].reset
         remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
-        raise device_error(
-            self.line.url,
+        raise self._error(
             f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}",
             remedy if changed else "stream the frame again",
         )
+
+    def next_seq(self) -> int:
+        """Return the next sequence number."""
+        self._seq = (self._seq + 1) & 0xFFFF
+        return self._seq
+
+    def silence(self) -> NoBoardError:
+        """Return the error of a board that does not answer; the received bytes suggest the cause."""
+        counts = self.line.reader.counts
+        what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
+        if counts.accepted:
+            what, remedy = f"the board has not answered for {self.patience_s:g} s", "check its power and the cable"
+        elif counts.bytes:
+            what = (
+                f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate than {self.line.baud}"
+            )
+            remedy = "give the board's rate"
+        return NoBoardError.at(self.line.url, what, remedy)
+
+    def refusal(self, kind: int, status: int) -> LippmannError:
+        """Return the error of a reply whose status is not OK."""
+        name = Kind(kind).name
+        if status not in REFUSALS:
+            return self._error(f"the board answers {name} with status {status}", UPDATE)
+        what, remedy = REFUSALS[ReplyStatus(status)]
+        kind_of_error = InputError if status == ReplyStatus.NO_SUCH_ADDRESS else DeviceError
+        return kind_of_error.at(self.line.url, f"the board refuses {name}: {what}", remedy)
+
+    def _error(self, what: str, remedy: str) -> DeviceError:
+        return DeviceError.at(self.line.url, what, remedy)
+
+    def _ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
+        """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
+        status, answer = self._request(kind, body, work_s)
+        return self._good(kind, status, answer, size)
+
+    def _good(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
+        if status != ReplyStatus.OK:
+            raise self.refusal(kind, status)
+        if len(body) != size:
+            raise self._error(f"the board's reply to {kind.name} has {len(body)} bytes, not {size}", UPDATE)
+        return body
+
+    def _request(self, kind: Kind, body: bytes, work_s: float) -> tuple[int, bytes]:
+        """Send a request until its reply arrives; return the status and the rest of the reply's body.
+
+        The sequence number stays the same, so the board executes a repeated request once. Fails `patience_s` after the
+        time of the board's work, or later by one send that the line does not accept.
+        """
+        seq = self.next_seq()
+        packet = packed(kind, seq, body)
+        end = time.monotonic() + work_s + self.patience_s
+        again = False
+        while True:
+            self.line.send(packet, min(SEND_S, self.patience_s))
+            sent = time.monotonic()
+            until = min(end, sent + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
+            # Bounded by time: a line may deliver other packets without end.
+            while time.monotonic() < until:
+                reply = self.line.receive(until - time.monotonic())
+                if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
+                    if again:
+                        self._round_trip.ease()
+                    elif not work_s:
+                        self._round_trip.sample(time.monotonic() - sent)
+                    return reply.body[0], reply.body[1:]
+            if time.monotonic() >= end:
+                raise self.silence()
+            self._round_trip.back_off()
+            again = True
+
+
+def _checked(address: int) -> int:
+    """Return the address; refuse one that no request can hold."""
+    if address % 4 or not 0 <= address < 1 << 16:
+        raise InputError(f"0x{address:X} is not a register address; give a multiple of 4 up to 0xFFFC")
+    return address

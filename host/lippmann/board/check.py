@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.board.connection import Connection
+from lippmann.board.board import Board
 from lippmann.display import Display
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
@@ -32,7 +32,7 @@ class Check:
         return self.board_crc == self.twin_crc
 
 
-def check_rays(board: Connection, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
+def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
     """Write a display's optics into the board and compare the chief rays of a region's pixels.
 
     Parameters

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from lippmann.board.board import Board
-from lippmann.board.connection import Hello
+from lippmann.board.board import Board, Hello
 from lippmann.errors import DeviceError
 from lippmann.link.port import DEFAULT_BAUD, adapter_ports, ports
 

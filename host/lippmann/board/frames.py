@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.board.connection import Hello
 from lippmann.board.tiles import Pixels
 from lippmann.display import Panel, Transfer
 from lippmann.errors import input_error
 from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
 from lippmann.integral_image import IntegralImage
+
+if TYPE_CHECKING:
+    from lippmann.board.board import Hello
 
 #: Bits per colour on the serial link; a panel with more bits receives these.
 LINK_BITS = 8

@@ -8,14 +8,18 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import takewhile
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lippmann.board.connection import BACK, FRONT, SEND_S, Connection
 from lippmann.board.tiles import Coded, Coding, Crcs, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError, device_error
-from lippmann.link.packets import REPLY, Kind, Packet, ReplyStatus, packed
+from lippmann.link.packets import BACK, FRONT, REPLY, Kind, Packet, ReplyStatus, packed
+from lippmann.link.port import SEND_S
 from lippmann.link.round_trip import RoundTrip
+
+if TYPE_CHECKING:
+    from lippmann.board.board import Board
 
 #: Most bytes that are sent and not yet acknowledged: about 16 raw tiles.
 WINDOW_BYTES = 50_000
@@ -94,7 +98,7 @@ class Sent:
 
 
 def send_frame(
-    board: Connection,
+    board: Board,
     frame: Pixels,
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
@@ -145,9 +149,7 @@ def send_frame(
     return sent
 
 
-def _show(
-    board: Connection, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int
-) -> None:
+def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
     """Send the missing tiles and present the frame, until the board shows it."""
     status = ReplyStatus.OK
     for _ in range(MAX_ROUNDS):
@@ -206,7 +208,7 @@ class _Sender:
     the order: earlier packets that are still unanswered are lost, or their replies are.
     """
 
-    board: Connection
+    board: Board
     frame: Pixels
     epoch: int
     in_front: np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -297,7 +299,12 @@ class _Sender:
         self._round_trip.sample(time.monotonic() - flight.time)
         status = reply.body[0]
         if status == ReplyStatus.OK and reply.body[1:] == TILE_REPLY.pack(flight.tile):
-            self._arrive(flight)
+            if flight.tile not in self._arrived:
+                self._arrived.add(flight.tile)
+                self.sent.arrived.add(flight.tile)
+                self.sent.payload_bytes += len(flight.coded.data)
+                count = "copied" if flight.coded.coding == Coding.COPY else flight.coded.coding.name.lower()
+                setattr(self.sent, count, getattr(self.sent, count) + 1)
         elif status == ReplyStatus.BAD_TILE_DATA and flight.coded.coding != Coding.RAW:
             # Sent raw next: raw pixels need no decoder.
             self._refused.add(flight.tile)
@@ -305,17 +312,6 @@ class _Sender:
         elif status != ReplyStatus.STALE_EPOCH:
             raise self.board.refusal(Kind.TILE, status)
         return ReplyStatus(status)
-
-    def _arrive(self, flight: _Flight) -> None:
-        """Count a tile that arrived."""
-        if flight.tile in self._arrived:
-            return
-        self._arrived.add(flight.tile)
-        sent = self.sent
-        sent.arrived.add(flight.tile)
-        sent.payload_bytes += len(flight.coded.data)
-        count = "copied" if flight.coded.coding == Coding.COPY else flight.coded.coding.name.lower()
-        setattr(sent, count, getattr(sent, count) + 1)
 
     def _give_up(self, numbers: list[int]) -> None:
         """Treat packets as lost: their tiles are sent next."""

@@ -10,15 +10,16 @@ The curvature c of a face has the usual sign: its centre of curvature is at z + 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
+from lippmann.toml import documented, key
 
 #: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
 Convex = Literal["in", "out", "image", "object"]
@@ -35,28 +36,14 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True)
 class ThinLens:
-    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray.
-
-    Attributes
-    ----------
-    focal_length_mm
-        Focal length in air.
-    aperture_mm
-        Diameter of the aperture.
-    """
+    """An ideal lens: slope' = slope - height / f, sharp and free of distortion for every ray."""
 
     focal_length_mm: float
     aperture_mm: float
 
-    @property
-    def hiatus_mm(self) -> float:
-        """Object-side principal plane H, its z in mm: the lens."""
-        return 0.0
-
-    @property
-    def extent_mm(self) -> tuple[float, float]:
-        """Positions z of the outermost vertices, towards the image and towards the object, mm."""
-        return 0.0, 0.0
+    #: Object-side principal plane H, and the outermost vertices: all at the lens.
+    hiatus_mm: ClassVar[float] = 0.0
+    extent_mm: ClassVar[tuple[float, float]] = (0.0, 0.0)
 
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays from the image side to the object side.
@@ -71,53 +58,29 @@ class ThinLens:
         return Ray(x, y, 0.0 * x, dx, dy, dz), _inside(x, y, self.aperture_mm)
 
 
+@documented
 @dataclass(frozen=True)
 class LensPair:
-    """Two equal plano-convex lenses on one axis.
+    """Two equal plano-convex lenses on one axis."""
 
-    Attributes
-    ----------
-    radius_mm
-        Radius of both domes.
-    index
-        Refractive index at the design wavelength.
-    thickness_mm
-        Centre thickness of each lens.
-    separation_mm
-        Air between the two lenses' inner vertices.
-    aperture_mm
-        Diameter.
-    convex
-        Where the domes face.
-    """
+    radius_mm: Annotated[float, key("radius of both domes")]
+    index: Annotated[float, key("refractive index at the design wavelength")]
+    thickness_mm: Annotated[float, key("centre thickness of each lens")]
+    separation_mm: Annotated[float, key("air between the inner vertices")]
+    aperture_mm: Annotated[float, key("diameter that light passes through")]
+    convex: Annotated[Convex, key("where the domes face")] = "in"
 
-    radius_mm: float
-    index: float
-    thickness_mm: float
-    separation_mm: float
-    aperture_mm: float
-    convex: Convex = "in"
-
-    @classmethod
-    def of_focal_length(
-        cls,
-        focal_length_mm: float,
-        index: float,
-        thickness_mm: float,
-        separation_mm: float,
-        aperture_mm: float,
-        convex: Convex = "in",
-    ) -> LensPair:
-        """Return the pair that has a focal length f.
+    def with_focal_length(self, focal_length_mm: float) -> LensPair:
+        """Return the pair with the domes that give it a focal length f.
 
         1/f = 2/F - d/F^2 for lenses of focal length F = R / (n - 1) whose inner principal planes are d apart
         (Hecht, Optics, section 6.1). A dome's principal plane is at its vertex, a flat face's T/n inside: d does not
         depend on R. ValueError if no such pair exists (d > f).
         """
-        flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[convex]
-        d = separation_mm + flats_inside * thickness_mm / index
+        flats_inside = {"in": 0, "out": 2, "image": 1, "object": 1}[self.convex]
+        d = self.separation_mm + flats_inside * self.thickness_mm / self.index
         single = focal_length_mm * (1.0 + math.sqrt(1.0 - d / focal_length_mm))
-        return cls((index - 1.0) * single, index, thickness_mm, separation_mm, aperture_mm, convex)
+        return replace(self, radius_mm=(self.index - 1.0) * single)
 
     @property
     def sag_mm(self) -> float:
@@ -163,7 +126,7 @@ class LensPair:
 
     @property
     def hiatus_mm(self) -> float:
-        """From H' to H; H lies (1 - A)/C behind the last vertex."""
+        """From H' to H, mm; H lies (1 - A)/C behind the last vertex."""
         last = self._first_vertex[-1].z_mm
         return float(last + (1.0 - self._matrix[0, 0]) / self._matrix[1, 0] - self._image_principal)
 

@@ -6,6 +6,7 @@ lens's image-side principal plane, object distances from its object-side one: fo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -67,39 +68,23 @@ class Pickup:
     gap_mm: Annotated[Gap, key("gap between the array and the sensor, as in a display file")]
 
 
+@documented
 @dataclass(frozen=True)
 class Setup:
-    """A capture.
+    """A capture. The lenslets that are captured through may be other ones than the display's: see `array`."""
 
-    Attributes
-    ----------
-    name
-        What reports call it.
-    subject
-        The scene's stand.
-    lens
-        The imaging lens; None for an array that looks at the scene itself.
-    display
-        What shows the picture: its panel gives the picture's pixels, its lattice is the captured array's.
-    array
-        The lenslets that are captured through; the display's own unless the file says otherwise.
-    concave
-        Whether those lenslets are plano-concave: their sphere's centre on the lens's side. `array.thickness_mm` is then
-        that of their middle.
-    position_mm
-        The array's vertices from the image of the object's centre, positive towards the camera; 0 without a lens.
-    pickup
-        What takes the picture: a pinhole camera, or a sensor behind the array.
-    """
-
-    name: str
-    subject: Subject
-    lens: ImagingLens | None
-    display: Display
-    array: Array
-    concave: bool
-    position_mm: float
-    pickup: Camera | Pickup
+    name: Annotated[str, key("name in reports")]
+    subject: Annotated[Subject, key("where the scene stands")]
+    lens: Annotated[ImagingLens | None, key("imaging lens; None for an array that looks at the scene itself")]
+    display: Annotated[
+        Display, key("shows the picture: its panel gives the pixels, its lattice is the captured array's")
+    ]
+    array: Annotated[Array, key("captured lenslets; concave: `thickness_mm` is that of their middle")]
+    concave: Annotated[bool, key("the captured lenslets are plano-concave: their sphere's centre on the lens's side")]
+    position_mm: Annotated[
+        float, key("vertices, from the object's image; positive towards the camera; 0 without a lens")
+    ]
+    pickup: Annotated[Camera | Pickup, key("takes the picture: a pinhole camera, or a sensor behind the array")]
 
     @property
     def image_distance_mm(self) -> float:
@@ -164,18 +149,11 @@ class Setup:
 
 
 def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
-    """Refuse a picture that has too few pixels for each lenslet.
-
-    Raises
-    ------
-    InputError
-        Naming how many there are.
-    """
+    """Refuse a picture that has too few pixels for each lenslet."""
     pixels = setup.array.pitch_mm / setup.display.panel.pixel_pitch_mm
     if pixels < MIN_ELEMENTAL_PX:
-        raise input_error(
-            where, f"the camera sees {pixels:.2f} pixels of a lenslet, fewer than {MIN_ELEMENTAL_PX:g}", remedy
-        )
+        what = f"the camera sees {pixels:.2f} pixels of a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
+        raise input_error(where, what, remedy)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,14 +247,11 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
         raise input_error(f"{where}index or glass", "none is given", "give exactly one of them")
     if keys.thickness_mm is None:
         raise input_error(f"{where}thickness_mm", "the key is missing", "add it")
-    index = index_of_keys(keys, where)
-    rest = (index, keys.thickness_mm, keys.separation_mm or 0.0, keys.aperture_mm, keys.convex or "in")
-    if keys.radius_mm is not None:
-        pair = LensPair(keys.radius_mm, *rest)
-    else:
-        assert focal is not None
+    sizes = (keys.thickness_mm, keys.separation_mm or 0.0, keys.aperture_mm, keys.convex or "in")
+    pair = LensPair(keys.radius_mm or math.inf, index_of_keys(keys, where), *sizes)
+    if focal is not None:
         try:
-            pair = LensPair.of_focal_length(focal, *rest)
+            pair = pair.with_focal_length(focal)
         except ValueError:
             raise input_error(
                 f"{where}{'focal_length_mm' if image_mm is None else 'image_distance_mm'}",
@@ -284,17 +259,11 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
                 "give a smaller thickness_mm or separation_mm",
             ) from None
     if not 0.5 * pair.aperture_mm < pair.radius_mm:
-        raise input_error(
-            f"{where}aperture_mm",
-            f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm are",
-            "give a smaller aperture, or a higher index",
-        )
+        what = f"{pair.aperture_mm:g} mm is wider than domes of radius {pair.radius_mm:.5g} mm are"
+        raise input_error(f"{where}aperture_mm", what, "give a smaller aperture, or a higher index")
     if pair.thickness_mm < pair.sag_mm:
-        raise input_error(
-            f"{where}thickness_mm",
-            f"{pair.thickness_mm:g} mm is below the sag of the domes over the aperture, {pair.sag_mm:.5g} mm",
-            "make it at least the sag, or the aperture smaller",
-        )
+        what = f"{pair.thickness_mm:g} mm is below the sag of the domes over the aperture, {pair.sag_mm:.5g} mm"
+        raise input_error(f"{where}thickness_mm", what, "make it at least the sag, or the aperture smaller")
     return pair
 
 
@@ -325,34 +294,26 @@ def _check(setup: Setup, source: str) -> None:
     """Refuse what stands in the wrong order on the axis; single tables were checked when they were read."""
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
-        raise input_error(
-            source, f"display '{setup.display.name}' has colour stripes, a camera none", "give one without"
-        )
-    if setup.lens is not None:
-        if not setup.subject.distance_mm > setup.lens.focal_length_mm:
-            raise input_error(
-                f"{source}: object.distance_mm",
-                f"{setup.subject.distance_mm:g} mm is within the focal length {setup.lens.focal_length_mm:g} mm: "
-                "no real image",
-                "move the object away",
-            )
+        what = f"display '{setup.display.name}' has colour stripes, a camera none"
+        raise input_error(source, what, "give one without")
+    lens, stand = setup.lens, f"{setup.array_distance_mm:.4g} mm behind the lens"
+    if lens is not None:
+        distance = setup.subject.distance_mm
+        if not distance > lens.focal_length_mm:
+            what = f"{distance:g} mm is within the focal length {lens.focal_length_mm:g} mm: no real image"
+            raise input_error(f"{source}: object.distance_mm", what, "move the object away")
         # The array, its substrate too, must stand behind the lens's last face, towards the camera.
-        behind_mm = setup.array_distance_mm + setup.lens.extent_mm[0]
+        behind_mm = setup.array_distance_mm + lens.extent_mm[0]
         if not behind_mm > (0.0 if setup.plano_to_camera else setup.array.thickness_mm):
-            raise input_error(
-                f"{source}: array.position_mm",
-                f"{setup.position_mm:g} mm puts the array {setup.array_distance_mm:.4g} mm behind the lens's principal "
-                "plane, not behind its last face: outside the image space",
-                "give a larger position_mm",
+            what = (
+                f"{setup.position_mm:g} mm puts the array {stand}'s principal plane, not behind its last face: outside "
+                "the image space"
             )
+            raise input_error(f"{source}: array.position_mm", what, "give a larger position_mm")
     to_camera = setup.camera_distance_mm
     depth = setup.array.thickness_mm if setup.plano_to_camera else setup.array.sag_mm
     if to_camera is not None and not to_camera > depth:
-        raise input_error(
-            f"{source}: array.position_mm" if setup.lens is not None else f"{source}: camera.distance_mm",
-            f"the array stands {setup.array_distance_mm:.4g} mm behind the lens, not before the camera: outside the "
-            "image space"
-            if setup.lens is not None
-            else "the camera stands within the array",
-            "move one of them",
-        )
+        key, what = "camera.distance_mm", "the camera stands within the array"
+        if lens is not None:
+            key, what = "array.position_mm", f"the array stands {stand}, not before the camera: outside the image space"
+        raise input_error(f"{source}: {key}", what, "move one of them")

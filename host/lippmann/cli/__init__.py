@@ -17,25 +17,9 @@ from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
-    "inspect",
-    "fit",
-    "trace",
-    "vectors",
-    "regress",
-    "render",
-    "animate",
-    "capture",
-    "observe",
-    "view",
-    "export",
-    "board",
-    "stream",
-    "display",
-    "demo",
-    "bench",
-    "report",
-    "doctor",
-)
+    "inspect", "fit", "trace", "vectors", "regress", "render", "animate", "capture", "observe", "view", "export",
+    "board", "stream", "display", "demo", "bench", "report", "doctor",
+)  # fmt: skip
 
 #: Signals received; see `was_interrupted`.
 interrupts: list[int] = []

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
+from lippmann.board.board import OPTICS_BASE
 from lippmann.board.check import check_rays
-from lippmann.board.connection import OPTICS_BASE
 from lippmann.cli.options.common import Vector, display_option
 from lippmann.cli.options.port import board_options, check_board, opened_board
 from lippmann.cli.output import emit
@@ -116,14 +116,12 @@ def check_command(
 def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
     """Return a region as integers; refuse one that is not on the panel."""
     left, top, width, height = region
-    size = panel.width_px, panel.height_px
-    what = None
-    if not (0 <= left <= left + width - 1 < size[0] and 0 <= top <= top + height - 1 < size[1]):
-        what = f"is not inside a panel of {size[0]} x {size[1]} pixels"
-    elif any(number != int(number) for number in region):
-        what = "contains a non-integer"
-    if what:
-        raise input_error("--region", what, "give pixels: LEFT,TOP,WIDTH,HEIGHT")
+    remedy = "give pixels: LEFT,TOP,WIDTH,HEIGHT"
+    if not (0 <= left <= left + width - 1 < panel.width_px and 0 <= top <= top + height - 1 < panel.height_px):
+        what = f"is not inside a panel of {panel.width_px} x {panel.height_px} pixels"
+        raise input_error("--region", what, remedy)
+    if any(number != int(number) for number in region):
+        raise input_error("--region", "contains a non-integer", remedy)
     return tuple(map(int, region))
 
 
@@ -159,22 +157,21 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """
     address, known = _register(register)
+    fields = {} if known is None else known.fields
     by_field = ["=" in value for value in values]
     if any(by_field) and (not all(by_field) or known is None):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
     if known is not None and "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
-    if known is not None and len(numbers) == 1:
-        if numbers[0] & ~sum(field.mask for field in known.fields.values()):
-            raise input_error(
-                values[0], f"{register} has no field in some of these bits", f"use {', '.join(known.fields)}"
-            )
-        for name, field in known.fields.items():
+    if fields and len(numbers) == 1:  # a memory has no fields
+        if numbers[0] & ~sum(field.mask for field in fields.values()):
+            raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(fields)}")
+        for name, field in fields.items():
             _check_named(values[0], name, field, numbers[0])
     with opened_board(port, baud) as board:
-        if known is not None and any(by_field):
-            numbers = [_changed(register, known, values, board.read(address)[0])]
+        if any(by_field):
+            numbers = [_changed(register, fields, values, board.read(address)[0])]
         board.write(address, numbers)
     result = {"address": address, "words": numbers}
     emit(result, as_json, f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
@@ -213,15 +210,15 @@ def _number(said: str, text: str, field: Field) -> int:
     return field.bits(number)
 
 
-def _changed(register: str, known: Register, values: tuple[str, ...], word: int) -> int:
+def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
     """Return a register's word with some of its fields changed."""
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
         raise InputError(f"{' '.join(values)}: a field is named twice; name each once")
     for name, value in zip(names, values, strict=True):
-        if name not in known.fields:
-            raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(known.fields)}")
-        field = known.fields[name]
+        if name not in fields:
+            raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(fields)}")
+        field = fields[name]
         word = word & ~field.mask | _number(value, value.partition("=")[2], field)
         _check_named(value, name, field, word)
     return word

@@ -9,14 +9,13 @@ from typing import Any, get_args
 import click
 
 from lippmann.board.board import Board
-from lippmann.board.connection import Hello
 from lippmann.board.frames import load_frame
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.options.common import Finite, json_option
 from lippmann.cli.options.port import baud_option, check_board, chosen_port, port_option
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Transfer, load_display
-from lippmann.errors import DeviceError, NoBoardError
+from lippmann.errors import NoBoardError
 
 #: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5
@@ -78,7 +77,6 @@ def command(
         results = []
         for image, frame in zip(images, frames, strict=True):
             sent = Sent()
-            result: dict[str, Any] = {}
             arrived = -1
             with progress_bar(f"streaming {image}", as_json) as progress:
                 while True:
@@ -86,7 +84,6 @@ def command(
                         send_frame(board, frame, progress, sent=sent)
                         if verify:
                             board.verify(sent.crc)
-                            result["verified"] = True
                         break
                     except NoBoardError as error:
                         if not resume_s:
@@ -97,9 +94,11 @@ def command(
                         arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
-                        board = _reopened(url, baud, hello, resume_s)
+                        board = _opened(url, baud, resume_s)
+                        board.must_be(hello)
             rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
-            results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **result})
+            verified = {"verified": True} if verify else {}
+            results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **verified})
     finally:
         board.close()
 
@@ -118,17 +117,6 @@ def _opened(url: str, baud: int, seconds: float) -> Board:
                     raise
                 raise NoBoardError(f"{error} (waited {seconds:g} s; the same command continues the frame)") from None
         time.sleep(RETRY_S)
-
-
-def _reopened(url: str, baud: int, hello: Hello, seconds: float) -> Board:
-    """Open the board again; it must drive the same display. Raises as `_opened`."""
-    board = _opened(url, baud, seconds)
-    try:
-        board.must_be(hello)
-    except DeviceError:
-        board.close()
-        raise
-    return board
 
 
 def _line(result: dict[str, Any]) -> str:

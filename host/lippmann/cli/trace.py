@@ -127,10 +127,9 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
             raise input_error("--pixels", f"{count} is out of range", f"give 1 to {MAX_RAYS}, or a file")
         columns, rows = (random.integers(0, side, count) for side in size)
         return np.stack([columns, rows], axis=1).astype(np.float64) + 0.5
-    path = Path(spec)
-    if not path.is_file():
+    if not Path(spec).is_file():
         raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
-    table = _table(path)
+    table = _table(Path(spec))
     if table.size == 0:
         raise input_error(spec, "holds no pixels", "give columns u, v")
     if table.ndim != 2 or table.shape[1] != 2 or table.dtype.kind not in "iuf":

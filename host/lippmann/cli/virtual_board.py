@@ -15,11 +15,11 @@ from typing import Any
 import click
 
 from lippmann.cli import interrupts
-from lippmann.cli.options.common import display_option, json_option
+from lippmann.cli.options.common import display_option, fraction_bits_option, json_option
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
-from lippmann.fixed.words import COMPACT, FRACTIONS
+from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
 
@@ -31,6 +31,7 @@ CAPTURE_SECONDS = 10.0
 ERRORS: dict[int, type[LippmannError]] = {
     kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
 }
+PATH = click.Path(path_type=Path, readable=False)
 
 
 @click.command("start")
@@ -38,13 +39,12 @@ ERRORS: dict[int, type[LippmannError]] = {
 @click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="Kind of port.")
 @click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: a free one.")
 @click.option("--baud", type=click.IntRange(1), help="Simulate a UART of this rate; default: a line without a rate.")
+@fraction_bits_option("its optics", COMPACT)
+@click.option("--capture", type=PATH, metavar="FOLDER", help="Write every new frame that is scanned out, as PNG.")
 @click.option(
-    "--fraction-bits", type=click.IntRange(FRACTIONS[0], FRACTIONS[-1]), default=COMPACT, show_default=True,
-    help="Word length of its optics.",
-)  # fmt: skip
-@click.option("--capture", metavar="FOLDER", help="Write every new frame that is scanned out, as PNG.")
-@click.option("--ready", metavar="FILE", help="Write the board's URL to this JSON file, while the board runs.")
-@click.option("--trace", metavar="FILE.fst", help="Write waveforms of the clocks --trace-clocks.")
+    "--ready", type=PATH, metavar="FILE", help="Write the board's URL to this JSON file, while the board runs."
+)
+@click.option("--trace", type=PATH, metavar="FILE.fst", help="Write waveforms of the clocks --trace-clocks.")
 @click.option("--background", is_flag=True, help="Return when the board is ready, and let it run; needs --ready.")
 @click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
 @json_option
@@ -56,9 +56,9 @@ def start_command(
     tcp_port: int,
     baud: int | None,
     fraction_bits: int,
-    capture: str | None,
-    ready: str | None,
-    trace: str | None,
+    capture: Path | None,
+    ready: Path | None,
+    trace: Path | None,
     trace_clocks: tuple[int, int],
     background: bool,
     as_json: bool,
@@ -76,18 +76,17 @@ def start_command(
             "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
         )
     display = load_display(display_path)
-    folder, file = capture and Path(capture), ready and Path(ready)
     _check_places(capture, ready, trace)
     log("starting the board; the first start compiles it (half a minute) ...")
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # SIGTERM ends it as Ctrl-C does
     if background:
-        if not file:
+        if not ready:
             raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
-        _in_background(ctx, file, as_json)
+        _in_background(ctx, ready, as_json)
         return
     board = virtual_board.start(
-        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=folder or None,
-        trace=Path(trace) if trace else None, trace_clocks=trace_clocks,
+        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
+        trace=trace, trace_clocks=trace_clocks,
     )  # fmt: skip
     result = {
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
@@ -95,20 +94,20 @@ def start_command(
     }  # fmt: skip
     done: dict[str, Any] = {}
     with contextlib.ExitStack() as end:
-        if file:
-            end.callback(_remove_ready, file)
-        if folder:
-            end.callback(virtual_board.keep_as_png, folder, display)
+        if ready:
+            end.callback(_remove_ready, ready)
+        if capture:
+            end.callback(virtual_board.keep_as_png, capture, display)
         end.callback(lambda: done.update(board.stop()))
         try:
-            if file:
-                with replacing(file) as partial:
+            if ready:
+                with replacing(ready) as partial:
                     partial.write_text(json.dumps(result) + "\n")
             emit(result, as_json, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             while board.process.poll() is None:
-                if folder:
-                    virtual_board.keep_as_png(folder, display)
+                if capture:
+                    virtual_board.keep_as_png(capture, display)
                 time.sleep(CHECK_S)
         except KeyboardInterrupt:
             interrupts.clear()  # the usual end of this command
@@ -118,15 +117,18 @@ def start_command(
     )
 
 
-def _check_places(capture: str | None, ready: str | None, trace: str | None) -> None:
+def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
     """Refuse missing or read-only folders, and the ready file of a running board."""
-    places = {"--capture": capture, "--ready": ready and Path(ready).parent, "--trace": trace and Path(trace).parent}
-    for option, place in places.items():
-        if place and not Path(place).is_dir():
+    for option, place in (
+        ("--capture", capture),
+        ("--ready", ready and ready.parent),
+        ("--trace", trace and trace.parent),
+    ):
+        if place and not place.is_dir():
             raise input_error(option, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
             raise input_error(option, f"{place} cannot be written to", "choose another folder or change permissions")
-    if ready and (other := _running(Path(ready))) is not None:
+    if ready and (other := _running(ready)) is not None:
         raise input_error("--ready", f"{ready} belongs to a board that runs ({other[1]})", "end it, or name a new file")
 
 
@@ -137,10 +139,8 @@ def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
     words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words(ctx)]
-    with output.open("wb") as log_file:
-        process = subprocess.Popen(
-            words, stdin=subprocess.DEVNULL, stdout=log_file, stderr=log_file, start_new_session=True
-        )
+    with output.open("wb") as both:
+        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
     try:
         while not ready.exists():
             if process.poll() is not None:
@@ -199,33 +199,29 @@ def _content(ready: Path) -> tuple[int, str] | None:
 def _running(ready: Path) -> tuple[int, str] | None:
     """Return the process and the URL in a ready file, when the process runs this command."""
     content = _content(ready)
-    if content is None:
-        return None
     try:
-        words = Path(f"/proc/{content[0]}/cmdline").read_bytes().split(b"\0")
+        words = Path(f"/proc/{content[0]}/cmdline").read_bytes().split(b"\0") if content else []
     except OSError:
         return None
     return content if b"board" in words and b"start" in words else None
 
 
 @click.command("stop")
-@click.option("--ready", required=True, metavar="FILE", help="The --ready file of the board's start.")
+@click.option("--ready", type=PATH, required=True, metavar="FILE", help="The --ready file of the board's start.")
 @json_option
-def stop_command(ready: str, as_json: bool) -> None:
+def stop_command(ready: Path, as_json: bool) -> None:
     """End a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json
     """
-    path = Path(ready)
-    output = _log_of(path)
-    content = _content(path)
+    output, content = _log_of(ready), _content(ready)
     failure = _failure(output)
     if content is None and failure is None:
-        raise input_error(ready, "names no board", "give the --ready file of `lippmann board start`")
-    running = _running(path)
+        raise input_error(str(ready), "names no board", "give the --ready file of `lippmann board start`")
+    running = _running(ready)
     if running is None:
         if content is not None:
-            path.unlink(missing_ok=True)
+            ready.unlink(missing_ok=True)
         if failure is None:
             raise DeviceError(f"{ready}: its board had ended already, without a message; the file is removed")
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
@@ -234,7 +230,7 @@ def stop_command(ready: str, as_json: bool) -> None:
     # The board first waits for its simulator, then writes its last frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _running(path) is not None:
+    while _running(ready) is not None:
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)

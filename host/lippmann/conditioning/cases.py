@@ -143,8 +143,7 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 def steep(display: Display, share: float = 1.02) -> Display:
     """Return a display of thin, nearly hemispherical domes, a pitch from the panel."""
     array = display.array
-    thin = changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0)
-    return changed(thin, gap_mm=array.pitch_mm)
+    return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.pitch_mm)
 
 
 def _nudged(points: Floats, random: np.random.Generator) -> Floats:

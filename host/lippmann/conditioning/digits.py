@@ -22,6 +22,7 @@ import mpmath
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.conditioning.search import Bools, Floats
 from lippmann.display import Display
 from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.dome import Dome
@@ -35,9 +36,7 @@ from lippmann.optics.system import System
 mp = mpmath.mp.clone()
 mp.dps = 50
 
-Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 

@@ -6,29 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.conditioning import digits
 from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.digits import Condition, TrueHits, TrueRays, Truth
+from lippmann.conditioning.search import Bools
 from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.conversion import (
-    aims_of_words,
-    pixels_of_words,
-    rays_of_words,
-    words_of_aims,
-    words_of_pixels,
-)
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import Ints
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Hits, Model, Rays, gets_through
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 #: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
 #: fate: units of the last place of one input (of a float32 for the fast engine).

@@ -7,10 +7,9 @@ their columns and bits.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
-import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -176,24 +175,19 @@ def write_vectors(
         raise input_error(str(folder), "exists already", "give a new folder")
     if not folder.parent.is_dir():
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
-    partial = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
+    entries = []
     try:
-        partial.mkdir()
-        entries = []
-        for rays in hard_sets(display, case, seed, count):
-            if isinstance(rays, Back) and model != "exact":
-                continue
-            progress(rays.name)
-            entries.append(_write_set(partial, rays, model, fraction_bits))
-        _write_header(partial, entries, model, fraction_bits, seed, origin)
-        with contextlib.suppress(FileNotFoundError):
-            folder.rmdir()
-        partial.rename(folder)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
+            made = Path(place) / "made"
+            made.mkdir()
+            for rays in hard_sets(display, case, seed, count):
+                if isinstance(rays, Out) or model == "exact":
+                    progress(rays.name)
+                    entries.append(_write_set(made, rays, model, fraction_bits))
+            _write_header(made, entries, model, fraction_bits, seed, origin)
+            made.rename(folder)
     except OSError as error:
         raise input_error(str(folder), f"cannot be written ({error.strerror})", "choose another place") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     return entries
 
 

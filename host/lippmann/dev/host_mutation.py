@@ -11,6 +11,7 @@ Docstrings, annotations, decorators and the texts of errors stay as they are.
 from __future__ import annotations
 
 import ast
+import bisect
 import re
 import sys
 import tempfile
@@ -59,16 +60,13 @@ Edit = tuple[int, int, str]
 
 def faults_of(path: Path, file: str) -> list[Fault]:
     """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
-    text = path.read_text()
-    source = text.encode()
-    lines, found = text.split("\n"), []
-    for begin, end, new in sorted(set(_Program(source).edits(ast.parse(text)))):
-        first, last = source.count(b"\n", 0, begin), source.count(b"\n", 0, end)
-        was = "\n".join(lines[first : last + 1])
-        start = len("\n".join(lines[:first]).encode()) + (first > 0)
-        code = was.encode()
-        now = (code[: begin - start] + new.encode() + code[end - start :]).decode()
-        found.append(Fault(file, first + 1, was, now))
+    program, found = _Program(path.read_bytes()), []
+    source, starts = program.source, program.starts
+    for begin, end, new in sorted(set(program.edits(ast.parse(source)))):
+        line = bisect.bisect(starts, begin)
+        first, last = starts[line - 1], starts[bisect.bisect(starts, end)] - 1
+        now = source[first:begin] + new.encode() + source[end:last]
+        found.append(Fault(file, line, source[first:last].decode(), now.decode()))
     return found
 
 

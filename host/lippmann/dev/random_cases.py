@@ -57,17 +57,15 @@ def random_rays(
     half = 8 * np.array([display.panel.width_px, display.panel.height_px])
     u, v = (random.integers(-half[k], half[k] + 1, count) for k in range(2))
     one = 1 << build.fraction_bits
-    a, b = random.integers(-int(0.75 * one), int(0.75 * one) + 1, (2, count))
+    aims = random.integers(-int(0.75 * one), int(0.75 * one) + 1, (2, count))
     # Aims within a unit of the last place of cell edges, corners, hexagon vertices and the axis.
-    hard = random.random(count) < 1.0 / 3.0
     places = np.array([-one // 2, one // 2, 0, one // 3, -one // 3, 2 * one // 3, -2 * one // 3, one // 4, -one // 4])
-    a = np.where(hard, random.choice(places, count) + random.integers(-1, 2, count), a)
-    hard = random.random(count) < 1.0 / 3.0
-    b = np.where(hard, random.choice(places, count) + random.integers(-1, 2, count), b)
+    for words in aims:
+        hard = random.random(count) < 1.0 / 3.0
+        words[:] = np.where(hard, random.choice(places, count) + random.integers(-1, 2, count), words)
     # The panel's centre and corners.
     corner = random.random(count) < 0.01
     u = np.where(corner, random.choice([-half[0], 0, half[0]], count), u)
     v = np.where(corner, random.choice([-half[1], 0, half[1]], count), v)
-    if not build.aims:
-        a = b = np.zeros_like(u)
+    a, b = aims if build.aims else np.zeros_like(aims)
     return u, v, a, b

@@ -11,15 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.conditioning.search import Floats
-from lippmann.conditioning.vectors import (
-    FROM_WORLD,
-    INPUTS,
-    OUTPUTS,
-    STATUS_BITS,
-    text_of,
-    widths,
-    words_of_memory,
-)
+from lippmann.conditioning.vectors import FROM_WORLD, INPUTS, OUTPUTS, STATUS_BITS, text_of, widths, words_of_memory
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build

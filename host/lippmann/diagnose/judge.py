@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conditioning.search import Floats
+from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign, Words
@@ -24,8 +24,6 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
-
-Bools = npt.NDArray[np.bool_]
 
 #: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300

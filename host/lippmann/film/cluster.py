@@ -13,13 +13,11 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from lippmann import __version__
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
-from lippmann.film.shot import Shot, render_shot
+from lippmann.film.shot import Shot, render_shot, versions
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.scene import digest_of
 from lippmann.variant import start_mitsuba
@@ -33,11 +31,6 @@ AHEAD = 2
 
 #: A worker renders one frame at a time on all cores, whatever its number of threads.
 _rendering = threading.Lock()
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that pixels depend on."""
-    return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
 
 
 def render_on_cluster(
@@ -69,6 +62,8 @@ def render_on_cluster(
     if not shots:
         return
     client = _connected(address)
+    from distributed import KilledWorker, wait
+
     try:
         waiting = iter(shots)
         running: dict[Any, Shot] = {}
@@ -80,9 +75,13 @@ def render_on_cluster(
                 running[client.submit(_rendered, shot, device, versions(), pure=False)] = shot
             if not running:
                 return
-            for future in _finished(list(running)):
+            try:
+                done = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                done = ()
+            for future in done:
                 shot = running.pop(future)
-                image = _result(address, future, shot)
+                image = future.result()
                 future.release()
                 yield shot, image
             if threads:
@@ -90,6 +89,13 @@ def render_on_cluster(
             elif time.monotonic() - alone > ALONE_S:
                 log(f"{address}: no worker is left; waiting for one (dask worker {address})")
                 alone = float("inf")
+    except ModuleNotFoundError as error:
+        raise MissingLibraryError(
+            f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
+        ) from None
+    except KilledWorker:
+        what = f"frame {shot.frame} crashed several workers"
+        raise device_error(address, what, "see their logs; they may lack memory") from None
     except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
         remedy = "start it and run the command again: finished frames are kept"
@@ -122,32 +128,6 @@ def _connected(address: str) -> Any:
     return client
 
 
-def _finished(futures: list[Any]) -> list[Any]:
-    """Return the futures that are done; none after a second without any."""
-    from distributed import wait
-
-    try:
-        return list(wait(futures, timeout=1.0, return_when="FIRST_COMPLETED").done)
-    except TimeoutError:
-        return []
-
-
-def _result(address: str, future: Any, shot: Shot) -> IntegralImage:
-    """Return a worker's image of a shot."""
-    from distributed import KilledWorker
-
-    try:
-        image: IntegralImage = future.result()
-        return image
-    except ModuleNotFoundError as error:
-        raise MissingLibraryError(
-            f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
-        ) from None
-    except KilledWorker:
-        what = f"frame {shot.frame} crashed several workers"
-        raise device_error(address, what, "see their logs; they may lack memory") from None
-
-
 def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> IntegralImage:
     """Render a shot, on a worker."""
     from distributed import get_worker
@@ -171,5 +151,4 @@ def _check_scene(worker: str, path: Path, digest: str) -> None:
     except InputError as error:
         raise InputError(f"{worker}: {error}; a cluster's machines must share the scene's folder") from None
     if own != digest:
-        what = f"{path} differs there"
-        raise input_error(worker, what, "share the scene's folder between the cluster's machines")
+        raise input_error(worker, f"{path} differs there", "share the scene's folder between the cluster's machines")

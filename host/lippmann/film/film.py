@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, TypeVar
 
 from lippmann import toml
-from lippmann.errors import InputError
-from lippmann.film.path import Motion, check_frames
+from lippmann.errors import InputError, input_error
+from lippmann.film.path import Motion
 from lippmann.film.path import Path as FilmPath
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
@@ -84,6 +84,13 @@ def load_film(path: str | Path) -> Film:
 
 
 def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:
-    """Return a path with the film's motion where it has none; refuse frames beyond the film's end."""
-    check_frames(path, film.frames, where)
+    """Return a path with the film's motion where it has none; refuse keys out of order or beyond the last frame."""
+    before = -1
+    for place, frame in enumerate(one.frame for one in path.keys):
+        here = f"{where}.keys[{place}].frame"
+        if frame >= film.frames:
+            raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {film.frames - 1}")
+        if frame <= before:
+            raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
+        before = frame
     return replace(path, motion=path.motion or film.motion)

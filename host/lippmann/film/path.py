@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from lippmann.errors import input_error
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.toml import documented, key
 
@@ -56,21 +55,3 @@ class Path:
         pivot = np.array(self.pivot_mm)
         offset = now[:3] + pivot - turned.display_from_scene[:3, :3] @ pivot
         return Placement(turned.scale, turned.rotation_deg, (float(offset[0]), float(offset[1]), float(offset[2])))
-
-
-def check_frames(path: Path, frames: int, where: str) -> None:
-    """Refuse keys that are out of order, or beyond the last frame of a film; `where` names the path in errors.
-
-    Raises
-    ------
-    InputError
-        For the first key that is refused.
-    """
-    before = -1
-    for place, frame in enumerate(one.frame for one in path.keys):
-        here = f"{where}.keys[{place}].frame"
-        if frame >= frames:
-            raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
-        if frame <= before:
-            raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
-        before = frame

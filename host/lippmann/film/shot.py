@@ -8,7 +8,7 @@ import json
 from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from lippmann import __version__
 from lippmann.display import Display
@@ -18,37 +18,30 @@ from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.toml import documented, key
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that pixels depend on."""
+    return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
+
+
+@documented
 @dataclass(frozen=True)
 class Shot:
-    """One frame.
+    """One frame."""
 
-    Attributes
-    ----------
-    film, frame
-        The film's name and the frame's number.
-    scene, digest
-        Mitsuba XML, and its `digest_of`.
-    moves
-        Motions of the scene's shapes.
-    placement
-        Of the scene before the display.
-    reach
-        Whether near and far depth extend with shapes that move beyond the scene's bounding box.
-    display, options
-        The display, and how to render.
-    """
-
-    film: str
-    frame: int
-    scene: Path
-    digest: str
-    moves: tuple[Move, ...]
-    placement: Placement
-    reach: tuple[bool, bool]
+    film: Annotated[str, key("the film's name")]
+    frame: Annotated[int, key("the frame's number")]
+    scene: Annotated[Path, key("Mitsuba XML")]
+    digest: Annotated[str, key("`digest_of` the scene")]
+    moves: Annotated[tuple[Move, ...], key("motions of the scene's shapes")]
+    placement: Annotated[Placement, key("of the scene before the display")]
+    reach: Annotated[
+        tuple[bool, bool], key("near and far depth extend with shapes that leave the scene's bounding box")
+    ]
     display: Display
-    options: RenderOptions
+    options: Annotated[RenderOptions, key("how to render")]
 
     @property
     def identity(self) -> str:
@@ -62,7 +55,7 @@ class Shot:
             "reach": self.reach,
             "display": self.display.identity,
             "options": options,
-            "versions": [__version__, *(metadata.version(name) for name in ("mitsuba", "drjit"))],
+            "versions": list(versions().values()),
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

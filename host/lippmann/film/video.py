@@ -67,16 +67,13 @@ def write_video(
         finally:
             writer.close()
         # imageio_ffmpeg hides ffmpeg's exit code; a full disk shows as missing frames.
-        if _frames_in(ffmpeg, partial) != count:
+        try:
+            written = ffmpeg.count_frames_and_secs(str(partial))[0]
+        except (RuntimeError, OSError):  # not a video
+            written = -1
+        if int(written) != count:
             raise _unwritten(path)
     return count
-
-
-def _frames_in(ffmpeg: Any, path: Path) -> int:
-    try:
-        return int(ffmpeg.count_frames_and_secs(str(path))[0])
-    except (RuntimeError, OSError):  # not a video
-        return -1
 
 
 def _unwritten(path: Path) -> Exception:

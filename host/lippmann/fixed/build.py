@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Model
+from lippmann.toml import documented, key
 
 #: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]
@@ -18,49 +19,30 @@ HardwareModel = Literal["pinhole", "paraxial", "exact"]
 MOST_CELL_STEPS = 4
 
 
+@documented
 @dataclass(frozen=True)
 class Build:
-    """Parameters of the RTL module `ray_pipeline`.
+    """Parameters of the RTL module `ray_pipeline`."""
 
-    Attributes
-    ----------
-    fraction_bits
-        F, 14 to 23.
-    grid
-        Lattice.
-    model
-        Lens model.
-    viewer
-        The plano side faces the viewer.
-    aims
-        Rays aim at aperture points; without, all rays are chief rays.
-    max_cell_steps
-        Neighbouring cells that a ray may step to when it meets a dome outside that dome's cell (RTL: `Walk`).
-    cross_cells
-        Compute the cross terms of products in multiplier cells, not in logic. The results are the same.
-    """
-
-    fraction_bits: int
-    grid: Grid
-    model: HardwareModel = "exact"
-    viewer: bool = False
-    aims: bool = False
-    max_cell_steps: int = 0
-    cross_cells: bool = False
+    fraction_bits: Annotated[int, key("F, 14 to 23")]
+    grid: Annotated[Grid, key("lattice")]
+    model: Annotated[HardwareModel, key("lens model")] = "exact"
+    viewer: Annotated[bool, key("the plano side faces the viewer")] = False
+    aims: Annotated[bool, key("rays aim at aperture points; without, all rays are chief rays")] = False
+    #: The RTL's parameter `Walk`.
+    max_cell_steps: Annotated[int, key("cells that a ray may step to when it meets a dome outside its cell")] = 0
+    cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
         for name, kind in (("grid", Grid), ("model", HardwareModel)):
-            if getattr(self, name) not in get_args(kind):
-                raise InputError(
-                    f"{name} '{getattr(self, name)}' cannot be built; choose from {', '.join(get_args(kind))}"
-                )
-        for name, low, high in (
-            ("fraction_bits", FRACTIONS[0], FRACTIONS[-1]),
-            ("max_cell_steps", 0, MOST_CELL_STEPS),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} = {getattr(self, name)} cannot be built; choose {low} to {high}")
+            value = getattr(self, name)
+            if value not in get_args(kind):
+                raise InputError(f"{name} '{value}' cannot be built; choose from {', '.join(get_args(kind))}")
+        for name, values in (("fraction_bits", FRACTIONS), ("max_cell_steps", range(MOST_CELL_STEPS + 1))):
+            value = getattr(self, name)
+            if value not in values:
+                raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":

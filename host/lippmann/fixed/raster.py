@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError
-from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, wrapped
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
+from lippmann.toml import documented, key
 
 #: Sources of jitter, in the order of their codes in the register.
 Jitter = Literal["off", "table", "lfsr"]
@@ -28,39 +29,19 @@ MAX_SAMPLES = 1 << 16
 POLYNOMIAL = 0x00400007
 
 
+@documented
 @dataclass(frozen=True)
 class Raster:
-    """A frame's window on a panel, and its jitter.
+    """A frame's window on a panel, and its jitter; raises InputError for values that its registers cannot hold."""
 
-    Attributes
-    ----------
-    width, height
-        Of the panel, pixels.
-    columns, rows
-        First and last of the window; (0, 0) is the panel's top left pixel.
-    samples
-        Rays for each pixel, 1 to 65536.
-    jitter
-        Source of the offsets from the centres of pixel and lenslet.
-    table_first
-        Table entry of sample 0.
-    seed
-        The first random word, 32 bits; 0 counts as 1.
-
-    Raises
-    ------
-    InputError
-        For values that the RTL refuses or its registers cannot hold.
-    """
-
-    width: int
-    height: int
-    columns: tuple[int, int]
-    rows: tuple[int, int]
-    samples: int = 1
-    jitter: Jitter = "off"
-    table_first: int = 0
-    seed: int = 1
+    width: Annotated[int, key("columns of the panel")]
+    height: Annotated[int, key("rows of the panel")]
+    columns: Annotated[tuple[int, int], key("first and last column of the window; 0 is the leftmost")]
+    rows: Annotated[tuple[int, int], key("first and last row of the window; 0 is the topmost")]
+    samples: Annotated[int, key("rays for each pixel, 1 to 65536")] = 1
+    jitter: Annotated[Jitter, key("source of the offsets from the centres of pixel and lenslet")] = "off"
+    table_first: Annotated[int, key("table entry of sample 0")] = 0
+    seed: Annotated[int, key("first random word, 32 bits; 0 counts as 1")] = 1
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
@@ -151,14 +132,11 @@ def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     if len(offset_px) > TABLE_ENTRIES:
         raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
     entries, low_bit = np.zeros(len(offset_px), np.int64), 0
-    for name, values, bits, fraction in (
-        ("offset", offset_px, 4, PIXEL_FRACTION),
-        ("aim", aim, AIM_BITS, AIM_FRACTION),
-    ):
+    formats = (("offset", offset_px, 4, PIXEL_FRACTION), ("aim", aim, AIM_BITS, AIM_FRACTION))
+    for name, values, bits, fraction in formats:
         word = np.floor(np.ldexp(values, fraction) + 0.5)
-        limit = 1 << (bits - 1)
-        if not ((word >= -limit) & (word < limit)).all():
-            low, high = (np.ldexp(word, -fraction) for word in (-limit, limit - 1))
+        if not fits(word, bits).all():
+            low, high = (np.ldexp(word, -fraction) for word in (-(1 << (bits - 1)), (1 << (bits - 1)) - 1))
             raise InputError(f"jitter table: an {name}, rounded, is outside its range [{low:.10g}, {high:.10g}]")
         for column in word.astype(np.int64).T:
             entries |= (column & ((1 << bits) - 1)) << low_bit

@@ -73,16 +73,12 @@ def optics_writes(config: Configuration) -> list[Write]:
 
 def raster_writes(frame: Raster) -> list[Write]:
     """Return the writes of a frame's window and jitter; the command `start` begins the frame."""
+    mode = get_args(Jitter).index(frame.jitter)
     return [
         write("raster_columns", first=frame.columns[0], last=frame.columns[1]),
         write("raster_rows", first=frame.rows[0], last=frame.rows[1]),
         write("raster_panel", width=frame.width, height=frame.height),
-        write(
-            "raster_jitter",
-            samples=frame.samples & 0xFFFF,
-            mode=get_args(Jitter).index(frame.jitter),
-            table_first=frame.table_first,
-        ),
+        write("raster_jitter", samples=frame.samples & 0xFFFF, mode=mode, table_first=frame.table_first),
         write("raster_seed", value=frame.seed),
     ]
 
@@ -114,12 +110,10 @@ def build_of(words: Mapping[str, int]) -> Build:
     if version != known:
         raise InputError(f"the optics block has registers of version {version}, this host knows {known}; update one")
     fields = read("build", words["build"])
-    models = get_args(HardwareModel)
-    if fields["model"] >= len(models):
-        raise InputError(
-            f"register build, field model: {fields['model']} is unknown to this host, which knows 0 to "
-            f"{len(models) - 1}; update the host"
-        )
+    models, model = get_args(HardwareModel), fields["model"]
+    if model >= len(models):
+        known_models = f"this host, which knows 0 to {len(models) - 1}"
+        raise InputError(f"register build, field model: {model} is unknown to {known_models}; update the host")
     flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells")}
     grid = get_args(Grid)[fields["grid"]]
-    return Build(fields["fraction_bits"], grid, models[fields["model"]], max_cell_steps=fields["walk"], **flags)
+    return Build(fields["fraction_bits"], grid, models[model], max_cell_steps=fields["walk"], **flags)

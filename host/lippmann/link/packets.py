@@ -22,6 +22,9 @@ DELIMITER = b"\0"
 #: Bit that is set in the type of a reply.
 REPLY = 0x80
 
+#: The board's frame buffers: the one that tiles are written to, and the one that is scanned out.
+BACK, FRONT = 0, 1
+
 HEADER = struct.Struct("<BH")
 CRC = struct.Struct("<I")
 #: Shortest packet, without a body.
@@ -115,11 +118,9 @@ class PacketReader:
         *ended, unfinished = data.split(DELIMITER)
         for part in ended:
             self._hold(part)
-            packet = self._end()
-            if packet is not None:
-                packets.append(packet)
+            packets.append(self._end())
         self._hold(unfinished)
-        return packets
+        return [packet for packet in packets if packet is not None]
 
     def _hold(self, part: bytes) -> None:
         """Keep a part of a packet, unless the packet is too long."""

@@ -14,7 +14,6 @@ from collections import deque
 
 import serial
 from serial.tools import list_ports
-from serial.tools.list_ports_common import ListPortInfo
 
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 from lippmann.link.packets import DELIMITER, Packet, PacketReader
@@ -27,6 +26,8 @@ POLL_S = 0.001
 #: Received packets that are kept for the caller; when more come, the oldest are dropped.
 MAX_WAITING = 1024
 READ_BYTES = 65536
+#: Longest time to write a request to the port before it is sent again, s.
+SEND_S = 2.0
 #: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
@@ -81,23 +82,18 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
         return no_board_error(url, "no such host", "check the name, or use 127.0.0.1")
     if isinstance(cause, TimeoutError):
         return no_board_error(url, "the host does not answer", "check its address and the network")
-    missing = "no such port", "plug the board in, or name another: " + (", ".join(ports()) or "this machine has none")
-    forbidden = "no permission", _permission(url)
-    busy = "the port is busy", "close the other program that uses it"
-    known = {
-        errno.ENOENT: missing,
-        errno.ENODEV: missing,
-        errno.ENXIO: missing,
-        errno.EACCES: forbidden,
-        errno.EPERM: forbidden,
-        errno.EBUSY: busy,
-        errno.EAGAIN: busy,
-        errno.ECONNREFUSED: ("no program listens there", "start the virtual board: lippmann board start"),
-    }
-    what, remedy = known.get(
-        cause.errno or 0 if isinstance(cause, OSError) else 0,
-        (f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"),
-    )
+    match getattr(cause, "errno", None):
+        case errno.ENOENT | errno.ENODEV | errno.ENXIO:
+            known = ", ".join(ports()) or "this machine has none"
+            what, remedy = "no such port", f"plug the board in, or name another: {known}"
+        case errno.EACCES | errno.EPERM:
+            what, remedy = "no permission", _permission(url)
+        case errno.EBUSY | errno.EAGAIN:
+            what, remedy = "the port is busy", "close the other program that uses it"
+        case errno.ECONNREFUSED:
+            what, remedy = "no program listens there", "start the virtual board: lippmann board start"
+        case _:
+            what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
     return no_board_error(url, what, remedy)
 
 
@@ -114,18 +110,16 @@ def _permission(path: str) -> str:
 
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
-    return [port.device for port in _sorted_ports()]
+    found = list_ports.comports()
+    return [
+        port.device
+        for port in sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
+    ]
 
 
 def adapter_ports() -> list[str]:
     """Return the serial ports whose USB vendor makes the adapters on FPGA boards."""
-    return [port.device for port in _sorted_ports() if port.vid in ADAPTER_VENDORS]
-
-
-def _sorted_ports() -> list[ListPortInfo]:
-    return sorted(
-        list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
-    )
+    return sorted(port.device for port in list_ports.comports() if port.vid in ADAPTER_VENDORS)
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
@@ -193,10 +187,7 @@ class Line:
     def send(self, packet: bytes, patience_s: float) -> bool:
         """Write a whole packet; return False when the port accepted no byte for `patience_s`.
 
-        Raises
-        ------
-        NoBoardError
-            When the connection is lost.
+        Like `receive`, it raises NoBoardError when the connection is lost.
         """
         if self._broken:
             packet = DELIMITER + packet
@@ -218,13 +209,7 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next valid packet, or None when none arrives within `wait_s`.
-
-        Raises
-        ------
-        NoBoardError
-            When the connection is lost.
-        """
+        """Return the next valid packet, or None when none arrives within `wait_s`."""
         end = time.monotonic() + wait_s
         while not self._waiting:
             left = end - time.monotonic()
@@ -255,7 +240,6 @@ class Line:
 
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith("socket://") and not self.reader.counts.bytes:
-            return no_board_error(
-                self.url, "it closed the connection at once", "close the other program that uses the board"
-            )
+            what, remedy = "it closed the connection at once", "close the other program that uses the board"
+            return no_board_error(self.url, what, remedy)
         return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps its tiles")

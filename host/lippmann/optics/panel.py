@@ -21,16 +21,8 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 class PanelFrame:
     """The maps between pixel coordinates, the panel's frame and the array's frame.
 
-    Attributes
-    ----------
-    pitch_mm
-        Pixel pitch.
-    half_width_px, half_height_px
-        Half the number of pixels.
-    offset_mm
-        The array's origin in the panel's frame.
-    cos, sin
-        Of the array's rotation.
+    They hold the pixel pitch, half the numbers of pixels, the array's origin in the panel's frame, and cosine and sine
+    of the array's rotation.
     """
 
     pitch_mm: float
@@ -43,16 +35,9 @@ class PanelFrame:
     @classmethod
     def of(cls, display: Display) -> PanelFrame:
         """Return the frame of a display."""
-        cos, sin = exact_rotation(display.array.rotation_deg)
-        panel = display.panel
-        return cls(
-            panel.pixel_pitch_mm,
-            0.5 * panel.width_px,
-            0.5 * panel.height_px,
-            display.array.offset_mm,
-            cos,
-            sin,
-        )
+        panel, array = display.panel, display.array
+        half_size = 0.5 * panel.width_px, 0.5 * panel.height_px
+        return cls(panel.pixel_pitch_mm, *half_size, array.offset_mm, *exact_rotation(array.rotation_deg))
 
     def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
         """Map pixel coordinates (column, row; continuous) to panel millimetres."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.optics.backend import Arr
+from lippmann.toml import documented, key
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
 Engine = Literal["golden", "fast", "twin", "rtl"]
@@ -18,6 +19,7 @@ MODELS: tuple[Model, ...] = get_args(Model)
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 
 class Status(IntEnum):
@@ -36,32 +38,17 @@ def gets_through(status: Arr) -> Arr:
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 
 
+@documented
 @dataclass(frozen=True)
 class Rays:
-    """Rays that leave a display, N of them.
+    """Rays that leave a display, N of them."""
 
-    Attributes
-    ----------
-    pixel
-        (N, 2) float64, pixel coordinates (column, row; continuous) of their start.
-    lenslet
-        (N, 2) int64, (i, j) of the lenslet that they leave through.
-    centre_mm
-        (N, 2) float64, that lenslet's centre, panel frame.
-    local_mm
-        (N, 3) float64, their origins from that centre, panel's axes; z = 0 is the vertices' plane.
-    direction
-        (N, 3) float64, unit.
-    status
-        (N,) uint8, see `Status`.
-    """
-
-    pixel: Floats
-    lenslet: npt.NDArray[np.int64]
-    centre_mm: Floats
-    local_mm: Floats
-    direction: Floats
-    status: npt.NDArray[np.uint8]
+    pixel: Annotated[Floats, key("(N, 2) float64, pixel coordinates (column, row; continuous) of their start")]
+    lenslet: Annotated[Indices, key("(N, 2) int64, (i, j) of the lenslet that they leave through")]
+    centre_mm: Annotated[Floats, key("(N, 2) float64, that lenslet's centre, panel frame")]
+    local_mm: Annotated[Floats, key("(N, 3) float64, origins from that centre, panel's axes; z = 0 at the vertices")]
+    direction: Annotated[Floats, key("(N, 3) float64, unit")]
+    status: Annotated[npt.NDArray[np.uint8], key("(N,) uint8, see `Status`")]
 
     @property
     def origin_mm(self) -> Floats:
@@ -76,5 +63,5 @@ class Hits:
     """Hits of N rays from the world on the panel: pixel (N, 2), lenslet passed (N, 2), status (N,)."""
 
     pixel: Floats
-    lenslet: npt.NDArray[np.int64]
+    lenslet: Indices
     status: npt.NDArray[np.uint8]

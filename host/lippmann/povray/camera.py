@@ -35,7 +35,7 @@ def pinhole(position_mm: Triple, to_window: Triple, width_mm: float, height_mm: 
 def write_rays(path: Path, origin_mm: Floats, direction: Floats) -> None:
     """Write a camera with one ray for each pixel: the ray of pixel k starts at the centre of face k, along its normal.
 
-    The origins and the unit directions are (N, 3), row by row from the picture's top left.
+    The origins and the unit directions are (N, 3), row by row from the image's top left.
     """
     # Two unit vectors perpendicular to each ray; the first from the axis that is most perpendicular to it.
     helper = np.eye(3)[np.abs(direction).argmin(axis=1)]

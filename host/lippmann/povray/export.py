@@ -44,7 +44,7 @@ global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
 class Exported:
     """An exported folder: the .ini file that POV-Ray renders, in that folder, and the names of all files.
 
-    POV-Ray's picture has `spare_rows` rows on top that are not part of the picture.
+    `spare_rows` is the number of surplus rows at the top of POV-Ray's image.
     """
 
     ini: Path
@@ -73,7 +73,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class View:
-    """A picture of a scene: its camera, and the optics between camera and scene, as text.
+    """Camera and optics that POV-Ray renders a scene through, as text, and the size of the image.
 
     `faces` is the number of the optics' refracting faces that a ray may meet. `rays` are the origins (mm) and unit
     directions of a camera of single rays, (N, 3) each.
@@ -88,7 +88,7 @@ class View:
 
 
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
-    """Write all files; they appear in `folder`, which is made when missing, when all are there.
+    """Write all files; they appear in `folder`, which is made when missing, all at once.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def check_folder(folder: Path) -> Path:
 
 
 def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
-    """Write the scene as an eye sees it through a window in z = 0, with no display in between."""
+    """Write the scene as an eye sees it through a window in z = 0, without a display."""
     x, y, z = eye_mm
     camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
     return write_folder(scene, View(camera, window.width_px, window.height_px), folder)

@@ -30,7 +30,10 @@ SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or
 
 
 class Side(NamedTuple):
-    """One side of a surface: POV-Ray's pigments for a mesh and for a sphere, which differ for a picture; its finish."""
+    """Appearance of one side of a surface: its finish, and its pigments for a mesh and for a sphere.
+
+    The pigments differ for an image texture only.
+    """
 
     pigment: str
     sphere: str
@@ -45,11 +48,15 @@ class Material:
     front: Side
     back: Side
     index: float | None = None
-    clear: bool = False
+
+    @property
+    def clear(self) -> bool:
+        """Whether light passes."""
+        return self.front.pigment == CLEAR
 
     @property
     def pictures(self) -> bool:
-        """Tell whether there is a picture on it."""
+        """Whether it has an image texture."""
         return any(side.pigment != side.sphere for side in (self.front, self.back))
 
     def declarations(self, spherical: bool) -> dict[str, str]:
@@ -100,10 +107,9 @@ class Materials:
         if item.plugin == "twosided":
             sides = [self._one(inner) for inner in item.children()]
             item.refuse_leftovers()
-            return Material(name, sides[0][0], sides[-1][0], sides[0][1], sides[0][0].pigment == CLEAR)
+            return Material(name, sides[0][0], sides[-1][0], sides[0][1])
         front, index = self._one(item)
-        clear = front.pigment == CLEAR
-        return Material(name, front, front if clear else BLACK, index, clear)
+        return Material(name, front, front if front.pigment == CLEAR else BLACK, index)
 
     def _one(self, item: Item) -> tuple[Side, float | None]:
         """Return the look of a material's front, and the index of what it encloses."""
@@ -147,8 +153,8 @@ class Materials:
         return self._coloured(item, "diffuse_reflectance", finish), index
 
     def _index(self, item: Item) -> float:
-        """Return the relative index, by Mitsuba's own table of materials where it is named."""
-        # The defaults of Mitsuba's dielectric and plastic: their documentation.
+        """Return the relative index; names are looked up in Mitsuba's own table of materials."""
+        # Defaults from the documentation of Mitsuba's dielectric and plastic.
         inside = item.value("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
         given: dict[str, float | str] = {"int_ior": inside, "ext_ior": item.value("ext_ior", "air")}
         for name, value in given.items():
@@ -175,7 +181,7 @@ class Materials:
         texture.refuse_leftovers()
         image = f'png "{file}" gamma {"1.0" if raw else "srgb"} map_type'
         mesh, sphere = (block("image_map", f"{image} {shape}{interpolate}") for shape in (0, 1))
-        # Longitude runs about Mitsuba's z, and about POV-Ray's y.
+        # Longitude is about z in Mitsuba, about y in POV-Ray.
         sphere = block("pigment", f"{sphere} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0>")
         return Side(f"uv_mapping {block('pigment', mesh)}", sphere, finish)
 

@@ -137,7 +137,7 @@ def _prism(setup: Setup, near: float, far: float) -> str:
     turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
     radius = 2.0 * half / math.sqrt(3.0)
     corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-    # A prism stands along y; the matrix lays it along z.
+    # POV-Ray's prisms are along y; the matrix rotates it to z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, 7, {points}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"

@@ -16,16 +16,9 @@ POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get
 
 @dataclass(frozen=True)
 class Run:
-    """Cost of a run of POV-Ray.
+    """Cost of a run of POV-Ray, parsing included; the command line is that in the exported folder.
 
-    Attributes
-    ----------
-    command
-        The command line, run in the exported folder.
-    seconds
-        Wall clock, parsing included.
-    cpu_seconds
-        Processor time of all threads, parsing included.
+    `seconds` are wall clock, `cpu_seconds` the processor time of all threads.
     """
 
     command: str
@@ -60,14 +53,8 @@ def run_povray(ini: Path, *options: str) -> Run:
     program = povray()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()
-    done = subprocess.run(
-        [str(program), ini.name, *options],
-        check=False,
-        cwd=ini.parent,
-        capture_output=True,
-        text=True,
-        errors="replace",
-    )
+    command = [str(program), ini.name, *options]
+    done = subprocess.run(command, check=False, cwd=ini.parent, capture_output=True, text=True, errors="replace")
     seconds = time.perf_counter() - started
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:

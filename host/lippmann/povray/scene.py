@@ -27,7 +27,7 @@ GRAIN = 1e-6
 
 
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
-    """Write `scene.inc`, a file for each mesh, and the pictures of a scene file to a folder that exists.
+    """Write `scene.inc`, a file for each mesh, and the image textures of a scene file to an existing folder.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
     x, y, z, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
-    # In scene units a surface at distance d gets I / d^2; in mm both squares grow by the scale's.
+    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
     area = placement.scale**2
     red, green, blue = item.triple("intensity", (1.0, 1.0, 1.0))
     item.refuse_leftovers()
@@ -91,8 +91,8 @@ def _sphere(item: Item, placement: Placement) -> str:
     to_world[:3, :3] *= item.value("radius", 1.0)
     size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
     if size[0] - size[2] > 1e-3 * size[0]:
-        raise item.refusal("is no sphere where it stands", "scale it alike in all directions")
-    # Mitsuba turns a sphere inside out for flip_normals, for a negative radius and for a mirror in its transform.
+        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
+    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a transform that mirrors.
     if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
         raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
@@ -113,14 +113,14 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
     parts = {"vertex_vectors": points}
     if mesh.has_vertex_normals():
         normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
-        # The file's, which flip_normals leaves as they are.
+        # flip_normals does not change the file's normals.
         facing = -1.0 if item.value("flip_normals", False) else 1.0
         parts["normal_vectors"] = facing * normals / placement.scale
     if mesh.has_vertex_texcoords():
-        # The first row of a picture is v = 0 in Mitsuba and v = 1 in POV-Ray.
+        # The first row of a texture is v = 0 in Mitsuba and v = 1 in POV-Ray.
         parts["uv_vectors"] = _column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0]
     elif material.pictures:
-        raise item.refusal("has a picture on it but no uv", "give the mesh uv, or the material a colour")
+        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
     parts["face_indices"] = faces
     name = f"{stem}-{number}.inc"
     body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())

@@ -36,11 +36,11 @@ class Item:
 
     @property
     def where(self) -> str:
-        """Where it stands: file, line and column."""
+        """Its file, line and column."""
         return str(self.tree.mi.parser.file_location(self.tree.state, self._node))
 
     def path(self, name: str) -> Path:
-        """Return the file that a property names: beside the scene, or beside the included file that names it."""
+        """Return the path that a property names, relative to the scene or to the included file that names it."""
         given = self.value(name, "")
         beside = self.tree.path.parent / given
         return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
@@ -59,13 +59,9 @@ class Item:
         return name in self._properties
 
     def value(self, name: str, default: Value) -> Value:
-        """Return a number, a text or a truth value: of the default's type."""
+        """Return a number, a text or a Boolean: the type is the default's, which Mitsuba has checked."""
         value = self._take(name)
-        if value is None:
-            return default
-        if type(default) is float and type(value) not in (int, float):
-            raise self.refusal(f"has a {name} that is no number", "give a number")
-        return type(default)(value)
+        return default if value is None else type(default)(value)
 
     def triple(self, name: str, default: Triple) -> Triple:
         """Return a point or a colour."""
@@ -97,7 +93,7 @@ class Item:
         return Item(self.tree, value.index())
 
     def children(self) -> list[Item]:
-        """Return all objects that this one holds or refers to and that are not yet read, in their order."""
+        """Return the nested and referenced objects that are not yet read, in order."""
         found = {
             name: Item(self.tree, value.index())
             for name, value in self._properties.items()

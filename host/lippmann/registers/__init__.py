@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from importlib.resources import files
+
+import msgspec
 
 
 @dataclass(frozen=True)
@@ -66,15 +67,13 @@ class Register:
     fields: dict[str, Field] = dataclasses.field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _File:
+    registers: dict[str, Register]
+
+
 def _load(name: str) -> dict[str, Register]:
-    data = json.loads(files(__name__).joinpath(name).read_text(encoding="utf-8"))
-    registers = {}
-    for key, register in data["registers"].items():
-        fields = register.pop("fields", {})
-        for field in fields.values():
-            field["names"] = tuple((value, meaning) for value, meaning in field.get("names", ()))
-        registers[key] = Register(**register, fields={k: Field(**field) for k, field in fields.items()})
-    return registers
+    return msgspec.json.decode(files(__name__).joinpath(name).read_bytes(), type=_File).registers
 
 
 #: Registers by name, those of a group with the group's name in front; byte addresses from the block's own base on.

@@ -16,7 +16,7 @@ import bisect
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import get_args
+from typing import Annotated, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,7 @@ from lippmann.select.model import (
     reconstructed_pixel_mm,
     spread_mm,
 )
+from lippmann.toml import documented, key
 
 #: Largest number of samples that a fit tries.
 MOST_SAMPLES = 1024
@@ -55,29 +56,16 @@ SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 CORNERS = 0.9
 
 
+@documented
 @dataclass(frozen=True)
 class Fit:
-    """The choice and its errors, in pixels of the reconstructed view.
+    """The choice and its errors, in pixels of the reconstructed view."""
 
-    Attributes
-    ----------
-    choice
-        The lens model.
-    samples
-        Rays for each pixel; None when MOST_SAMPLES are too few.
-    sample_error_px
-        Their error, or that of MOST_SAMPLES.
-    build
-        The build of the RTL; None when every build exceeds the tolerance.
-    build_error_px
-        Its error, or that of the best build; infinite when no build can hold this display or gives its rays.
-    """
-
-    choice: Choice
-    samples: int | None
-    sample_error_px: float
-    build: Build | None
-    build_error_px: float
+    choice: Annotated[Choice, key("lens model")]
+    samples: Annotated[int | None, key("rays for each pixel; None when MOST_SAMPLES are too few")]
+    sample_error_px: Annotated[float, key("their error, or that of MOST_SAMPLES")]
+    build: Annotated[Build | None, key("build of the RTL; None when every build exceeds the tolerance")]
+    build_error_px: Annotated[float, key("its error, or the best build's; infinite when no build traces this display")]
 
 
 def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float = TOLERANCE) -> Fit:

@@ -13,8 +13,7 @@ import os
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,6 +24,8 @@ from lippmann.sim.tools import repository, verilator_environment, verilator_fold
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: For a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
+#: Verilator's options for a model that is fast and checks no assertion.
+UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
 # Libraries that a process loads share no variable of their runtimes.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
@@ -60,7 +61,8 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
     if not target.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        with _locked(target.with_name(f"{target.name}.lock")):
+        with target.with_name(f"{target.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
             if not target.exists():
                 with tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{target.name}-") as work:
                     make(Path(work) / target.name)
@@ -130,11 +132,9 @@ def processor() -> bytes:
 def _runtime(name: str, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
     source = verilator_folder() / "include" / f"{name}.cpp"
-
-    def make(path: Path) -> None:
-        _run(["g++", *flags, *_includes(), "-c", str(source), "-o", str(path)])
-
-    return kept(repository() / "build" / "verilator" / name, [source, *flags], make, ".o")
+    command = ["g++", *flags, *_includes(), "-c", str(source), "-o"]
+    path = repository() / "build" / "verilator" / name
+    return kept(path, [source, *flags], lambda made: _run([*command, str(made)]), ".o")
 
 
 def _include(path: Path) -> str:
@@ -158,11 +158,3 @@ def _run(command: Sequence[str]) -> None:
         telling = (line for line in lines if "rror" in line or "undefined" in line)
         wrong = next(telling, lines[-1] if lines else "no message")
         raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold a lock against other processes, and against other threads."""
-    with path.open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

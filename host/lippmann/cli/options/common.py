@@ -28,9 +28,8 @@ class Vector(click.ParamType[tuple[float, ...]]):
         """Parse the numbers."""
         if isinstance(value, tuple):
             return value
-        parts = str(value).split(",")
         try:
-            numbers = tuple(float(part) for part in parts)
+            numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             self.fail(f"'{value}' is not {self.form}; give {self.size} numbers with commas", param, ctx)
         if len(numbers) != self.size or not all(math.isfinite(x) for x in numbers):
