@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from lippmann import moved
+from lippmann import old_names
 
 if TYPE_CHECKING:
     from lippmann.api import capture, load_scene, observe, render, view
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-moved.watch()
+old_names.watch()
 
 __all__ = [
     "Board",

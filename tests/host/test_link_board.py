@@ -20,7 +20,7 @@ import pytest
 import serial
 from fault_line import Faults, Proxy
 from lippmann.board.board import Board
-from lippmann.board.check import check_rays
+from lippmann.board.check_rays import check_rays
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
 from lippmann.cli import run

@@ -13,7 +13,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.configurations import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import decode
-from lippmann.measure import configurations, engines, load, renderer
+from lippmann.measure import configurations, engines, processor_load, renderer
 from lippmann.measure.figures import Figures, Measured
 from lippmann.measure.pictures import middle, noise_levels
 from lippmann.measure.plan import QUICK, WHOLE
@@ -227,22 +227,22 @@ def test_the_front_counts_cells_clock_and_error():
 
 @pytest.mark.parametrize(("everybody", "others"), [(100.0, 70), (30.0, 0), (10.0, 0)])
 def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
-    start = load.Load(0.25, 1000.0, 50.0)
-    monkeypatch.setattr(load.Load, "now", lambda: load.Load(9.0, 1000.0 + everybody, 80.0))
-    assert load.load_since(start) == (
+    start = processor_load.Load(0.25, 1000.0, 50.0)
+    monkeypatch.setattr(processor_load.Load, "now", lambda: processor_load.Load(9.0, 1000.0 + everybody, 80.0))
+    assert processor_load.load_since(start) == (
         f"average 0.2 at the start; {others} of {everybody:.0f} s of processor time since then were other programs'"
     )
 
 
 def test_load_counts_our_own_work():
-    start = load.Load.now()
+    start = processor_load.Load.now()
     x = np.random.default_rng(0).random(1_000_000)
-    while load.Load.now().ours - start.ours < 0.3:
+    while processor_load.Load.now().ours - start.ours < 0.3:
         np.sort(x)
-    end = load.Load.now()
+    end = processor_load.Load.now()
     assert end.everybody is None or end.everybody - start.everybody >= 0.25
 
 
 def test_load_without_proc(monkeypatch):
-    monkeypatch.setattr(load.Load, "now", lambda: load.Load(1.0, None, 2.0))
-    assert load.load_since(load.Load(0.5, None, 0.0)) == "average 0.5 at the start"
+    monkeypatch.setattr(processor_load.Load, "now", lambda: processor_load.Load(1.0, None, 2.0))
+    assert processor_load.load_since(processor_load.Load(0.5, None, 0.0)) == "average 0.5 at the start"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.board.board import Board
-from lippmann.board.check import Check, check_rays
+from lippmann.board.check_rays import Check, check_rays
 from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display import Display

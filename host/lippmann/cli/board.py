@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from lippmann.board.board import OPTICS_BASE
-from lippmann.board.check import check_rays
+from lippmann.board.check_rays import check_rays
 from lippmann.cli.options.common import Vector, display_option
 from lippmann.cli.options.port import board_options, check_board, opened_board
 from lippmann.cli.output import emit

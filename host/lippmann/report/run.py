@@ -7,9 +7,9 @@ from pathlib import Path
 
 from lippmann.measure import configurations, engines, fixed, renderer
 from lippmann.measure.figures import Figures, Stored
-from lippmann.measure.load import Load, load_since
 from lippmann.measure.pictures import EYE_MM
 from lippmann.measure.plan import Plan
+from lippmann.measure.processor_load import Load, load_since
 from lippmann.provenance import provenance
 from lippmann.report import plots
 from lippmann.report.compare import Comparison, compare

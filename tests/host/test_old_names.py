@@ -4,7 +4,7 @@ import importlib
 import re
 
 import pytest
-from lippmann.moved import MOVED
+from lippmann.old_names import MOVED
 
 
 @pytest.mark.parametrize("old", MOVED)
