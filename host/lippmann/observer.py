@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.images import Radiance, write_picture
@@ -179,6 +180,7 @@ def observe(
 
     chunk = max(1, CHUNK_RAYS // samples)
     for start in range(0, total, chunk):
+        interrupts.check()
         count = min(chunk, total - start)
         mean, status = look(dr.opaque(mi.UInt32, start), count)
         dr.eval(mean, status)

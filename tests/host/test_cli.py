@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann import interrupts
 from lippmann.cli import COMMANDS, doctor, run
 from lippmann.errors import MissingLibraryError
 from lippmann.images import read_picture
@@ -714,6 +715,14 @@ def test_many_views_that_do_not_fit_are_refused(place, picture, capfd):
     options = ("--sweep", "-3,3", "--frames", 1000, "--width", 16384, "-o", "g.gif")
     line = refused(capfd, "observe", picture, "--display", "tiny.toml", "--eye", "0,0,600", *options)
     assert re.search(r"1000 views .* needs \d+ MB.*--width", line)
+
+
+def test_a_ctrl_c_that_a_library_dropped_ends_the_work_at_its_next_step(place, monkeypatch, capfd):
+    """Seen once on a loaded machine: the exception was raised while a library loaded, and the image was written."""
+    monkeypatch.setattr(interrupts, "received", [signal.SIGINT])
+    assert run(["render", "ball.xml", "--display", "tiny.toml", "-o", "late.exr"]) == 130
+    assert capfd.readouterr().err.splitlines()[-1].startswith("lippmann: interrupted")
+    assert not list(place.glob("*late*"))
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.4])

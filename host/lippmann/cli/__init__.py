@@ -7,11 +7,10 @@ import os
 import signal
 import sys
 from importlib import import_module
-from types import FrameType
 
 import click
 
-from lippmann import __version__
+from lippmann import __version__, interrupts
 from lippmann.cli.output import EXIT_INTERRUPTED
 from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
@@ -20,9 +19,6 @@ COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "animate", "capture", "observe", "view", "export",
     "board", "stream", "display", "demo", "bench", "report", "doctor",
 )  # fmt: skip
-
-#: Signals received; see `was_interrupted`.
-interrupts: list[int] = []
 
 
 class _Commands(click.Group):
@@ -52,9 +48,9 @@ def cli() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with the code of its outcome."""
-    signal.signal(signal.SIGINT, _note_interrupt)
+    signal.signal(signal.SIGINT, interrupts.note)
     code = run(sys.argv[1:] if arguments is None else arguments)
-    if interrupts:
+    if interrupts.received:
         # Libraries that were interrupted while they loaded may crash when Python takes them down.
         sys.stdout.flush()
         sys.stderr.flush()
@@ -99,18 +95,13 @@ def _explain(error: BaseException) -> tuple[str, int]:
 
 def was_interrupted(error: BaseException | None) -> bool:
     """Tell whether Ctrl-C is behind an error: libraries may wrap it, or fail to load because of it."""
-    if interrupts:
+    if interrupts.received:
         return True
     while error is not None:
         if isinstance(error, KeyboardInterrupt | click.Abort):
             return True
         error = error.__cause__ or error.__context__
     return False
-
-
-def _note_interrupt(number: int, frame: FrameType | None) -> None:
-    interrupts.append(number)
-    raise KeyboardInterrupt
 
 
 def _fail(message: str, code: int, as_json: bool) -> int:

@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from lippmann import api
-from lippmann.cli import interrupts
+from lippmann import api, interrupts
 from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
 from lippmann.cli.options.placement import placement_of, placement_options
 from lippmann.cli.output import emit, log, progress_bar
@@ -119,5 +118,5 @@ def _serve(page: bytes, tcp_port: int, result: dict[str, object], as_json: bool)
         try:
             server.serve_forever(poll_interval=0.1)
         except KeyboardInterrupt:
-            interrupts.clear()
+            interrupts.received.clear()
     log("the page is no longer served")

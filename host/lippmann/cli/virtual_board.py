@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli import interrupts
+from lippmann import interrupts
 from lippmann.cli.options.common import display_option, fraction_bits_option, json_option
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
@@ -110,7 +110,7 @@ def start_command(
                     virtual_board.keep_as_png(capture, display)
                 time.sleep(CHECK_S)
         except KeyboardInterrupt:
-            interrupts.clear()  # the usual end of this command
+            interrupts.received.clear()  # the usual end of this command
     log(
         f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
         f"{done['bytes_in']} bytes in, {done['bytes_out']} out"

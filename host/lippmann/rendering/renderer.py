@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.images import Radiance
@@ -219,6 +220,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     dr.sync_thread()
     prepared, cpu_before = time.perf_counter(), time.process_time()
     for number, first in enumerate(range(0, tiles, chunk_tiles)):
+        interrupts.check()
         count = min(chunk_tiles, tiles - first)
         run(first, count, number)
         dr.sync_thread()
