@@ -33,13 +33,19 @@ class Showable:
         The window closes with Escape, q or its close button, or after `seconds`. Without a desktop (a server, a batch
         job) a line on stderr says so and the program goes on.
         """
-        if "ipykernel" in sys.modules:
+        if _in_notebook():
             import_module("IPython.display").display(self)
             return
         try:
             show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds)
         except DeviceError as error:
             print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
+
+
+def _in_notebook() -> bool:
+    """Tell whether a notebook's kernel runs this code; programs that only start kernels load ipykernel, too."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 @dataclass(frozen=True, eq=False)

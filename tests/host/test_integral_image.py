@@ -159,6 +159,19 @@ def test_a_window_closes_after_its_seconds(monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_program_that_loads_ipykernel_is_no_notebook(monkeypatch, capfd):
+    """jupyter_client loads it to start a kernel; the image was printed as if in a cell."""
+    import ipykernel
+    import IPython
+
+    assert {IPython.__name__, ipykernel.__name__} <= set(sys.modules)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    image = image_for(display_with())
+    capfd.readouterr()
+    image.show(seconds=0.01)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_without_a_desktop_a_line_says_so(monkeypatch, capfd):
     for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
         monkeypatch.delenv(variable, raising=False)
@@ -169,7 +182,6 @@ def test_without_a_desktop_a_line_says_so(monkeypatch, capfd):
     assert out == ""
     assert err.startswith("lippmann: not shown: no desktop")
     assert len(err.splitlines()) == 1
-    assert "ipykernel" not in sys.modules
 
 
 def test_a_view_is_saved_with_its_metadata(tmp_path):
