@@ -1,13 +1,14 @@
 # Everything a person or a machine runs here. `make` alone lists the targets.
 
 PYTHON ?= python3
-JOBS ?= 2
+# One more than there are processors: some tests wait for a line to be given up.
+JOBS ?= $(shell expr $$(nproc) + 1)
 
 BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full formal lint lint-host lint-rtl bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -34,7 +35,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
 test: export LIPPMANN_SEED ?= 1908
-test: lint ## lint, then the tests that take minutes at most (JOBS=2)
+test: lint ## lint, then the tests that take minutes at most (JOBS=3)
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not full"
 
 test-full: lint ## lint, then every test
@@ -44,10 +45,15 @@ formal: $(READY) ## every formal proof of the RTL, its covers and its broken des
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
 lint: $(READY) ## style, format, types and import layers; every RTL module alone
+	@$(MAKE) --no-print-directory -j2 lint-host lint-rtl
+
+lint-host:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
+
+lint-rtl:
 	$(BIN)/python -m lippmann.dev.lint
 
 bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour, on a quiet machine)

@@ -38,8 +38,10 @@ Line::Line(const std::string& kind, int port) : pty_(kind == "pty") {
     url_ = name;
   } else {
     listener_ = checked(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
-    const int yes = 1;
+    const int yes = 1, buffer = 1 << 14;  // as small as a serial port's: a slow host is felt soon
     checked(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
+    checked(setsockopt(listener_, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
+    checked(setsockopt(listener_, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer), "setsockopt");
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<uint16_t>(port));

@@ -12,7 +12,7 @@
 
 class Line {
  public:
-  static constexpr size_t kPlaces = 1 << 16;
+  static constexpr size_t kPlaces = 1 << 14;
 
   // "pty" or "tcp"; port 0 chooses a free one. Throws std::system_error.
   Line(const std::string& kind, int port);

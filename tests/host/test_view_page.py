@@ -274,7 +274,8 @@ def test_the_command_writes_the_page(place, capfd):
     assert sorted(p.name for p in place.glob(".*")) == []
 
 
-def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi):
+def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch):
+    monkeypatch.setattr("lippmann.viewer.direct.SAMPLES", 1)
     words = ("view", "a.png", "--display", "small.toml", "--scene", "ball.xml", "--device", "llvm", "-o", "p.html")
     code, out, err = lippmann(capfd, *words, "--json")
     assert code == 0, err

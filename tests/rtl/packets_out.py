@@ -34,7 +34,7 @@ async def encodes(dut, idle, pressure):
     bodies = edges(random, 800)
     bodies += [some_bytes(random, random.randrange(1, 400)) for _ in range(20)]
     random.shuffle(bodies)
-    bodies = bodies[: 8 if "heavy" in (idle, pressure) else 30]
+    bodies = bodies[: 5 if "heavy" in (idle, pressure) else 15]
     words = [word for body in bodies for word in marked(body)]
     wanted = b"".join(sent(dut, body) for body in bodies)
     monitor = await start(dut)

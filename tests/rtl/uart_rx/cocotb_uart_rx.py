@@ -87,7 +87,7 @@ class Receiver:
 @cocotb.parametrize(clocks=RATES, mismatch=[-0.02, 0.0, 0.02])
 async def receives(dut, clocks, mismatch):
     line = await Receiver(dut, clocks, mismatch).start(pattern(random.choice(["always", "light"]), random, 0))
-    sent = [0x00, 0xFF, 0x55, 0xAA, *random.randbytes(60)]
+    sent = [0x00, 0xFF, 0x55, 0xAA, *random.randbytes(30)]
     for byte in sent:
         await line.send(byte, noise=random.random() < 0.5)
         pause = random.choice([0, random.uniform(0, 3)])
@@ -102,7 +102,7 @@ async def receives(dut, clocks, mismatch):
 @cocotb.parametrize(ready=PATTERNS)
 async def waits_to_be_taken(dut, ready):
     line = await Receiver(dut, 8.0).start(pattern(ready, random, 60))
-    sent = list(random.randbytes(200))
+    sent = list(random.randbytes(100))
     for byte in sent:
         await line.send(byte)
         await line.level(1, 8)
