@@ -14,7 +14,6 @@ import ast
 import bisect
 import re
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import pairwise
@@ -22,11 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from lippmann.cli import run
-from lippmann.dev.faults import Fault, Scratch, in_turn, options, try_faults, write_faults
-from lippmann.images import check_output
+from lippmann.dev.faults import Fault, Scratch, options, report_faults
 from lippmann.sim.tools import repository
 
 PACKAGE = Path("host/lippmann")
@@ -196,8 +193,8 @@ def _graph(top: Path) -> tuple[dict[str, Path], dict[str, set[str]]]:
     return modules, {name: _imports(path, modules) for name, path in modules.items()}
 
 
-def order_tests(top: Path, file: str) -> tuple[list[str], list[str]]:
-    """Return the test files of tests/host for a file: the `FIRST` nearest, and the others, nearest first.
+def order_tests(top: Path, file: str) -> tuple[list[str], list[str], list[str]]:
+    """Return the test files of tests/host: the `FIRST` nearest to a file, others that import it, and the others.
 
     Near are those with the file's name in theirs, then those that import it over the fewest other files, then those
     that import least.
@@ -215,7 +212,9 @@ def order_tests(top: Path, file: str) -> tuple[list[str], list[str]]:
         named = words & {word[:6] for word in test.split("_")}
         ranked.append((not (named and target in seen), distance.get(target, len(modules)), len(seen), test))
     files = [f"tests/host/{row[-1]}.py" for row in sorted(ranked)]
-    return files[:FIRST], files[FIRST:]
+    connected = sum(distance < len(modules) for _, distance, *_ in ranked)
+    first = min(FIRST, connected)
+    return files[:first], files[first:connected], files[connected:]
 
 
 def _last(file: str) -> list[str]:
@@ -232,14 +231,17 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
-    return scratch.fate(fault.file, fault, *order_tests(scratch.folder, fault.file), _last(fault.file))
+    *near, others = order_tests(scratch.folder, fault.file)
+    return scratch.fate(fault, near, [others, _last(fault.file)])
 
 
-def groups(top: Path) -> Iterator[list[Fault]]:
-    """Yield the faults of each area."""
+def groups(top: Path) -> dict[str, list[Fault]]:
+    """Return the faults of each area."""
+    found = {}
     for parts in AREAS:
         paths = [path for part in parts for path in _files(top / PACKAGE / part)]
-        yield [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
+        found[", ".join(parts)] = [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
+    return found
 
 
 def _files(path: Path) -> list[Path]:
@@ -248,31 +250,12 @@ def _files(path: Path) -> list[Path]:
 
 @click.command()
 @options(60)
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests.")
-def main(count: int, seed: int, jobs: int, report: str) -> None:
+def main(**chosen: Any) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 
     Example: python -m lippmann.dev.host_mutation --count 5 --report out
     """
-    check_output(Path(report) / "host_mutation.md", (".md",))
-    top = repository()
-    with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
-        scratch = Scratch(Path(folder), jobs)
-        faults = in_turn(list(groups(top)), np.random.default_rng(seed))
-        rows = try_faults(faults, count, lambda fault: fate(fault, scratch), SAME)
-    survivors = [fault.diff((top / fault.file).read_text()) for fault, end in rows if end == "survived"]
-    diffs = "".join(f"\n```diff\n{diff}\n```\n" for diff in survivors)
-    text = (
-        "Each is one swapped operator, one changed number, sign or comparison, one negated condition, two swapped "
-        "arguments, or one dropped statement. A fault is caught when a quick test fails that passes without it."
-    )
-    command = f"make mutation-host (--count {count} --seed {seed})"
-    more = f"\n## Survivors\n{diffs}" if survivors else ""
-    if scratch.left_out:
-        more += (
-            f"\nLeft out, because they fail without a fault: {', '.join(f'`{test}`' for test in scratch.left_out)}.\n"
-        )
-    click.echo(write_faults(Path(report), "host_mutation", "Faults in the host", text, rows, command, more))
+    report_faults("host_mutation", groups(repository()), fate, SAME, **chosen)
 
 
 if __name__ == "__main__":
