@@ -11,16 +11,16 @@ Docstrings, annotations, decorators and the texts of errors stay as they are.
 from __future__ import annotations
 
 import ast
-import bisect
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import click
+from asttokens import ASTText
 
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
@@ -51,19 +51,18 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
 }  # fmt: skip
 
-#: Begin and end in a file, bytes, and the text that comes there.
+#: Begin and end in a file, and the text that comes there.
 Edit = tuple[int, int, str]
 
 
 def faults_of(path: Path, file: str) -> list[Fault]:
     """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
-    program, found = _Program(path.read_bytes()), []
-    source, starts = program.source, program.starts
-    for begin, end, new in sorted(set(program.edits(ast.parse(source)))):
-        line = bisect.bisect(starts, begin)
-        first, last = starts[line - 1], starts[bisect.bisect(starts, end)] - 1
-        now = source[first:begin] + new.encode() + source[end:last]
-        found.append(Fault(file, line, source[first:last].decode(), now.decode()))
+    source, found = path.read_text(), []
+    tree = ast.parse(source)
+    for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
+        first, last = source.rfind("\n", 0, begin) + 1, source.find("\n", end)
+        now = source[first:begin] + new + source[end:last]
+        found.append(Fault(file, source.count("\n", 0, first) + 1, source[first:last], now))
     return found
 
 
@@ -75,72 +74,50 @@ def differs(fault: Fault, text: str) -> bool:
         return False
 
 
-class _Program:
-    """A Python program as bytes, in which syntax trees say where their parts are."""
+def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
+    """Yield the edits of a node and of the nodes below it; `span` tells where a node begins and ends in the source."""
 
-    def __init__(self, source: bytes) -> None:
-        self.source = source
-        self.starts = [0, *(match.end() for match in re.finditer(b"\n", source))]
+    def text(part: ast.AST) -> str:
+        return source[slice(*span(part))]
 
-    def span(self, node: Any) -> tuple[int, int]:
-        """Return where a node begins and ends."""
-        begin = self.starts[node.lineno - 1] + node.col_offset
-        return begin, self.starts[node.end_lineno - 1] + node.end_col_offset
+    for left, operator, right in _operators(node):
+        was, now = SWAPS.get(type(operator), ("", ""))
+        begin = span(left)[1]
+        found = re.search(re.escape(was).replace(r"\ ", r"\s+"), source[begin : span(right)[0]])
+        if was and found:
+            yield begin + found.start(), begin + found.end(), now
+    match node:
+        case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
+            yield *span(node), "pass"
+        case ast.UnaryOp(operand=operand):
+            yield *span(node), text(operand)
+        case ast.Constant(value=bool(value)):
+            yield *span(node), str(not value)
+        case ast.Constant(value=int(value)):
+            yield *span(node), str(value + 1)
+        case ast.Constant(value=float(value)):
+            yield *span(node), repr(1.1 * value or 1.0)
+        case ast.Call(args=arguments) if not _is_cast(node):
+            for one, two in pairwise(arguments):
+                if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
+                    (begin, end), (start, stop) = span(one), span(two)
+                    yield begin, stop, f"{text(two)}{source[end:start]}{text(one)}"
+        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test) if text(test) != "TYPE_CHECKING":
+            yield *span(test), f"not ({text(test)})"
+    for child in _below(node):
+        yield from _edits(source, span, child)
 
-    def text(self, node: ast.AST) -> str:
-        """Return a node's source."""
-        begin, end = self.span(node)
-        return self.source[begin:end].decode()
 
-    def edits(self, node: ast.AST) -> Iterator[Edit]:
-        """Yield the edits of a node and of the nodes below it."""
-        yield from self._operators(node)
-        for text in self._replacements(node):
-            yield *self.span(node), text
-        if isinstance(node, ast.Call) and not _is_cast(node):
-            yield from self._swapped(node.args)
-        if isinstance(node, ast.If | ast.While | ast.IfExp) and self.text(node.test) != "TYPE_CHECKING":
-            yield *self.span(node.test), f"not ({self.text(node.test)})"
-        for child in _below(node):
-            yield from self.edits(child)
-
-    def _operators(self, node: ast.AST) -> Iterator[Edit]:
-        """Yield swaps of a node's own operators."""
-        places: list[tuple[ast.AST, ast.AST, ast.AST]] = []  # left, operator, right
-        match node:
-            case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
-                places = [(left, op, right)]
-            case ast.Compare(left=left, ops=ops, comparators=right):
-                places = list(zip([left, *right], ops, right, strict=False))
-            case ast.BoolOp(op=op, values=values):
-                places = [(left, op, right) for left, right in pairwise(values)]
-        for before, operator, after in places:
-            was, now = SWAPS.get(type(operator), ("", ""))
-            begin, end = self.span(before)[1], self.span(after)[0]
-            found = re.search(re.escape(was).replace(r"\ ", r"\s+").encode(), self.source[begin:end])
-            if was and found:
-                yield begin + found.start(), begin + found.end(), now
-
-    def _replacements(self, node: ast.AST) -> Iterator[str]:
-        """Yield other texts for a node: a dropped statement, sign or `not`, another number."""
-        match node:
-            case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
-                yield "pass"
-            case ast.UnaryOp(operand=operand):
-                yield self.text(operand)
-            case ast.Constant(value=bool(value)):
-                yield str(not value)
-            case ast.Constant(value=int(value)):
-                yield str(value + 1)
-            case ast.Constant(value=float(value)):
-                yield repr(1.1 * value or 1.0)
-
-    def _swapped(self, arguments: list[ast.expr]) -> Iterator[Edit]:
-        """Yield swaps of neighbouring arguments."""
-        for one, two in pairwise(arguments):
-            if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
-                (begin, end), (start, stop) = self.span(one), self.span(two)
-                yield begin, stop, f"{self.text(two)}{self.source[end:start].decode()}{self.text(one)}"
+def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
+    """Return a node's own operators, each between its operands."""
+    match node:
+        case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
+            return [(left, op, right)]
+        case ast.Compare(left=left, ops=ops, comparators=right):
+            return zip([left, *right], ops, right, strict=False)
+        case ast.BoolOp(op=op, values=values):
+            return [(left, op, right) for left, right in pairwise(values)]
+    return ()
 
 
 def _is_cast(node: ast.Call) -> bool:

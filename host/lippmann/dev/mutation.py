@@ -10,7 +10,6 @@ Lines without hardware stay as they are: comments, elaboration checks, and lines
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,7 @@ import click
 
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
+from lippmann.dev.lint import elaborated
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
 SOURCES = Path("rtl/optics")
@@ -112,10 +112,8 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     module = Path(fault.file).stem
     if not (scratch.folder / "tests" / "rtl" / module).is_dir():  # a package
         module = "ray_lenslet"
-    sources = map(str, optics_sources(scratch.folder))
-    command = ["verilator_bin", "--lint-only", "-Wno-fatal", "--top-module", module, *sources]
     with scratch.faulty(fault):
-        if subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode:
+        if elaborated(module, optics_sources(scratch.folder), "-Wno-fatal", parameters={}).returncode:
             return "refused"
     return scratch.fate(fault, [[f"tests/rtl/{module}"], LAST])
 

@@ -23,6 +23,7 @@ import click
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
+from lippmann.dev.lint import elaborated
 from lippmann.errors import LippmannError
 from lippmann.fixed.configurations import Named, chosen
 from lippmann.images import check_output
@@ -31,7 +32,7 @@ from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository, verilator_environment
+from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -170,11 +171,10 @@ def place(named: Named, seed: int) -> dict[str, Any]:
 def stages(named: Named) -> int:
     """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
     top = repository()
-    files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
+    files = [top / "rtl" / "optics" / "optics_pkg.sv", top / "sim" / "synth" / "latency.sv"]
     # Where the cross terms are computed does not count.
-    values = [f"-G{name}={value}" for name, value in parameters(named.build).items() if name != "CrossCells"]
-    command = ["verilator_bin", "--lint-only", *values, "--top-module", "latency", *files]
-    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    values = {name: value for name, value in parameters(named.build).items() if name != "CrossCells"}
+    result = elaborated("latency", files, parameters=values)
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:
         raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")
