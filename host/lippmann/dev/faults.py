@@ -255,10 +255,10 @@ def faults_page(
         {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
         for fault, end in rows
     ]
-    fates = {fault: end for fault, end in rows if not end.startswith("no fault")}
-    survivors = [fault for fault, end in fates.items() if end == "survived"]
+    fates = [(fault, end) for fault, end in rows if not end.startswith("no fault")]
+    survivors = [fault for fault, end in fates if end == "survived"]
     count, caught = len(fates), len(fates) - len(survivors)
-    tried = {group: [fates[fault] for fault in faults if fault in fates] for group, faults in groups.items()}
+    tried = {group: [end for fault, end in fates if fault in faults] for group, faults in groups.items()}
     charts = {
         "faults tried": [len(ends) for ends in tried.values()],
         "survivors": [ends.count("survived") for ends in tried.values()],

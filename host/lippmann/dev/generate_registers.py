@@ -138,10 +138,8 @@ def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[st
         entry = {"address": child.absolute_address, "group": group, "title": title or heading}
         if isinstance(child, MemNode):
             entry["access"] = _access(child.is_sw_readable, child.is_sw_writable)
-            entry |= {
-                "entries": child.get_property("mementries"),
-                "description": _line(child.get_property("desc") or ""),
-            }
+            entry["entries"] = child.get_property("mementries")
+            entry["description"] = _line(child.get_property("desc") or "")
         else:
             entry["access"] = _access(child.has_sw_readable, child.has_sw_writable)
             entry["fields"] = {field.inst_name: _field(field, entry["access"]) for field in child.fields()}

@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from asttokens import ASTText
+from scipy.sparse.csgraph import shortest_path
 
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
@@ -161,13 +163,15 @@ def _imports(path: Path, modules: dict[str, Path]) -> set[str]:
 
 
 @cache
-def _graph(top: Path) -> tuple[dict[str, Path], dict[str, set[str]]]:
-    """Return the modules of tests/host and of the package, and what each imports."""
+def _distances(top: Path) -> tuple[dict[str, Path], Any]:
+    """Return the modules of tests/host and of the package, and over how many imports each (row) reaches each."""
     modules = {path.stem: path for path in (top / "tests" / "host").glob("*.py")}
     for path in (top / PACKAGE).rglob("*.py"):
         parts = path.relative_to(top / "host").with_suffix("").parts
         modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return modules, {name: _imports(path, modules) for name, path in modules.items()}
+    imports = [_imports(path, modules) for path in modules.values()]
+    direct = np.array([[name in some for name in modules] for some in imports])
+    return modules, shortest_path(direct, unweighted=True)
 
 
 def order_tests(top: Path, file: str) -> tuple[list[str], list[str], list[str]]:
@@ -176,20 +180,16 @@ def order_tests(top: Path, file: str) -> tuple[list[str], list[str], list[str]]:
     Near are those with the file's name in theirs, then those that import it over the fewest other files, then those
     that import least.
     """
-    modules, imports = _graph(top)
-    target = next(name for name, path in modules.items() if path == top / file)
-    words = {word[:6] for word in target.split(".")[-1].split("_") if len(word) > 3}
+    modules, distances = _distances(top)
+    target, name = next((k, name) for k, (name, path) in enumerate(modules.items()) if path == top / file)
+    words = {word[:6] for word in name.split(".")[-1].split("_") if len(word) > 3}
     ranked = []
-    for test in (name for name in modules if name.startswith("test_") and name not in OWN):
-        distance, seen, edge = {test: 0}, {test}, {test}
-        while edge:
-            edge = set().union(*(imports[name] for name in edge)) - seen
-            distance |= dict.fromkeys(edge, max(distance.values()) + 1)
-            seen |= edge
-        named = words & {word[:6] for word in test.split("_")}
-        ranked.append((not (named and target in seen), distance.get(target, len(modules)), len(seen), test))
-    files = [f"tests/host/{row[-1]}.py" for row in sorted(ranked)]
-    connected = sum(distance < len(modules) for _, distance, *_ in ranked)
+    for test, steps in zip(modules, distances, strict=True):
+        if test.startswith("test_") and test not in OWN:
+            named = words & {word[:6] for word in test.split("_")} and steps[target] < np.inf
+            ranked.append((not named, steps[target], sum(steps < np.inf), test))
+    files = [f"tests/host/{test}.py" for *_, test in sorted(ranked)]
+    connected = sum(steps < np.inf for _, steps, *_ in ranked)
     first = min(FIRST, connected)
     return files[:first], files[first:connected], files[connected:]
 
