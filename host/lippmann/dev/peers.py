@@ -151,13 +151,16 @@ def compare(
     seams = differs & near_seams(setup)
     count = max(1, int(differs.sum()))
     found = PictureDifference(
-        setup.array.grid,
-        difference.size,
-        float(np.median(difference)),
-        float(difference.mean()),
-        float(difference.max()),
-        float(differs.mean()),
-        *(float(mask.sum()) / count for mask in (displaced, nearest, near, seams)),
+        grid=setup.array.grid,
+        pixels=difference.size,
+        median=float(np.median(difference)),
+        mean=float(difference.mean()),
+        largest=float(difference.max()),
+        differing=float(differs.mean()),
+        displaced=float(displaced.sum()) / count,
+        outlines=float(nearest.sum()) / count,
+        near_outlines=float(near.sum()) / count,
+        seams=float(seams.sum()) / count,
         unexplained=float((differs & ~displaced & ~near & ~seams).mean()),
     )
     return found, difference
