@@ -1,12 +1,11 @@
 """Draw the picture of the viewer page with the fish, in headless Chromium. `make pictures` runs it."""
 
-import base64
 import io
 import tempfile
 from pathlib import Path
 
 import lippmann as lp
-from lippmann.dev.browser import Browser
+from lippmann.dev.browser import browser_page
 from lippmann.observer import whole_window
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.variant import own_variant
@@ -41,12 +40,12 @@ def main():
     integral = lp.render(scene, display, model="exact").radiance
     with own_variant():
         direct = render_view(scene, EYE_MM, whole_window(display, 500), Settings(samples=4)).radiance
-    with tempfile.TemporaryDirectory() as folder, Browser(*SIZE_PX) as browser:
+    with tempfile.TemporaryDirectory() as folder, browser_page(*SIZE_PX) as shown:
         page = Path(folder) / "page.html"
         page.write_text(page_html(display, integral, "The fish", [Direct(EYE_MM, direct)]), encoding="utf-8")
-        browser.open(page.as_uri())
-        browser.evaluate(READY)
-        shot = base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"])
+        shown.goto(page.as_uri())
+        shown.evaluate(READY)
+        shot = shown.screenshot()
     image = Image.open(io.BytesIO(shot)).convert("RGB")
     path = HERE / "viewer.png"
     image.quantize(200, Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)

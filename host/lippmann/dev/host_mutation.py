@@ -11,11 +11,9 @@ Docstrings, annotations, decorators and the texts of errors stay as they are.
 from __future__ import annotations
 
 import ast
-import bisect
 import re
 import sys
-import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -23,10 +21,11 @@ from typing import Any
 
 import click
 import numpy as np
+from asttokens import ASTText
+from scipy.sparse.csgraph import shortest_path
 
 from lippmann.cli import run
-from lippmann.dev.faults import Fault, Scratch, in_turn, options, try_faults, write_faults
-from lippmann.images import check_output
+from lippmann.dev.faults import Fault, Scratch, options, report_faults
 from lippmann.sim.tools import repository
 
 PACKAGE = Path("host/lippmann")
@@ -54,19 +53,18 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
 }  # fmt: skip
 
-#: Begin and end in a file, bytes, and the text that comes there.
+#: Begin and end in a file, and the text that comes there.
 Edit = tuple[int, int, str]
 
 
 def faults_of(path: Path, file: str) -> list[Fault]:
     """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
-    program, found = _Program(path.read_bytes()), []
-    source, starts = program.source, program.starts
-    for begin, end, new in sorted(set(program.edits(ast.parse(source)))):
-        line = bisect.bisect(starts, begin)
-        first, last = starts[line - 1], starts[bisect.bisect(starts, end)] - 1
-        now = source[first:begin] + new.encode() + source[end:last]
-        found.append(Fault(file, line, source[first:last].decode(), now.decode()))
+    source, found = path.read_text(), []
+    tree = ast.parse(source)
+    for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
+        first, last = source.rfind("\n", 0, begin) + 1, source.find("\n", end)
+        now = source[first:begin] + new + source[end:last]
+        found.append(Fault(file, source.count("\n", 0, first) + 1, source[first:last], now))
     return found
 
 
@@ -78,72 +76,50 @@ def differs(fault: Fault, text: str) -> bool:
         return False
 
 
-class _Program:
-    """A Python program as bytes, in which syntax trees say where their parts are."""
+def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
+    """Yield the edits of a node and of the nodes below it; `span` tells where a node begins and ends in the source."""
 
-    def __init__(self, source: bytes) -> None:
-        self.source = source
-        self.starts = [0, *(match.end() for match in re.finditer(b"\n", source))]
+    def text(part: ast.AST) -> str:
+        return source[slice(*span(part))]
 
-    def span(self, node: Any) -> tuple[int, int]:
-        """Return where a node begins and ends."""
-        begin = self.starts[node.lineno - 1] + node.col_offset
-        return begin, self.starts[node.end_lineno - 1] + node.end_col_offset
+    for left, operator, right in _operators(node):
+        was, now = SWAPS.get(type(operator), ("", ""))
+        begin = span(left)[1]
+        found = re.search(re.escape(was).replace(r"\ ", r"\s+"), source[begin : span(right)[0]])
+        if was and found:
+            yield begin + found.start(), begin + found.end(), now
+    match node:
+        case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
+            yield *span(node), "pass"
+        case ast.UnaryOp(operand=operand):
+            yield *span(node), text(operand)
+        case ast.Constant(value=bool(value)):
+            yield *span(node), str(not value)
+        case ast.Constant(value=int(value)):
+            yield *span(node), str(value + 1)
+        case ast.Constant(value=float(value)):
+            yield *span(node), repr(1.1 * value or 1.0)
+        case ast.Call(args=arguments) if not _is_cast(node):
+            for one, two in pairwise(arguments):
+                if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
+                    (begin, end), (start, stop) = span(one), span(two)
+                    yield begin, stop, f"{text(two)}{source[end:start]}{text(one)}"
+        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test) if text(test) != "TYPE_CHECKING":
+            yield *span(test), f"not ({text(test)})"
+    for child in _below(node):
+        yield from _edits(source, span, child)
 
-    def text(self, node: ast.AST) -> str:
-        """Return a node's source."""
-        begin, end = self.span(node)
-        return self.source[begin:end].decode()
 
-    def edits(self, node: ast.AST) -> Iterator[Edit]:
-        """Yield the edits of a node and of the nodes below it."""
-        yield from self._operators(node)
-        for text in self._replacements(node):
-            yield *self.span(node), text
-        if isinstance(node, ast.Call) and not _is_cast(node):
-            yield from self._swapped(node.args)
-        if isinstance(node, ast.If | ast.While | ast.IfExp) and self.text(node.test) != "TYPE_CHECKING":
-            yield *self.span(node.test), f"not ({self.text(node.test)})"
-        for child in _below(node):
-            yield from self.edits(child)
-
-    def _operators(self, node: ast.AST) -> Iterator[Edit]:
-        """Yield swaps of a node's own operators."""
-        places: list[tuple[ast.AST, ast.AST, ast.AST]] = []  # left, operator, right
-        match node:
-            case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
-                places = [(left, op, right)]
-            case ast.Compare(left=left, ops=ops, comparators=right):
-                places = list(zip([left, *right], ops, right, strict=False))
-            case ast.BoolOp(op=op, values=values):
-                places = [(left, op, right) for left, right in pairwise(values)]
-        for before, operator, after in places:
-            was, now = SWAPS.get(type(operator), ("", ""))
-            begin, end = self.span(before)[1], self.span(after)[0]
-            found = re.search(re.escape(was).replace(r"\ ", r"\s+").encode(), self.source[begin:end])
-            if was and found:
-                yield begin + found.start(), begin + found.end(), now
-
-    def _replacements(self, node: ast.AST) -> Iterator[str]:
-        """Yield other texts for a node: a dropped statement, sign or `not`, another number."""
-        match node:
-            case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
-                yield "pass"
-            case ast.UnaryOp(operand=operand):
-                yield self.text(operand)
-            case ast.Constant(value=bool(value)):
-                yield str(not value)
-            case ast.Constant(value=int(value)):
-                yield str(value + 1)
-            case ast.Constant(value=float(value)):
-                yield repr(1.1 * value or 1.0)
-
-    def _swapped(self, arguments: list[ast.expr]) -> Iterator[Edit]:
-        """Yield swaps of neighbouring arguments."""
-        for one, two in pairwise(arguments):
-            if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
-                (begin, end), (start, stop) = self.span(one), self.span(two)
-                yield begin, stop, f"{self.text(two)}{self.source[end:start].decode()}{self.text(one)}"
+def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
+    """Return a node's own operators, each between its operands."""
+    match node:
+        case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
+            return [(left, op, right)]
+        case ast.Compare(left=left, ops=ops, comparators=right):
+            return zip([left, *right], ops, right, strict=False)
+        case ast.BoolOp(op=op, values=values):
+            return [(left, op, right) for left, right in pairwise(values)]
+    return ()
 
 
 def _is_cast(node: ast.Call) -> bool:
@@ -187,35 +163,35 @@ def _imports(path: Path, modules: dict[str, Path]) -> set[str]:
 
 
 @cache
-def _graph(top: Path) -> tuple[dict[str, Path], dict[str, set[str]]]:
-    """Return the modules of tests/host and of the package, and what each imports."""
+def _distances(top: Path) -> tuple[dict[str, Path], Any]:
+    """Return the modules of tests/host and of the package, and over how many imports each (row) reaches each."""
     modules = {path.stem: path for path in (top / "tests" / "host").glob("*.py")}
     for path in (top / PACKAGE).rglob("*.py"):
         parts = path.relative_to(top / "host").with_suffix("").parts
         modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return modules, {name: _imports(path, modules) for name, path in modules.items()}
+    imports = [_imports(path, modules) for path in modules.values()]
+    direct = np.array([[name in some for name in modules] for some in imports])
+    return modules, shortest_path(direct, unweighted=True)
 
 
-def order_tests(top: Path, file: str) -> tuple[list[str], list[str]]:
-    """Return the test files of tests/host for a file: the `FIRST` nearest, and the others, nearest first.
+def order_tests(top: Path, file: str) -> tuple[list[str], list[str], list[str]]:
+    """Return the test files of tests/host: the `FIRST` nearest to a file, others that import it, and the others.
 
     Near are those with the file's name in theirs, then those that import it over the fewest other files, then those
     that import least.
     """
-    modules, imports = _graph(top)
-    target = next(name for name, path in modules.items() if path == top / file)
-    words = {word[:6] for word in target.split(".")[-1].split("_") if len(word) > 3}
+    modules, distances = _distances(top)
+    target, name = next((k, name) for k, (name, path) in enumerate(modules.items()) if path == top / file)
+    words = {word[:6] for word in name.split(".")[-1].split("_") if len(word) > 3}
     ranked = []
-    for test in (name for name in modules if name.startswith("test_") and name not in OWN):
-        distance, seen, edge = {test: 0}, {test}, {test}
-        while edge:
-            edge = set().union(*(imports[name] for name in edge)) - seen
-            distance |= dict.fromkeys(edge, max(distance.values()) + 1)
-            seen |= edge
-        named = words & {word[:6] for word in test.split("_")}
-        ranked.append((not (named and target in seen), distance.get(target, len(modules)), len(seen), test))
-    files = [f"tests/host/{row[-1]}.py" for row in sorted(ranked)]
-    return files[:FIRST], files[FIRST:]
+    for test, steps in zip(modules, distances, strict=True):
+        if test.startswith("test_") and test not in OWN:
+            named = words & {word[:6] for word in test.split("_")} and steps[target] < np.inf
+            ranked.append((not named, steps[target], sum(steps < np.inf), test))
+    files = [f"tests/host/{test}.py" for *_, test in sorted(ranked)]
+    connected = sum(steps < np.inf for _, steps, *_ in ranked)
+    first = min(FIRST, connected)
+    return files[:first], files[first:connected], files[connected:]
 
 
 def _last(file: str) -> list[str]:
@@ -232,14 +208,17 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
-    return scratch.fate(fault.file, fault, *order_tests(scratch.folder, fault.file), _last(fault.file))
+    *near, others = order_tests(scratch.folder, fault.file)
+    return scratch.fate(fault, near, [others, _last(fault.file)])
 
 
-def groups(top: Path) -> Iterator[list[Fault]]:
-    """Yield the faults of each area."""
+def groups(top: Path) -> dict[str, list[Fault]]:
+    """Return the faults of each area."""
+    found = {}
     for parts in AREAS:
         paths = [path for part in parts for path in _files(top / PACKAGE / part)]
-        yield [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
+        found[", ".join(parts)] = [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
+    return found
 
 
 def _files(path: Path) -> list[Path]:
@@ -248,31 +227,12 @@ def _files(path: Path) -> list[Path]:
 
 @click.command()
 @options(60)
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests.")
-def main(count: int, seed: int, jobs: int, report: str) -> None:
+def main(**chosen: Any) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 
     Example: python -m lippmann.dev.host_mutation --count 5 --report out
     """
-    check_output(Path(report) / "host_mutation.md", (".md",))
-    top = repository()
-    with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
-        scratch = Scratch(Path(folder), jobs)
-        faults = in_turn(list(groups(top)), np.random.default_rng(seed))
-        rows = try_faults(faults, count, lambda fault: fate(fault, scratch), SAME)
-    survivors = [fault.diff((top / fault.file).read_text()) for fault, end in rows if end == "survived"]
-    diffs = "".join(f"\n```diff\n{diff}\n```\n" for diff in survivors)
-    text = (
-        "Each is one swapped operator, one changed number, sign or comparison, one negated condition, two swapped "
-        "arguments, or one dropped statement. A fault is caught when a quick test fails that passes without it."
-    )
-    command = f"make mutation-host (--count {count} --seed {seed})"
-    more = f"\n## Survivors\n{diffs}" if survivors else ""
-    if scratch.left_out:
-        more += (
-            f"\nLeft out, because they fail without a fault: {', '.join(f'`{test}`' for test in scratch.left_out)}.\n"
-        )
-    click.echo(write_faults(Path(report), "host_mutation", "Faults in the host", text, rows, command, more))
+    report_faults("host_mutation", groups(repository()), fate, SAME, **chosen)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import click
 
@@ -19,6 +20,17 @@ def folder_of_modules() -> dict[str, str]:
     """Return the hand-written modules of rtl/, each with its folder."""
     paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
     return {path.stem: path.parent.name for path in paths if not path.stem.endswith("_pkg")}
+
+
+def elaborated(
+    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int], timeout: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Elaborate a module with Verilator; packages come first in `files`. The time-out is in seconds."""
+    command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
+    command += [f"-G{name}={value}" for name, value in parameters.items()]
+    command += map(str, files)
+    environment = verilator_environment()
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=timeout)
 
 
 def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
@@ -35,11 +47,8 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
-    command = ["verilator_bin", "--lint-only", "-Wall", "--top-module", module]
-    command += [f"-G{name}={value}" for name, value in (parameters or {}).items()]
-    command += map(str, (top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))))
-    environment = verilator_environment()
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))]
+    return elaborated(module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 
 @click.command()

@@ -1,50 +1,30 @@
 """`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
 
 A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
-in one line of rtl/optics. The faulty RTL is compiled into the batch harness and compared with the twin, ray by ray,
-over random displays, rays and stalls, as tests/rtl/test_batch.py does. A fault that passes, or that is in a module
-outside the harness, goes to the tests of its module, tests/rtl/<module>, in a copy of the checkout. A fault is caught
-when a word differs, rays stop coming, one build does not elaborate where others do, or a test fails.
+in one line of rtl/optics. It is made in a copy of the checkout. The tests of its module, tests/rtl/<module>, run first,
+then those that compare whole builds with the twin. A fault is caught when a test fails that passes without the fault.
 
 Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
 """
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
-import numpy as np
 
 from lippmann.cli import run
-from lippmann.dev.faults import Fault, Scratch, in_turn, options, try_faults, write_faults
-from lippmann.dev.random_cases import configured_display, random_rays
-from lippmann.errors import LippmannError
-from lippmann.fixed.build import Build
-from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.images import check_output
-from lippmann.sim.compilation import RtlError
-from lippmann.sim.harness import Harness, compile_library
+from lippmann.dev.faults import Fault, Scratch, options, report_faults
+from lippmann.dev.lint import elaborated
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 
-#: The builds that a fault is tried in, until one shows it; together they instantiate every module.
-BUILDS = (
-    Build(20, "square"),
-    Build(18, "hex", aims=True, max_cell_steps=1),
-    Build(18, "square", viewer=True, aims=True, max_cell_steps=1),
-    Build(17, "hex", "paraxial", aims=True),
-    Build(19, "square", cross_cells=True),
-    Build(23, "square", viewer=True),
-)
-
-#: Modules of rtl/optics that the harness does not contain.
-OUTSIDE = ("optics_block", "raster")
+SOURCES = Path("rtl/optics")
+#: The tests that run last: every module is in a build that they compare with the twin, but for the register block.
+LAST = ["tests/rtl/test_batch.py"]
 
 #: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
@@ -113,7 +93,7 @@ def faults_of(path: Path) -> list[Fault]:
         illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
         if not illegal and code.strip() and not NO_HARDWARE.search(code):
-            found += [Fault(path.name, number, text, changed) for changed in _changes(code)]
+            found += [Fault(str(SOURCES / path.name), number, text, changed) for changed in _changes(code)]
     return found
 
 
@@ -127,105 +107,27 @@ def _changes(code: str) -> list[str]:
     ]
 
 
-def fate(fault: Fault, seed: int, scratch: Scratch) -> str:
-    """Return how a fault ends: 'refused' (does not elaborate), 'caught', or 'survived'."""
-    file, module = f"rtl/optics/{fault.file}", fault.file.removesuffix(".sv")
-    with scratch.faulty(file, fault):
-        sources = optics_sources(scratch.folder)
-        if module in OUTSIDE:
-            if not _elaborates(sources):
-                return "refused"
-        else:
-            ends = set()
-            for build in (build for build in BUILDS if _uses(build, module)):
-                library = scratch.folder / f"{os.urandom(6).hex()}.so"
-                try:
-                    compile_library(build, sources, library, flags=["-O0"])
-                except RtlError:
-                    ends.add("refused")
-                    continue
-                if not _equal(build, library, seed):
-                    return "caught"
-                ends.add("equal")
-            if "refused" in ends:  # a build that no longer elaborates where others do fails the tests that compare it
-                return "caught" if "equal" in ends else "refused"
-    folder = module if (scratch.folder / "tests" / "rtl" / module).is_dir() else "ray_lenslet"
-    return scratch.fate(file, fault, [f"tests/rtl/{folder}"])
-
-
-def _elaborates(sources: list[Path]) -> bool:
-    """Tell whether Verilator elaborates the register block and its modules."""
-    command = ["verilator", "--lint-only", "-Wno-fatal", "--top-module", "optics_block", *map(str, sources)]
-    return not subprocess.run(command, env=verilator_environment(), capture_output=True, check=False).returncode
-
-
-def _uses(build: Build, module: str) -> bool:
-    """Tell whether a build instantiates a module."""
-    only = {
-        "lenslet_square": build.grid == "square",
-        "lenslet_hex": build.grid == "hex",
-        "aim": build.aims,
-        "cell_step": build.aims,
-        "move_lenslet": build.max_cell_steps > 0,
-        "enter_flat": build.model == "exact" and not build.viewer,
-        "leave_dome": build.model == "exact" and not build.viewer,
-        "enter_dome": build.viewer,
-        "leave_flat": build.viewer,
-        "meet_dome": build.model == "exact",
-        "sqrt": build.model == "exact",
-        "saturate": build.model == "exact",
-    }
-    return only.get(module, True)
-
-
-def _equal(build: Build, library: Path, seed: int) -> bool:
-    """Compare a faulty build with the twin, in a child process: a fault may hang or crash the simulation."""
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if _compare(build, library, seed) else 1)
-    _, status = os.waitpid(child, 0)
-    return status == 0
-
-
-def _compare(build: Build, library: Path, seed: int) -> bool:
-    engine = Harness(build, library)
-    random = np.random.default_rng(seed)
-    for number in range(12):
-        display, config = configured_display(random, build, build.model)
-        words = random_rays(random, display, build, 3000)
-        idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
-        try:
-            rtl = engine.trace(*words, config, seed=number, idle=idle, stall=stall)
-        except LippmannError:
-            return False
-        twin = ray_pipeline(*words, config, build)
-        if any((got != wanted).any() for got, wanted in zip(rtl, twin, strict=True)):
-            return False
-    return True
+def fate(fault: Fault, scratch: Scratch) -> str:
+    """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
+    module = Path(fault.file).stem
+    if not (scratch.folder / "tests" / "rtl" / module).is_dir():  # a package
+        module = "ray_lenslet"
+    with scratch.faulty(fault):
+        if elaborated(module, optics_sources(scratch.folder), "-Wno-fatal", parameters={}).returncode:
+            return "refused"
+    return scratch.fate(fault, [[f"tests/rtl/{module}"], LAST])
 
 
 @click.command()
 @options(120)
-def main(count: int, seed: int, report: str) -> None:
-    """Put faults into the RTL and report how many the comparison with the twin catches.
+def main(**chosen: Any) -> None:
+    """Put faults into the RTL and report how many the quick tests catch.
 
     Example: python -m lippmann.dev.mutation --count 20 --report out
     """
-    check_output(Path(report) / "mutation.md", (".md",))
-    random = np.random.default_rng(seed)
     verilator_environment()  # a missing tool must not count as a caught fault
-    files = sorted((repository() / "rtl" / "optics").glob("*.sv"))
-    per_file = [faults_of(path) for path in files]
-    with tempfile.TemporaryDirectory() as folder:
-        scratch = Scratch(Path(folder))
-        rows = try_faults(in_turn(per_file, random), count, lambda fault: fate(fault, seed, scratch), SAME)
-    text = (
-        "Each is one changed operator, one negated condition, one choice with its branches swapped, or one flipped bit;"
-        " those that do not elaborate are not counted. A fault is caught when a word differs from the twin's, rays "
-        "stop coming, one build does not elaborate where others do, or a test of its module fails."
-    )
-    command = f"make mutation (--count {count} --seed {seed})"
-    click.echo(write_faults(Path(report), "mutation", "Faults in the RTL", text, rows, command))
+    groups = {path.stem: faults_of(path) for path in sorted((repository() / SOURCES).glob("*.sv"))}
+    report_faults("mutation", groups, fate, SAME, **chosen)
 
 
 if __name__ == "__main__":

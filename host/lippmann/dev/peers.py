@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as PngImage
+from scipy import ndimage
 
 from lippmann.capturing.rays import CaptureSource, lines_of, rays_from_picture
 from lippmann.capturing.setup import Setup, load_setup
@@ -86,10 +87,14 @@ class PictureDifference:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a capture's picture: every so many rows, from the middle of the first group of rows on."""
+    """A part of a capture's picture: every so many rows, from the middle of the first group of rows on.
+
+    With `shift_px` it is the whole picture with one sample a pixel, beside the pixel's centre.
+    """
 
     source: CaptureSource
     every: int = 1
+    shift_px: tuple[float, float] | None = None
     stripes: None = None
 
     @property
@@ -103,25 +108,15 @@ class Part:
         return self.source.height_px // self.every
 
     def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
-        """Return the lines of sight of the whole picture's own samples (see `RaySource`)."""
-        row = pixel // self.width_px
-        whole = pixel + (row * (self.every - 1) + self.every // 2) * self.width_px
-        return self.source.lines(whole, sample, stripe)
-
-
-@dataclass(frozen=True)
-class Shifted(Part):
-    """A capture's picture by rays through points beside its pixel centres: one sample, moved by `shift_px`."""
-
-    shift_px: tuple[float, float] = (0.0, 0.0)
-
-    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
-        """Return the lines of sight (see `RaySource`)."""
+        """Return the lines of sight (see `RaySource`), those of the whole picture's own samples without a shift."""
         mi = mitsuba()
         import drjit as dr
 
-        b = DrJitBackend(self.source.device)
         row = pixel // self.width_px
+        if self.shift_px is None:
+            whole = pixel + (row * (self.every - 1) + self.every // 2) * self.width_px
+            return self.source.lines(whole, sample, stripe)
+        b = DrJitBackend(self.source.device)
         column = pixel - row * self.width_px
         # Opaque: a literal would be compiled in, each time anew.
         du, dv = (b.double(dr.opaque(mi.Float, 0.5 + shift)) for shift in self.shift_px)
@@ -134,7 +129,7 @@ def around(scene: Scene, source: CaptureSource, distances_px: Sequence[float] = 
     def beside(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
-        return render_rays(scene, Shifted(source, shift_px=shift), Settings()).radiance
+        return render_rays(scene, Part(source, shift_px=shift), Settings()).radiance
 
     return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
@@ -155,30 +150,26 @@ def compare(
     nearest, near = outlines(1), outlines(len(beside))
     seams = differs & near_seams(setup)
     count = max(1, int(differs.sum()))
-    return (
-        PictureDifference(
-            setup.array.grid,
-            difference.size,
-            float(np.median(difference)),
-            float(difference.mean()),
-            float(difference.max()),
-            float(differs.mean()),
-            float(displaced.sum()) / count,
-            float(nearest.sum()) / count,
-            float(near.sum()) / count,
-            float(seams.sum()) / count,
-            float((differs & ~displaced & ~near & ~seams).mean()),
-        ),
-        difference,
+    found = PictureDifference(
+        grid=setup.array.grid,
+        pixels=difference.size,
+        median=float(np.median(difference)),
+        mean=float(difference.mean()),
+        largest=float(difference.max()),
+        differing=float(differs.mean()),
+        displaced=float(displaced.sum()) / count,
+        outlines=float(nearest.sum()) / count,
+        near_outlines=float(near.sum()) / count,
+        seams=float(seams.sum()) / count,
+        unexplained=float((differs & ~displaced & ~near & ~seams).mean()),
     )
+    return found, difference
 
 
 def _among_neighbours(a: Radiance, b: Radiance) -> Mask:
     """Tell which values of a lie within those of b one pixel around, to THRESHOLD."""
-    padded = np.pad(b, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    height, width = b.shape[:2]
-    close = np.stack([padded[i : i + height, j : j + width] for i in range(3) for j in range(3)])
-    return _within(a, close.min(axis=0), close.max(axis=0))
+    low, high = (extreme(b, (3, 3, 1), mode="nearest") for extreme in (ndimage.minimum_filter, ndimage.maximum_filter))
+    return _within(a, low, high)
 
 
 def _within(a: Radiance, low: Radiance, high: Radiance) -> Mask:

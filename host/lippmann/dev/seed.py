@@ -11,11 +11,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -38,30 +38,33 @@ from lippmann.variant import current_device
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Sizes of the rendered window, px (at 600 dpi), and lenslet pitches, mm.
-WINDOWS_PX = (720, 1200, 1800, 2400, 3600)
-PITCHES_MM = (1.0, 2.0, 4.0, 9.0)
-#: The largest window that Lippmann renders with anti-aliasing, and the largest that POV-Ray renders.
-ANTIALIASED_PX, POVRAY_PX = 2400, 720
 #: Samples per pixel that give about the noise of POV-Ray's anti-aliasing with threshold 0.3 (`bench peers`).
 SAMPLES = 8
 #: Lippmann renders each picture without anti-aliasing so often; the fastest run counts.
 ROUNDS = 2
-#: POV-Ray's options for anti-aliasing, and the side of the base scene's picture, px.
+#: POV-Ray's options for anti-aliasing.
 ANTIALIAS = ("+WT2", "+A0.3")
-BASE_PX = 720
-#: `--quick`, for tests. Windows as small as these measure nothing: most of the time is start-up.
-QUICK: dict[str, Any] = {
-    "windows": (48,),
-    "pitches": (1.0,),
-    "grids": ("square",),
-    "povray_px": 48,
-    "base_px": 96,
-}
 EYE_MM = (0.0, 0.0, 600.0)
 TEMPLATES = Path(__file__).with_name("templates")
 #: The paper's shares for its own tracer: hexagonal against square, and anti-aliasing off against on.
 PAPER_HEX, PAPER_PLAIN = 0.10, -0.37
+
+
+class Sweep(NamedTuple):
+    """Windows (px, at 600 dpi), lenslet pitches (mm) and grids whose pictures are timed."""
+
+    windows_px: tuple[int, ...] = (720, 1200, 1800, 2400, 3600)
+    pitches_mm: tuple[float, ...] = (1.0, 2.0, 4.0, 9.0)
+    grids: tuple[str, ...] = tuple(SETUPS)
+    #: The largest windows that Lippmann renders with anti-aliasing, and that POV-Ray renders.
+    antialiased_px: int = 2400
+    povray_px: int = 720
+    #: Side of the base scene's picture, px.
+    base_px: int = 720
+
+
+#: `--quick`, for tests. Windows as small as these measure nothing: most of the time is start-up.
+QUICK = Sweep((48,), (1.0,), ("square",), povray_px=48, base_px=96)
 
 
 @dataclass(frozen=True)
@@ -115,43 +118,25 @@ def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1
     return seconds, cpu
 
 
-def bench_seed(
-    scenes: Path,
-    work: Path,
-    windows: Sequence[int] = WINDOWS_PX,
-    pitches: Sequence[float] = PITCHES_MM,
-    grids: Sequence[str] = tuple(SETUPS),
-    povray_px: int = POVRAY_PX,
-    base_px: int = BASE_PX,
-) -> Iterator[Timed]:
-    """Measure Lippmann's and POV-Ray's times; the first two rows are the base scene's.
-
-    `work` gets POV-Ray's files, whose windows end at `povray_px`; the base scene's picture has the side `base_px`.
-    """
-    ours, theirs = base_times(scenes, work, base_px)
+def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
+    """Measure Lippmann's and POV-Ray's times, whose files go to `work`; the first two rows are the base scene's."""
+    ours, theirs = base_times(scenes, work, sweep.base_px)
     yield from (ours, theirs)
-    setups = {grid: load_setup(scenes / f"setups/{name}.toml") for grid, name in SETUPS.items() if grid in grids}
-    path = scenes / "seed/full.xml"
-    for window in windows:
-        for grid, setup in setups.items():
-            scene = load_for(path, setup)
-            for pitch in pitches:
-                seen = with_window(setup, window, pitch)
-                # Anti-aliasing costs several times as much: at the ends of the curves only.
-                looks = (False, True) if pitch in (min(pitches), max(pitches)) else (False,)
-                for antialias in looks:
-                    if antialias and window > ANTIALIASED_PX:
-                        continue
-                    samples = SAMPLES if antialias else 1
-                    source = CaptureSource(seen, samples, "chief", 0, current_device())
-                    seconds, cpu = render_source(scene, source, samples, 1 if antialias else ROUNDS)
-                    yield _row("lippmann", seen, antialias, seconds, cpu, ours.cpu_seconds)
-                if window > povray_px:
-                    continue
-                exported = write_folder(scene, setup_view(seen), work / f"{grid}-{window}-{pitch:g}")
-                for antialias in looks:
-                    _, run = exported.render(*(ANTIALIAS if antialias else ()))
-                    yield _row("POV-Ray", seen, antialias, run.seconds, run.cpu_seconds, theirs.cpu_seconds)
+    for window, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
+        setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), window, pitch)
+        scene = load_for(scenes / "seed/full.xml", setup)
+        # Anti-aliasing costs several times as much: at the ends of the curves only.
+        looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
+        for antialias in looks if window <= sweep.antialiased_px else (False,):
+            samples = SAMPLES if antialias else 1
+            source = CaptureSource(setup, samples, "chief", 0, current_device())
+            seconds, cpu = render_source(scene, source, samples, 1 if antialias else ROUNDS)
+            yield _row("lippmann", setup, antialias, seconds, cpu, ours.cpu_seconds)
+        if window <= sweep.povray_px:
+            exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
+            for antialias in looks:
+                _, run = exported.render(*(ANTIALIAS if antialias else ()))
+                yield _row("POV-Ray", setup, antialias, run.seconds, run.cpu_seconds, theirs.cpu_seconds)
 
 
 def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
@@ -188,34 +173,32 @@ class Findings:
 
 def findings(rows: Sequence[Timed]) -> Findings:
     """Return the ratios of measured rows."""
-    by_key = {(r.tracer, r.grid, r.window_px, r.pitch_mm, r.antialias): r.cpu_seconds for r in rows}
+
+    def key(row: Timed) -> tuple[Any, ...]:
+        return row.tracer, row.grid, row.window_px, row.pitch_mm, row.antialias
+
+    times = {key(row): row.cpu_seconds for row in rows}
 
     def growth(tracer: str) -> dict[int, float]:
         found: dict[int, list[float]] = {}
-        for r in rows:
-            if r.tracer == tracer and r.grid == "square" and not r.antialias:
-                found.setdefault(r.window_px, []).append(r.cpu_seconds)
-        return {window: max(times) / min(times) for window, times in found.items()}
+        for row in rows:
+            if (row.tracer, row.grid, row.antialias) == (tracer, "square", False):
+                found.setdefault(row.window_px, []).append(row.cpu_seconds)
+        return {window: max(some) / min(some) for window, some in found.items()}
 
-    def share(tracer: str, of: Callable[[Timed], tuple[Any, ...]], over: Callable[[Timed], bool]) -> float | None:
-        shares = [
-            r.cpu_seconds / by_key[of(r)] - 1.0 for r in rows if r.tracer == tracer and over(r) and of(r) in by_key
-        ]
+    def share(tracer: str, **changed: Any) -> float | None:
+        """Compare the rows with those that differ from them in one column, which has a given value there."""
+        pairs = [(key(row), key(dataclasses.replace(row, **changed))) for row in rows if row.tracer == tracer]
+        shares = [times[one] / times[other] - 1.0 for one, other in pairs if one != other and other in times]
         return float(np.median(shares)) if shares else None
-
-    def square(r: Timed) -> tuple[Any, ...]:
-        return r.tracer, "square", r.window_px, r.pitch_mm, r.antialias
-
-    def smoothed(r: Timed) -> tuple[Any, ...]:
-        return r.tracer, r.grid, r.window_px, r.pitch_mm, True
 
     return Findings(
         growth("lippmann"),
         growth("POV-Ray"),
-        share("lippmann", square, lambda r: r.grid == "hex"),
-        share("POV-Ray", square, lambda r: r.grid == "hex"),
-        share("lippmann", smoothed, lambda r: not r.antialias),
-        share("POV-Ray", smoothed, lambda r: not r.antialias),
+        share("lippmann", grid="square"),
+        share("POV-Ray", grid="square"),
+        share("lippmann", antialias=True),
+        share("POV-Ray", antialias=True),
     )
 
 
@@ -273,7 +256,7 @@ def seed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     rows: list[Timed] = []
     quick = bool(bench.options["quick"])
     with TemporaryDirectory() as work:
-        for row in bench_seed(bench.scenes, Path(work), **(QUICK if quick else {})):
+        for row in bench_seed(bench.scenes, Path(work), QUICK if quick else Sweep()):
             bench.collect([row])
             rows.append(row)
     json = {"rows": [row_of(row) for row in rows], "findings": row_of(findings(rows))}

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,16 @@ import click
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
+from lippmann.dev.lint import elaborated
 from lippmann.errors import LippmannError
 from lippmann.fixed.configurations import Named, chosen
 from lippmann.images import check_output
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
-from lippmann.report.tables import table, write_report
+from lippmann.report.pages import Page
+from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository, verilator_environment
+from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -168,11 +171,10 @@ def place(named: Named, seed: int) -> dict[str, Any]:
 def stages(named: Named) -> int:
     """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
     top = repository()
-    files = [str(top / "rtl" / "optics" / "optics_pkg.sv"), str(top / "sim" / "synth" / "latency.sv")]
+    files = [top / "rtl" / "optics" / "optics_pkg.sv", top / "sim" / "synth" / "latency.sv"]
     # Where the cross terms are computed does not count.
-    values = [f"-G{name}={value}" for name, value in parameters(named.build).items() if name != "CrossCells"]
-    command = ["verilator_bin", "--lint-only", *values, "--top-module", "latency", *files]
-    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    values = {name: value for name, value in parameters(named.build).items() if name != "CrossCells"}
+    result = elaborated("latency", files, parameters=values)
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:
         raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")
@@ -208,31 +210,15 @@ def _place_of(cell: str) -> str:
 
 # ---- report ----
 
-#: Columns of the report's table: heading, figure, format.
-COLUMNS = (
-    ("configuration", "configuration", ""),
-    ("MHz", "mhz", ".1f"),
-    ("LUT", "lut", ""),
-    ("FF", "ff", ""),
-    ("of these the probe's", "probe_ff", ""),
-    ("MULT18X18D", "mult18x18d", ""),
-    ("DP16KD", "dp16kd", ""),
-    ("RAMW", "ramw", ""),
-    ("stages", "stages", ""),
-    ("direction max, urad", "max_direction_urad", ".3g"),
-    ("rms", "rms_direction_urad", ".3g"),
-    ("point max, nm", "max_point_nm", ".3g"),
-    ("point rms", "rms_point_nm", ".3g"),
-)
 ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
 
-def report_text(rows: list[dict[str, Any]]) -> str:
-    """Return the page: synthesis.md with its tables."""
-    cells = {heading: [format(row[name], form) for row in rows] for heading, name, form in COLUMNS}
-    limits = {"configuration": cells["configuration"], "slowest path": [row["limit"] for row in rows]}
-    page = Path(__file__).with_name("synthesis.md").read_text()
-    return page.format(mhz=WANTED_MHZ, pixels=SAMPLE_PIXELS, sizes=table(cells), limits=table(limits))
+def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
+    """Return the page."""
+    charts = {"clock, MHz": [row["mhz"] for row in rows], "LUT": [row["lut"] for row in rows]}
+    plot = bar_charts("synthesis", [row["configuration"] for row in rows], charts)
+    context = {"rows": rows, "mhz": WANTED_MHZ, "pixels": SAMPLE_PIXELS}
+    return Page("synthesis", origin, [plot], {"synthesis": rows}, context, Path(__file__).with_name("templates"))
 
 
 @click.command()
@@ -257,7 +243,7 @@ def main(names: tuple[str, ...], seed: int, report: str) -> None:
         rows.append(placed | {name: max(getattr(error, name) for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
     origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
-    write_report(Path(report), "synthesis", origin, report_text(rows), {"synthesis": rows})
+    page(origin, rows).write(Path(report))
 
 
 if __name__ == "__main__":

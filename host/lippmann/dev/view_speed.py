@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lippmann.cli.bench import Bench, measurement
-from lippmann.dev.browser import Browser
+from lippmann.dev.browser import browser_page
 from lippmann.display import load_display
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
 from lippmann.viewer.page import page_html
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 #: The browser's window, and the seconds over which frames are counted.
 WIDTH_PX, HEIGHT_PX = 800, 600
@@ -30,40 +31,22 @@ lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() 
   done(performance.now() / 1000);
 })))
 """
-#: Frames and seconds while the eye sways from side to side.
+#: Frames, seconds and the canvas' size while the eye sways from side to side.
 COUNTED = """
-lippmann.viewer.then((viewer) => new Promise((done) => {
+(seconds) => lippmann.viewer.then((viewer) => new Promise((done) => {
   const sway = document.getElementById("sway");
   sway.click();
   let first, frames = -1;
   const count = (now) => {
     first ??= now;
     frames += 1;
-    if (now - first < 1000 * %(seconds)s) return requestAnimationFrame(count);
+    if (now - first < 1000 * seconds) return requestAnimationFrame(count);
     sway.click();
     done([frames, (now - first) / 1000, viewer.canvas.width, viewer.canvas.height]);
   };
   requestAnimationFrame(count);
 }))
 """
-
-
-@dataclass(frozen=True)
-class ViewRow:
-    """A page's size, seconds until its first view, and frames a second as laid out and when it fills the window.
-
-    `full_cpu_seconds` is the processor time, of all the browser's processes, for a frame that fills the window.
-    """
-
-    picture: str
-    display: str
-    page_mb: float
-    open_seconds: float
-    page_px: tuple[int, int]
-    page_rate: float
-    full_px: tuple[int, int]
-    full_rate: float
-    full_cpu_seconds: float
 
 
 @measurement(needs_device=True)
@@ -75,7 +58,7 @@ def view(bench: Bench) -> tuple[Mapping[str, Any], None]:
     return {"rows": bench.collect(measure(bench.scenes, bench.seed))}, None
 
 
-def measure(scenes: Path, seed: int) -> Iterator[ViewRow]:
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     """Measure pages of the fish, and of noise, which no coding makes smaller, on both of the paper's displays."""
     scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
@@ -87,34 +70,39 @@ def measure(scenes: Path, seed: int) -> Iterator[ViewRow]:
         }
         for what, radiance in pictures.items():
             page = page_html(display, radiance, f"{what} on {name}").encode("utf-8")
-            yield _measured(what, name, page)
+            yield {"picture": what, "display": name, **_measured(page)}
 
 
-def _measured(picture: str, display: str, page: bytes) -> ViewRow:
-    with tempfile.TemporaryDirectory() as folder, Browser(WIDTH_PX, HEIGHT_PX) as browser:
+def _measured(html: bytes) -> dict[str, Any]:
+    """Return a page's size, seconds until its first view, and frames a second as laid out and when it fills the window.
+
+    `full_cpu_seconds` is the processor time, of all the browser's processes, for a frame that fills the window.
+    """
+    with tempfile.TemporaryDirectory() as folder, browser_page(WIDTH_PX, HEIGHT_PX) as page:
         file = Path(folder) / "page.html"
-        file.write_bytes(page)
-        browser.open(file.as_uri())
-        opened = float(browser.evaluate(OPENED))
-        frames, seconds, *page_px = _counted(browser)
-        browser.evaluate("document.getElementById('fill').click()")
-        _counted(browser, 1.0)  # until the frame rate is steady
-        before = browser.processor_seconds()
-        full_frames, full_seconds, *full_px = _counted(browser)
-        used = browser.processor_seconds() - before
-    return ViewRow(
-        picture=picture,
-        display=display,
-        page_mb=len(page) / 1e6,
-        open_seconds=opened,
-        page_px=(int(page_px[0]), int(page_px[1])),
-        page_rate=frames / seconds,
-        full_px=(int(full_px[0]), int(full_px[1])),
-        full_rate=full_frames / full_seconds,
-        full_cpu_seconds=used / full_frames,
-    )
+        file.write_bytes(html)
+        page.goto(file.as_uri())
+        opened = page.evaluate(OPENED)
+        frames, seconds, *page_px = page.evaluate(COUNTED, COUNT_S)
+        page.evaluate("document.getElementById('fill').click()")
+        page.evaluate(COUNTED, 1.0)  # until the frame rate is steady
+        before = _processor_seconds(page)
+        full_frames, full_seconds, *full_px = page.evaluate(COUNTED, COUNT_S)
+        used = _processor_seconds(page) - before
+    return {
+        "page_mb": len(html) / 1e6,
+        "open_seconds": opened,
+        "page_px": tuple(page_px),
+        "page_rate": frames / seconds,
+        "full_px": tuple(full_px),
+        "full_rate": full_frames / full_seconds,
+        "full_cpu_seconds": used / full_frames,
+    }
 
 
-def _counted(browser: Browser, seconds: float = COUNT_S) -> list[float]:
-    counted: list[float] = browser.evaluate(COUNTED % {"seconds": json.dumps(seconds)})
-    return counted
+def _processor_seconds(page: Page) -> float:
+    """Return the processor time so far, seconds, of the browser's running processes."""
+    browser = page.context.browser
+    assert browser is not None
+    processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
+    return sum(float(process["cpuTime"]) for process in processes)

@@ -57,20 +57,3 @@ def write_csv(path: Path, origin: Mapping[str, str], rows: Sequence[Mapping[str,
         writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-
-
-def write_report(
-    folder: Path,
-    name: str,
-    origin: Mapping[str, str],
-    text: str,
-    figures: Mapping[str, Sequence[Mapping[str, Any]]],
-) -> None:
-    """Write a page NAME.md in Markdown, with the origin below its heading, and a CSV file for each set of rows."""
-    folder.mkdir(parents=True, exist_ok=True)
-    heading, _, body = text.partition("\n")
-    entries = "\n".join(f"- {key}: {value}" for key, value in origin.items())
-    with replacing(folder / f"{name}.md") as partial:
-        partial.write_text(f"{heading}\n\n{entries}\n\n{body.strip()}\n")
-    for stem, rows in figures.items():
-        write_csv(folder / f"{stem}.csv", origin, rows)
