@@ -53,6 +53,14 @@ class Measured:
 Row = Mapping[str, Any]
 
 
+def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
+    """Return the rows in groups that have the same values of some keys, in the order of their first rows."""
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return list(found.values())
+
+
 @dataclass(frozen=True)
 class Figures:
     """A table of measured values; `name` is that of its file, without extension."""
@@ -79,13 +87,12 @@ class Figures:
 
     def flat(self) -> list[dict[str, Any]]:
         """Return the rows as the CSV holds them: for each measured value its median, then its spread."""
-        return [{k: v for column in row for k, v in self._cells(column, row[column])} for row in self.rows]
+        return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
-    def _cells(self, column: str, value: Any) -> list[tuple[str, Any]]:
+    def _cells(self, column: str, value: Any) -> dict[str, Any]:
         if column in self.keys:
-            return [(column, value)]
-        median, spread = (None, None) if value is None else (value.median, value.spread)
-        return [(column, median), (column + SPREAD, spread)]
+            return {column: value}
+        return {column: value and value.median, column + SPREAD: value and value.spread}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +22,6 @@ EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 
 VIEW_SAMPLES = 64
 
 Mask = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class ViewError:
-    """PSNR (dB, of sRGB values with peak 1) of an eye's view against the perspective render.
-
-    `smooth_db` is over the scene's smooth part only; None when the scene has no such part.
-    """
-
-    scene: str
-    display: str
-    eye_mm: tuple[float, float, float]
-    whole_db: float
-    smooth_db: float | None
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:
@@ -71,8 +56,11 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
     return inside
 
 
-def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[ViewError]:
-    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders."""
+def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
+    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders.
+
+    PSNR is in dB, of sRGB values with peak 1; `smooth_db` is over the scene's smooth part only, None when it has none.
+    """
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for display_name in ("paper-square", "paper-hex"):
@@ -84,4 +72,10 @@ def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[ViewError]:
                 direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES, seed=seed)).radiance
                 mask = smooth_part(scene.path, eye, window)
                 smooth = None if mask is None or not mask.any() else psnr_db(view, direct, mask)
-                yield ViewError(name, display.name, eye, psnr_db(view, direct), smooth)
+                yield {
+                    "scene": name,
+                    "display": display.name,
+                    "eye_mm": eye,
+                    "whole_db": psnr_db(view, direct),
+                    "smooth_db": smooth,
+                }

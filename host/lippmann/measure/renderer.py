@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,7 +23,7 @@ import numpy as np
 from lippmann.display import Array, Display, display_text, load_display
 from lippmann.errors import LippmannError
 from lippmann.images import Radiance, psnr_db
-from lippmann.measure.figures import Figures, Measured, in_turn
+from lippmann.measure.figures import Figures, Measured, groups, in_turn
 from lippmann.measure.pictures import middle, noise_levels
 from lippmann.measure.plan import Plan
 from lippmann.rendering.placement import Placement
@@ -196,10 +196,10 @@ def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
 
 def powers_of(growth: Figures) -> dict[str, float]:
     """Return the power of each kind of size with which the render time grows."""
-    found = {}
-    for name in dict.fromkeys(row["with"] for row in growth.rows):
-        rows = [row for row in growth.rows if row["with"] == name]
-        found[name] = exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+    found = {
+        rows[0]["with"]: exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+        for rows in groups(growth.rows, "with")
+    }
     return {name: power for name, power in found.items() if power is not None}
 
 
@@ -238,9 +238,8 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
             return float(separately(device, scene, file, 1)["peak_memory_mb"])
 
     with ThreadPoolExecutor(2) as pool:
-        peaks = list(pool.map(peak, [display for display in displays for _ in range(rounds)]))
-    parts = (peaks[k : k + rounds] for k in range(0, len(peaks), rounds))
-    return {_pixels(display): Measured.of(part) for display, part in zip(displays, parts, strict=True)}
+        peaks = {display: [pool.submit(peak, display) for _ in range(rounds)] for display in displays}
+    return {_pixels(display): Measured.of(one.result() for one in found) for display, found in peaks.items()}
 
 
 def separately(device: str, scene: Path, display: Path, samples: int) -> dict[str, Any]:
@@ -267,18 +266,20 @@ def separately(device: str, scene: Path, display: Path, samples: int) -> dict[st
 # ---- lippmann bench render ----
 
 
+def compared(**works: Callable[[], float]) -> tuple[dict[str, float], list[float]]:
+    """Time two works in turn; return the median of each, and the ratio of the first to the second in each round."""
+    times = in_turn(works, ROUNDS)
+    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
+    return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
+
+
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
     """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
-    few = TimedRender(scene, with_lenslets_across(display, 11), settings)
-    times = in_turn(
-        {"seconds_10404_lenslets": TimedRender(scene, display, settings), "seconds_121_lenslets": few}, ROUNDS
+    seconds, ratios = compared(
+        seconds_10404_lenslets=TimedRender(scene, display, settings),
+        seconds_121_lenslets=TimedRender(scene, with_lenslets_across(display, 11), settings),
     )
-    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
-    return {**_medians(times), **_medians({"ratio": ratios}), "ratio_least": min(ratios), "ratio_most": max(ratios)}
-
-
-def _medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    return {name: float(np.median(repeats)) for name, repeats in values.items()}
+    return {**seconds, "ratio": float(np.median(ratios)), "ratio_least": min(ratios), "ratio_most": max(ratios)}
 
 
 def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
@@ -306,11 +307,8 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
         return time.perf_counter() - started
 
     plain()  # compiles
-    integral: Callable[[], float] = TimedRender(scene, display, settings)
-    works = {"integral_seconds": integral, "perspective_seconds": plain}
-    times = in_turn(works, ROUNDS)
-    ratios = [b / a for a, b in zip(*times.values(), strict=True)]
-    return {**_medians(times), **_medians({"rate_ratio": ratios})}
+    seconds, ratios = compared(perspective_seconds=plain, integral_seconds=TimedRender(scene, display, settings))
+    return {**seconds, "rate_ratio": float(np.median(ratios))}
 
 
 def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
@@ -327,10 +325,11 @@ def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     mi.register_integrator("nothing", Nothing)
-    names = ("lights", "nothing")
-    works = {name: TimedRender(scene, display, replace(settings, integrator=name)) for name in names}
-    whole, optics = (float(np.median(seconds)) for seconds in in_turn(works, ROUNDS).values())
-    return {"render_seconds": whole, "optics_seconds": optics, "share": optics / whole}
+    seconds, ratios = compared(
+        optics_seconds=TimedRender(scene, display, replace(settings, integrator="nothing")),
+        render_seconds=TimedRender(scene, display, replace(settings, integrator="lights")),
+    )
+    return {**seconds, "share": float(np.median(ratios))}
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
