@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from lippmann.measure import configurations, engines, fixed, renderer
-from lippmann.measure.figures import Figures, Stored
+from lippmann.measure.figures import Stored
 from lippmann.measure.pictures import EYE_MM
 from lippmann.measure.plan import Plan
 from lippmann.measure.processor_load import Load, load_since
@@ -31,40 +31,29 @@ def make_report(
     """
     load, sizes = Load.now(), configurations.placed()
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
-    measured = [
-        engines.measure_all(scenes, plan, seed, log),
-        configurations.measure(scenes, plan, seed, sizes, log),
-        renderer.measure_noise(scenes, plan, seed, log),
-        renderer.measure_growth(scenes, plan, seed, log),
-        fixed.measure_budget(scenes, plan, seed, log),
-    ]
+    rays = engines.measure_all(scenes, plan, seed, log)
+    rtl = configurations.measure(scenes, plan, seed, sizes, log)
+    noise = renderer.measure_noise(scenes, plan, seed, log)
+    growth = renderer.measure_growth(scenes, plan, seed, log)
+    budget = fixed.measure_budget(scenes, plan, seed, log)
     origin["load"] = load_since(load)
-    return report_of(origin, {table.name: table for table in measured}, plan, before, sizes.origin)
-
-
-def report_of(
-    origin: Mapping[str, str],
-    tables: Mapping[str, Figures],
-    plan: Plan,
-    before: Stored | None,
-    placed: Mapping[str, str],
-) -> tuple[Page, Comparison]:
-    """Compare a run's tables with the run before, and make the page; `placed` is the origin of place-and-route."""
-    found = compare(origin, list(tables.values()), before)
-    rays, rtl, noise, growth, budget = (tables[name] for name in TABLES)
-    rows = {"rays": rays.rows, "rtl": rtl.rows, "noise": noise.rows, "growth": growth.rows, "budget": budget.rows}
+    tables = (rays, rtl, noise, growth, budget)
+    found = compare(origin, tables, before)
     context = {
-        **rows,
+        "rays": rays.rows,
+        "rtl": rtl.rows,
+        "noise": noise.rows,
+        "growth": growth.rows,
+        "budget": budget.rows,
         "repeat_origin": True,
         "powers": renderer.powers_of(growth),
         "found": found,
         "plan": plan,
         "eye": ", ".join(f"{x:g}" for x in EYE_MM),
         "front": [name for name, best in configurations.on_front(rtl).items() if best],
-        "placed": placed,
+        "placed": sizes.origin,
     }
     drawn = [plots.engines(rays), plots.costs(rtl), plots.word_lengths(rtl), plots.renderer(noise)]
     drawn += [plots.growth(growth), plots.budget(budget)]
-    moved = [move.flat() for move in found.moved]
-    kept = {**{name: table.flat() for name, table in tables.items()}, "report-moved": moved}
+    kept = {**{table.name: table.flat() for table in tables}, "report-moved": [move.flat() for move in found.moved]}
     return Page(PAGE, origin, drawn, kept, context), found
