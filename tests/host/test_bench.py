@@ -102,7 +102,7 @@ def test_every_measurement_is_listed():
 def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):
     times = iter([2.0, 1.0, 6.0, 2.0, 4.0, 1.0])
     monkeypatch.setattr(renderer, "with_lenslets_across", lambda display, across: display)
-    monkeypatch.setattr(renderer.TimedRender, "__call__", lambda self: next(times))
+    monkeypatch.setattr(renderer, "timed", lambda *render: lambda: next(times))
     row = renderer.lenslet_growth(None, None, None)
     assert (row["ratio"], row["ratio_least"], row["ratio_most"]) == (3.0, 2.0, 4.0)
     assert (row["seconds_10404_lenslets"], row["seconds_121_lenslets"]) == (4.0, 1.0)

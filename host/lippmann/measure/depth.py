@@ -115,26 +115,12 @@ def mark_scene(setup: Setup, z_mm: float) -> Scene:
 
 
 def measure_depths(
-    setup: Setup,
-    z_mm: float,
-    rotated: bool,
-    looks: tuple[Look, ...] = (CENTRES,),
-    seed: int = 0,
+    setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
 ) -> list[float]:
-    """Return the depths (mm, positive in front of the display) at which moving eyes see a captured point.
+    """Return the depth (mm, positive in front of the display) at which each of some moving eyes sees a captured point.
 
-    Parameters
-    ----------
-    setup
-        The set-up, with the display that shows its picture.
-    z_mm
-        The point's depth in the object's frame, on the axis.
-    rotated
-        Whether elemental images are rotated by 180 degrees.
-    looks
-        The eyes; each gives one depth.
-    seed
-        Seed of the capture.
+    The point is on the axis, at `z_mm` in the object's frame; the set-up's display shows its picture. `rotated` tells
+    whether elemental images are rotated by 180 degrees.
     """
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).rendered.radiance

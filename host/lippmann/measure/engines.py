@@ -42,21 +42,12 @@ TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MO
 def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
     """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
 
-    Parameters
-    ----------
-    truth
-        Rays of another engine or model, or in 50 digits.
-    rays
-        The rays to compare.
-    depths_mm
-        Two planes z. Of each ray, the larger of its errors at both counts.
-
     Returns
     -------
     dict
         `max_` and `rms_` of `urad`, the angle between the directions; `nm`, the distance where they cross the plane of
-        the lenslets' vertices; `mm`, the distance at the depths. `other_fates` counts the rays whose status or lenslet
-        differs.
+        the lenslets' vertices; `mm`, the distance at two depths z, of each ray the larger. `other_fates` counts the
+        rays whose status or lenslet differs.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)

@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,6 +31,9 @@ from lippmann.rendering.renderer import Settings, make_integrator, render_integr
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.variant import current_device, mitsuba
 
+#: Returns the seconds that it took.
+Work = Callable[[], float]
+
 INTEGRATORS = ("lights", "direct", "path")
 #: The integrator of the reference picture.
 REFERENCE = "path"
@@ -42,22 +45,17 @@ ROUNDS, CAMERA_MM = 3, 600.0
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
 
 
-@dataclass
-class TimedRender:
-    """A render that can be repeated, each time with the next seed. It keeps its pictures when `keep` is set."""
+def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:
+    """Return a function that renders with the next seed at each call, and returns the seconds; `kept` gets pictures."""
+    seeds = itertools.count(settings.seed)
 
-    scene: Scene
-    display: Display
-    settings: Settings
-    keep: bool = False
-    pictures: list[Radiance] = field(default_factory=list)
-
-    def __call__(self) -> float:
-        """Render once; return the seconds."""
-        rendered = render_integral(self.scene, self.display, "exact", self.settings)
-        self.settings = replace(self.settings, seed=(self.settings.seed + 1) % 2**32)
-        self.pictures += [rendered.radiance] if self.keep else []
+    def render() -> float:
+        rendered = render_integral(scene, display, "exact", replace(settings, seed=next(seeds) % 2**32))
+        if kept is not None:
+            kept.append(rendered.radiance)
         return rendered.seconds
+
+    return render
 
 
 # ---- noise ----
@@ -70,10 +68,13 @@ def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
     settings = Settings(samples=plan.reference_samples, integrator=REFERENCE, seed=seed)
     reference = render_integral(scene, display, "exact", settings).radiance
+    runs = list(itertools.product(INTEGRATORS, plan.noise_samples))
+    pictures: dict[tuple[str, int], list[Radiance]] = {run: [] for run in runs}
     works = {
-        (name, samples): TimedRender(scene, display, Settings(samples, integrator=name, seed=seed + 1), keep=True)
-        for name in INTEGRATORS
-        for samples in plan.noise_samples
+        (name, samples): timed(
+            scene, display, Settings(samples, integrator=name, seed=seed + 1), pictures[name, samples]
+        )
+        for name, samples in runs
     }
     times = in_turn(works, plan.rounds)
     rows = [
@@ -81,10 +82,10 @@ def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None
             "integrator": name,
             "samples": samples,
             "seconds": Measured.of(times[name, samples]),
-            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(render.pictures)),
-            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in render.pictures),
+            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(pictures[name, samples])),
+            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in pictures[name, samples]),
         }
-        for (name, samples), render in works.items()
+        for name, samples in runs
     ]
     return Figures("report-renderer", ("integrator", "samples"), rows)
 
@@ -151,21 +152,19 @@ def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], Non
     small = resized(display, plan.growth_px)
     device = current_device()
 
-    def timed(scene: Scene, display: Display, samples: int = 1) -> Callable[[], float]:
-        return TimedRender(scene, display, Settings(samples=samples, seed=seed))
-
     def lenslets(across: int) -> int:
         array = with_lenslets_across(small, across).array
         return round(small.panel.width_mm * small.panel.height_mm / (array.pitch_mm * array.row_pitch_mm))
 
     panels = [resized(display, across) for across in plan.pixels_across]
-    works: dict[str, dict[int, Callable[[], float]]] = {
-        "pixels": {_pixels(panel): timed(scene, panel) for panel in panels},
-        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n)) for n in plan.lenslets_across},
-        "triangles": {n: timed(waves(n, LIGHTS), small) for n in plan.triangles},
-        "lights": {n: timed(waves(TRIANGLES, n), small) for n in plan.lights},
-        "threads": {n: _with_threads(n, timed(scene, small, 4)) for n in _threads(device)},
-        "samples": {n: timed(scene, small, n) for n in plan.samples},
+    one = Settings(seed=seed)
+    works: dict[str, dict[int, Work]] = {
+        "pixels": {_pixels(panel): timed(scene, panel, one) for panel in panels},
+        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n), one) for n in plan.lenslets_across},
+        "triangles": {n: timed(waves(n, LIGHTS), small, one) for n in plan.triangles},
+        "lights": {n: timed(waves(TRIANGLES, n), small, one) for n in plan.lights},
+        "threads": {n: _with_threads(n, timed(scene, small, replace(one, samples=4))) for n in _threads(device)},
+        "samples": {n: timed(scene, small, replace(one, samples=n)) for n in plan.samples},
     }
     rows = []
     for name, sizes in works.items():
@@ -213,7 +212,7 @@ def _threads(device: str) -> Sequence[int]:
     return sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)}) if device == "llvm" else []
 
 
-def _with_threads(count: int, work: Callable[[], float]) -> Callable[[], float]:
+def _with_threads(count: int, work: Work) -> Work:
     """Return the work, done by so many threads."""
     import drjit as dr
 
@@ -266,7 +265,7 @@ def separately(device: str, scene: Path, display: Path, samples: int) -> dict[st
 # ---- lippmann bench render ----
 
 
-def compared(**works: Callable[[], float]) -> tuple[dict[str, float], list[float]]:
+def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
     """Time two works in turn; return the median of each, and the ratio of the first to the second in each round."""
     times = in_turn(works, ROUNDS)
     ratios = [a / b for a, b in zip(*times.values(), strict=True)]
@@ -276,8 +275,8 @@ def compared(**works: Callable[[], float]) -> tuple[dict[str, float], list[float
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
     """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
     seconds, ratios = compared(
-        seconds_10404_lenslets=TimedRender(scene, display, settings),
-        seconds_121_lenslets=TimedRender(scene, with_lenslets_across(display, 11), settings),
+        seconds_10404_lenslets=timed(scene, display, settings),
+        seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
     )
     return {**seconds, "ratio": float(np.median(ratios)), "ratio_least": min(ratios), "ratio_most": max(ratios)}
 
@@ -307,7 +306,7 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
         return time.perf_counter() - started
 
     plain()  # compiles
-    seconds, ratios = compared(perspective_seconds=plain, integral_seconds=TimedRender(scene, display, settings))
+    seconds, ratios = compared(perspective_seconds=plain, integral_seconds=timed(scene, display, settings))
     return {**seconds, "rate_ratio": float(np.median(ratios))}
 
 
@@ -326,8 +325,8 @@ def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str
 
     mi.register_integrator("nothing", Nothing)
     seconds, ratios = compared(
-        optics_seconds=TimedRender(scene, display, replace(settings, integrator="nothing")),
-        render_seconds=TimedRender(scene, display, replace(settings, integrator="lights")),
+        optics_seconds=timed(scene, display, replace(settings, integrator="nothing")),
+        render_seconds=timed(scene, display, replace(settings, integrator="lights")),
     )
     return {**seconds, "share": float(np.median(ratios))}
 

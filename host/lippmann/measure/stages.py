@@ -182,14 +182,8 @@ def _meet_dome(
     return hx + length * dx, hy + length * dy, zc + length * dz, cos, 1.0 - square
 
 
-def _cell_step(nx: Floats, ny: Floats, half: float, grid: Grid) -> tuple[Ints, ...]:
-    if grid == "square":
-        return tuple((q >= half).astype(np.int64) - (q < -half).astype(np.int64) for q in (nx, ny))
-    q = np.stack([nx, 0.5 * nx + HALF_SQRT3 * ny, HALF_SQRT3 * ny - 0.5 * nx])
-    outside = ((q >= half) | (q < -half)).any(axis=0)
-    first = np.abs(q).argmax(axis=0)
-    sign = np.where(np.take_along_axis(q, first[None], axis=0)[0] < 0.0, -1, 1) * outside
-    return tuple((np.array([[1, 0], [0, 1], [-1, 1]])[first] * sign[:, None]).T)
+def _cell_step(nx: Floats, ny: Floats, half: float, grid: Grid) -> tuple[Floats, ...]:
+    return Lattice(grid, 2.0 * half).locate(NumpyBackend(), nx, ny)[:2]
 
 
 def _move_lenslet(

@@ -160,7 +160,9 @@ def growth(data: Figures) -> Plot:
         sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
         relative = np.array(sizes) / sizes[0]
         axis.plot(sizes, times, "o-", color=COLOURS[0])
-        axis.plot(sizes, times[0] * (1.0 / relative if name == "threads" else relative), "--", color="grey", linewidth=1)
+        axis.plot(
+            sizes, times[0] * (1.0 / relative if name == "threads" else relative), "--", color="grey", linewidth=1
+        )
         middle = float(np.exp(np.log(times).mean()))
         # At least a decade, so that noise does not look like growth.
         limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
