@@ -66,9 +66,9 @@ def configurations(plan: Plan) -> list[Named]:
     return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
 
 
-def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display with its grid."""
-    chosen = configurations(plan)
+    chosen, sizes = configurations(plan), placed()
     log("configurations of the RTL: simulation ...")
     runs = {
         c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays, c.model)

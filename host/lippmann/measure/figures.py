@@ -182,8 +182,5 @@ def in_turn(works: Mapping[Any, Callable[[], float]], rounds: int) -> dict[Any, 
 
     Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
     """
-    found: dict[Any, list[float]] = {name: [] for name in works}
-    for _ in range(rounds):
-        for name, work in works.items():
-            found[name].append(work())
-    return found
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: [times[name] for times in found] for name in works}

