@@ -9,7 +9,7 @@ from lippmann.measure.configurations import pareto_front
 from lippmann.measure.figures import Figures, Measured, in_turn, read_figures, read_stored
 from lippmann.report.compare import compare, has_moved
 from lippmann.report.pages import TEMPLATES, Page
-from lippmann.report.tables import write_report
+from lippmann.report.tables import write_csv
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
 
@@ -23,7 +23,8 @@ def made(values, name="report-made", **others):
 
 
 def kept(folder, *tables, origin=None):
-    write_report(folder, "report", origin or ORIGIN, "# Title\n\ntext", {table.name: table.flat() for table in tables})
+    for table in tables:
+        write_csv(folder / f"{table.name}.csv", origin or ORIGIN, table.flat())
     return read_stored(folder, [table.name for table in tables])
 
 

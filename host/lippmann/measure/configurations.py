@@ -43,13 +43,7 @@ class PlacedFigures(NamedTuple):
 
 
 def placed() -> PlacedFigures:
-    """Read the kept figures of place-and-route.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or lacks a column.
-    """
+    """Read the kept figures of place-and-route; raise InputError when the file is missing or lacks a column."""
     path = repository() / SYNTHESIS
     origin, rows = read_csv(path)
     try:
@@ -71,7 +65,7 @@ def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> 
     chosen, sizes = configurations(plan), placed()
     log("configurations of the RTL: simulation ...")
     runs = {
-        c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays, c.model)
+        c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
@@ -91,11 +85,11 @@ def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> 
         build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
         sample = Sample.of(display, aperture, plan.rays, seed)
-        words = (named.model, build.fraction_bits)
+        words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
         found = errors(sample.traced("exact"), twin, pictures(display).scene.depth_range_mm)
-        picture = pictures(display).integral(named.model, "twin", build.fraction_bits, aperture)
-        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
+        picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
+        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
         size = sizes.of.get(named.name)
         keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
         rows.append(

@@ -106,10 +106,7 @@ class Stored:
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     """Read the tables that a run has left in a folder; None when there are none.
 
-    Raises
-    ------
-    InputError
-        When a file is not such a table, or belongs to another run than the others.
+    Raises InputError when a file is not such a table, or belongs to another run than the others.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -123,13 +120,7 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read, or is not such a table.
-    """
+    """Read a table of measured values and its origin; raise InputError when the file is not such a table."""
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
@@ -155,10 +146,7 @@ def _measured(row: Mapping[str, str], column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
     """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows, all values as text.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, or a row has another number of values than the heading.
+    Raises InputError when the file cannot be read, or a row has another number of values than the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

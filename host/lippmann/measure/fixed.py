@@ -40,33 +40,21 @@ WHOLE = 2400 * 2400
 
 
 class Comparison(NamedTuple):
-    """N rays of the twin compared with golden's.
-
-    Attributes
-    ----------
-    twin
-        The twin's rays.
-    turn_urad
-        (N,) angle between the directions, microradian.
-    weight
-        (N,) min(1, 2 cos theta_t); theta_t is the angle between exit ray and last face's normal, by golden.
-    shift_nm
-        (N,) distance between the exit points, lens-local, nm.
-    alive
-        (N,) rays that leave through the same lenslet with the same status in both.
-    status_differs, lenslet_differs
-        (N,) rays whose status differs; rays whose first or last lenslet differs.
-    refused
-        (N,) rays too slanted for the words. The twin calls them missed; they are not compared.
-    """
+    """N rays of the twin compared with golden's: the twin's rays, and arrays (N,)."""
 
     twin: Rays
+    #: Angle between the directions, microradian, and its weight min(1, 2 cos theta_t); theta_t is the angle between
+    #: exit ray and last face's normal, by golden.
     turn_urad: Floats
     weight: Floats
+    #: Distance between the exit points, lens-local, nm.
     shift_nm: Floats
+    #: Rays that leave through the same lenslet with the same status in both.
     alive: Bools
+    #: Rays whose status differs; rays whose first or last lenslet differs.
     status_differs: Bools
     lenslet_differs: Bools
+    #: Rays too slanted for the words. The twin calls them missed; they are not compared.
     refused: Bools
 
 
@@ -257,7 +245,7 @@ def measure_all(
         for display in named.displays(scenes):
             sets = sets_of(named.build, display, seed)
             errors += [measure(named, display, rays_of, chunks, log) for rays_of, chunks in sets.items()]
-            steps += budget(named, display, seed) if named.model == "exact" else []
+            steps += budget(named, display, seed) if named.build.model == "exact" else []
     return errors, steps
 
 

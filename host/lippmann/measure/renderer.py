@@ -244,10 +244,7 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
 def separately(device: str, scene: Path, display: Path, samples: int) -> dict[str, Any]:
     """Render with the exact model by the command line, in a process of its own, and return its times and peak memory.
 
-    Raises
-    ------
-    LippmannError
-        When the process fails, with its message.
+    Raises LippmannError when the process fails, with its message.
     """
     with TemporaryDirectory() as folder:
         command = [

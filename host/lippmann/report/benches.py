@@ -129,10 +129,7 @@ MEASURED = ("trace", "render", "rtl", "view", "animate", "observe")
 def measured_page(folder: Path) -> Page:
     """Return the page of the rows that `lippmann bench NAME --report FOLDER` has kept in FOLDER/measured.
 
-    Raises
-    ------
-    InputError
-        When a file cannot be read.
+    Raises InputError when a file cannot be read.
     """
     rows: dict[str, Rows] = dict.fromkeys(MEASURED, ())
     origins = {}

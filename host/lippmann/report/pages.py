@@ -89,10 +89,7 @@ class Page:
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
         """Write the page, its plots and CSV files into a folder, made when missing; return the files.
 
-        Raises
-        ------
-        InputError
-            When the file system refuses.
+        Raises InputError when the file system refuses.
         """
         folder.mkdir(parents=True, exist_ok=True)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
