@@ -17,21 +17,10 @@ import numpy as np
 
 from lippmann.conditioning.word_sets import Words
 from lippmann.display import Grid
-from lippmann.fixed.aim import aim
-from lippmann.fixed.blend import blend
+from lippmann.fixed import ray_pipeline
 from lippmann.fixed.build import Build
-from lippmann.fixed.cell_step import cell_step
 from lippmann.fixed.configuration import Configuration
-from lippmann.fixed.enter_dome import enter_dome
-from lippmann.fixed.enter_flat import enter_flat
-from lippmann.fixed.leave_dome import leave_dome
-from lippmann.fixed.leave_flat import leave_flat
-from lippmann.fixed.lenslet_hex import lenslet_hex
-from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.meet_dome import Meeting, meet_dome
-from lippmann.fixed.move_lenslet import move_lenslet
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
-from lippmann.fixed.unit_slope import unit_slope
+from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.words import OFFSET_FRACTION, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
@@ -217,16 +206,12 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-_TWIN = (
-    *(pixel_to_panel, lenslet_square, lenslet_hex, aim, blend, unit_slope, enter_flat, meet_dome, cell_step),
-    *(move_lenslet, leave_dome, enter_dome, leave_flat),
-)
 _FLOAT = (
     *(_pixel_to_panel, _aim, _blend, _unit_slope, _enter_flat, _meet_dome, _cell_step, _move_lenslet, _leave_dome),
     *(_enter_dome, _leave_flat),
 )
-#: Each step's function, by the twin's names: the twin's, and in float64.
-TWIN: Steps = {step.__name__: step for step in _TWIN}
+#: The steps' functions under the names by which `ray_pipeline` calls them: the twin's, and those in float64.
+TWIN: Steps = dict(vars(ray_pipeline))
 FLOAT: Steps = {
     "lenslet_square": partial(_lenslet, "square"),
     "lenslet_hex": partial(_lenslet, "hex"),
