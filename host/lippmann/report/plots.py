@@ -21,15 +21,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 DPI = 100
 GRIDS = tuple(DISPLAYS)
-#: Labels of the sizes over which growth is measured.
-GROWTH = {
-    "pixels": "pixels",
-    "lenslets": "lenslets",
-    "triangles": "primitives (triangles)",
-    "lights": "lights",
-    "threads": "threads",
-    "samples": "samples a pixel",
-}
+#: Labels of the sizes over which growth is measured. The others are called as in the rows.
+GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 
 @dataclass(frozen=True)
@@ -150,13 +143,9 @@ def renderer(data: Figures) -> Plot:
 def growth(data: Figures) -> Plot:
     """Draw render time over each size that was varied, and memory over pixels."""
     picture, axes = drawn(2, 4, (3.2, 2.8))
-    *timed, memory, spare = axes.ravel()
-    spare.remove()
-    for axis, (name, label) in zip(timed, GROWTH.items(), strict=True):
-        rows = where(data.rows, **{"with": name})
-        if not rows:  # threads, on a GPU
-            axis.remove()
-            continue
+    free = iter(axes.ravel())
+    for rows in groups(data.rows, "with"):
+        axis, name = next(free), rows[0]["with"]
         sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
         relative = np.array(sizes) / sizes[0]
         axis.plot(sizes, times, "o-", color=COLOURS[0])
@@ -167,11 +156,14 @@ def growth(data: Figures) -> Plot:
         # At least a decade, so that noise does not look like growth.
         limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
         axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
-        _mark_sizes(axis, sizes, label)
+        _mark_sizes(axis, sizes, GROWTH.get(name, name))
+    memory = next(free)
     rows = [row for row in data.rows if row["memory_mb"] is not None]
     memory.plot(values(rows, "size"), values(rows, "memory_mb"), "s-", color=COLOURS[1])
     memory.set(xscale="log", ylabel="peak memory, MB", ylim=(0.0, None))
     _mark_sizes(memory, values(rows, "size"), "pixels")
+    for axis in free:
+        axis.remove()
     return Plot("report-growth", finish(picture))
 
 
