@@ -145,7 +145,7 @@ def growth(data: Figures) -> Plot:
     picture, axes = drawn(2, 4, (3.2, 2.8))
     free = iter(axes.ravel())
     for rows in groups(data.rows, "with"):
-        axis, name = next(free), rows[0]["with"]
+        axis, name = next(free), str(rows[0]["with"])
         sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
         relative = np.array(sizes) / sizes[0]
         axis.plot(sizes, times, "o-", color=COLOURS[0])
