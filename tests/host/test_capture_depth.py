@@ -8,9 +8,8 @@ import pytest
 from lippmann.capturing.depths import appearance
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.setup import Pickup, load_setup
-from lippmann.measure.depth import CENTRES, WIDE, Depth, measure_depths, strip_of
+from lippmann.measure.depth import CENTRES, WIDE, judged, measure_depths, strip_of
 from lippmann.measure.depth import SETUPS as FIGURE
-from lippmann.measure.figures import row_of
 from lippmann.report.benches import depth_page
 
 SETUPS = Path(__file__).parents[2] / "scenes/setups"
@@ -106,12 +105,13 @@ def test_an_eye_that_moves_far_sees_aberrations(mi):
 
 
 def test_the_report_says_how_far_its_eyes_move():
+    found = {"array_position_mm": -60.0, "gap_mm": 4.8, "theory_mm": 50.0, "centres_mm": 50.5, "lenslets_mm": 51.0}
     rows = [
-        Depth(name, -60.0, 4.8, rotated, "fish", 1000.0, 415.0, 50.0, 50.5, 51.0, 50.0 * (1.0 + error))
+        judged({"setup": name, "rotated": rotated, **found, "wide_mm": 50.0 * (1.0 + error)})
         for name, error in zip(FIGURE, (-0.03, -0.05, -0.1, 0.2), strict=True)
         for rotated in (True, False)
     ]
-    text = depth_page({}, [row_of(row) for row in rows]).text()
+    text = depth_page({}, rows).text()
     assert "4 of 4 objects have the right sign and are within 5 % of the lens equations for an eye near" in text
     assert "near the axis (-5 to +5 mm)" in text
     assert "moves -30 to +30 mm" in text
@@ -120,4 +120,4 @@ def test_the_report_says_how_far_its_eyes_move():
         for images in ("rotated", "as captured"):
             line = next(line for line in text.splitlines() if line.startswith(f"| {name} |") and images in line)
             assert line.endswith(f"| {shift} to {shift} |")
-    assert row_of(rows[0])["wide_error_percent"] == pytest.approx(-3.0)
+    assert rows[0]["wide_error_percent"] == pytest.approx(-3.0)

@@ -34,8 +34,8 @@ class Loop:
         CRC-32 of the scanned-out frame, as the board reports it.
     panel_frame
         (height, width, 3) uint8, the scanned-out frame.
-    clocks
-        Simulated clocks.
+    clocks, seconds
+        Simulated clocks, and the time that they took.
     """
 
     check: Check
@@ -43,6 +43,7 @@ class Loop:
     panel_crc: int
     panel_frame: Pixels
     clocks: int
+    seconds: float
 
 
 def run_on_virtual_board(
@@ -87,4 +88,4 @@ def run_on_virtual_board(
             done = virtual.stop()
         last = max(Path(folder).glob("frame-*.rgb"))
         panel_frame = np.frombuffer(last.read_bytes(), np.uint8).reshape(frame.shape)
-    return Loop(check, sent, crc, panel_frame, done["clocks"])
+    return Loop(check, sent, crc, panel_frame, done["clocks"], done["seconds"])

@@ -201,8 +201,7 @@ def fixed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """
     from lippmann.measure.fixed import measure_all
 
-    errors, steps = measure_all(bench.options["configuration"], bench.scenes, bench.seed, log)
-    rows, shares = [row_of(row) for row in errors], [row_of(step) for step in steps]
+    rows, shares = measure_all(bench.options["configuration"], bench.scenes, bench.seed, log)
     return {"rows": rows, "budget": shares}, benches.fixed_page(bench.origin, rows, shares)
 
 

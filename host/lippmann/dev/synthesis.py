@@ -240,7 +240,7 @@ def main(names: tuple[str, ...], seed: int, report: str) -> None:
             measure(named, display, "sample", frame_words(display, named.build, seed, most=SAMPLE_PIXELS))
             for display in named.displays(scenes)
         ]
-        rows.append(placed | {name: max(getattr(error, name) for error in errors) for name in ERRORS})
+        rows.append(placed | {name: max(error[name] for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
     origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
     page(origin, rows).write(Path(report))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,33 +20,12 @@ WORKERS = 2
 CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 
-@dataclass(frozen=True)
-class Row:
-    """One display's film, rendered by one process and by the workers; all have compiled their programs before.
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure the shipped film on each display, by one process and by the workers, all compiled before.
 
     CPU seconds are those of all threads: they show the cost of sharing the work even while other programs run. The
-    workers' include those of the process that distributes the frames.
+    workers' include those of the process that distributes the frames. `ratio` is their time over that of one process.
     """
-
-    display: str
-    frames: int
-    width_px: int
-    height_px: int
-    one_seconds: float
-    one_cpu_seconds: float
-    workers: int
-    workers_seconds: float
-    workers_cpu_seconds: float
-    pixels_differ: int
-
-    @property
-    def ratio(self) -> float:
-        """Time of the workers over that of one process."""
-        return self.workers_seconds / self.one_seconds
-
-
-def measure(scenes: Path, seed: int) -> Iterator[Row]:
-    """Measure the shipped film on each display."""
     from distributed import Client, LocalCluster
 
     film = load_film(scenes / "films/swim.toml")
@@ -70,9 +48,19 @@ def measure(scenes: Path, seed: int) -> Iterator[Row]:
                 for shot, image in render_on_cluster(cluster.scheduler_address, device, shots)
             }
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
-            differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
-            size = (display.panel.width_px, display.panel.height_px)
-            yield Row(name, frames, *size, one, one_cpu, WORKERS, many, many_cpu, differ)
+            yield {
+                "display": name,
+                "frames": frames,
+                "width_px": display.panel.width_px,
+                "height_px": display.panel.height_px,
+                "one_seconds": one,
+                "one_cpu_seconds": one_cpu,
+                "workers": WORKERS,
+                "workers_seconds": many,
+                "workers_cpu_seconds": many_cpu,
+                "pixels_differ": sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames)),
+                "ratio": many / one,
+            }
 
 
 def _cpu_seconds(client: Any) -> float:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,10 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.images import Radiance, psnr_db
 from lippmann.measure.engines import Sample, errors
-from lippmann.measure.figures import Figures, Measured, read_csv
+from lippmann.measure.figures import Figures, Measured, groups, in_turn, read_csv
 from lippmann.measure.pictures import Pictures
 from lippmann.measure.plan import Plan
-from lippmann.measure.simulation import Simulation, rates_of
+from lippmann.measure.simulation import Simulation
 from lippmann.rendering.sources import Aperture
 from lippmann.sim.tools import repository
 
@@ -35,8 +35,7 @@ SYNTHESIS = "docs/reports/synthesis.csv"
 KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 
-@dataclass(frozen=True)
-class PlacedFigures:
+class PlacedFigures(NamedTuple):
     """The kept figures of place-and-route: their origin, and those of `PLACED` of each configuration."""
 
     origin: dict[str, str]
@@ -44,13 +43,7 @@ class PlacedFigures:
 
 
 def placed() -> PlacedFigures:
-    """Read the kept figures of place-and-route.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or lacks a column.
-    """
+    """Read the kept figures of place-and-route; raise InputError when the file is missing or lacks a column."""
     path = repository() / SYNTHESIS
     origin, rows = read_csv(path)
     try:
@@ -67,11 +60,16 @@ def configurations(plan: Plan) -> list[Named]:
     return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
 
 
-def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display with its grid."""
-    chosen = configurations(plan)
+    chosen, sizes = configurations(plan), placed()
     log("configurations of the RTL: simulation ...")
-    rates = _simulated([c for c in chosen if plan.simulate and c.name in SIMULATED], scenes, plan, seed)
+    runs = {
+        c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
+        for c in chosen
+        if plan.simulate and c.name in SIMULATED
+    }
+    rates = in_turn({name: run.rtl_rate for name, run in runs.items()}, plan.rounds)
 
     @cache
     def pictures(display: Display) -> Pictures:
@@ -84,43 +82,28 @@ def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Call
     rows = []
     for named in chosen:
         log(f"configurations of the RTL: {named.name} ...")
-        build, display = named.build, named.displays(scenes)[0]
+        build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
         sample = Sample.of(display, aperture, plan.rays, seed)
-        words = (named.model, build.fraction_bits)
+        words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
         found = errors(sample.traced("exact"), twin, pictures(display).scene.depth_range_mm)
-        picture = pictures(display).integral(named.model, "twin", build.fraction_bits, aperture)
-        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
+        picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
+        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
         size = sizes.of.get(named.name)
         keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
         rows.append(
             {
                 **dict(zip(KEYS, keys, strict=True)),
                 **{key: None if size is None else Measured(size[key]) for key in PLACED},
-                **rates.get(named.name, dict.fromkeys(("simulated_rays_per_second", "words_differ"))),
+                "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
+                "words_differ": None if run is None else Measured(run.words_differ()),
                 **{key: Measured(value) for key, value in found.items()},
                 "image_db": Measured.finite(own),
                 "exact_image_db": Measured.finite(whole),
             }
         )
     return Figures("report-rtl", KEYS, rows)
-
-
-def _simulated(chosen: list[Named], scenes: Path, plan: Plan, seed: int) -> dict[str, dict[str, Measured | None]]:
-    """Return simulated rates, and the words in which simulation and twin differ."""
-    runs = {
-        c.name: Simulation.of(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays, c.model)
-        for c in chosen
-    }
-    rates = rates_of(runs, plan.rounds)
-    return {
-        name: {
-            "simulated_rays_per_second": Measured.of(rates[name]),
-            "words_differ": Measured(run.words_differ()),
-        }
-        for name, run in runs.items()
-    }
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
@@ -146,9 +129,7 @@ def on_front(data: Figures) -> dict[str, bool]:
     The costs are the cells of each kind, the clock, and the largest error in the scene against the exact model.
     """
     found: dict[str, bool] = {}
-    rows = [row for row in data.rows if row["mhz"] is not None]
-    for group in dict.fromkeys((row["display"], row["rays"]) for row in rows):
-        some = [row for row in rows if (row["display"], row["rays"]) == group]
-        costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in some]
-        found |= dict(zip((row["configuration"] for row in some), pareto_front(costs).tolist(), strict=True))
+    for rows in groups((row for row in data.rows if row["mhz"] is not None), "display", "rays"):
+        costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in rows]
+        found |= dict(zip((row["configuration"] for row in rows), pareto_front(costs).tolist(), strict=True))
     return found

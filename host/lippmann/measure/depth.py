@@ -12,10 +12,11 @@ moves far.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,46 +57,20 @@ VIEW_EYES_MM = (-10.0, 10.0)
 Floats = npt.NDArray[np.float64]
 
 
-class Look(NamedTuple):
-    """A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x."""
-
-    model: Model
-    eyes_mm: Floats
-
-
-CENTRES, LENSLETS, WIDE = Look("pinhole", EYES_MM), Look("exact", EYES_MM), Look("pinhole", WIDE_EYES_MM)
+#: A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x, mm.
+Look = tuple[Model, Floats]
+CENTRES: Look = ("pinhole", EYES_MM)
+LENSLETS: Look = ("exact", EYES_MM)
+WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
-@dataclass(frozen=True)
-class Depth:
-    """The depth of an object's image, mm before the display: by the lens equations, and for each of the eyes."""
+def judged(row: dict[str, Any]) -> dict[str, Any]:
+    """Add to a depth the errors, per cent of its magnitude, of the eye near the axis and of the one that moves far.
 
-    setup: str
-    array_position_mm: float
-    gap_mm: float
-    rotated: bool
-    thing: str
-    object_mm: float
-    image_mm: float
-    theory_mm: float
-    centres_mm: float
-    lenslets_mm: float
-    wide_mm: float
-
-    @property
-    def error_percent(self) -> float:
-        """Error of the depth through the lenslets' centres, per cent of its magnitude."""
-        return 100.0 * (self.centres_mm / self.theory_mm - 1.0)
-
-    @property
-    def wide_error_percent(self) -> float:
-        """The same for the eye that moves far."""
-        return 100.0 * (self.wide_mm / self.theory_mm - 1.0)
-
-    @property
-    def kept(self) -> bool:
-        """Whether the depth through the centres has the right sign and a magnitude within the bound."""
-        return abs(self.error_percent) <= 100.0 * SHARE
+    `kept` tells whether the depth near the axis has the right sign and a magnitude within the bound.
+    """
+    error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
+    return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 
 
 def mark_scene(setup: Setup, z_mm: float) -> Scene:
@@ -115,26 +90,12 @@ def mark_scene(setup: Setup, z_mm: float) -> Scene:
 
 
 def measure_depths(
-    setup: Setup,
-    z_mm: float,
-    rotated: bool,
-    looks: tuple[Look, ...] = (CENTRES,),
-    seed: int = 0,
+    setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
 ) -> list[float]:
-    """Return the depths (mm, positive in front of the display) at which moving eyes see a captured point.
+    """Return the depth (mm, positive in front of the display) at which each of some moving eyes sees a captured point.
 
-    Parameters
-    ----------
-    setup
-        The set-up, with the display that shows its picture.
-    z_mm
-        The point's depth in the object's frame, on the axis.
-    rotated
-        Whether elemental images are rotated by 180 degrees.
-    looks
-        The eyes; each gives one depth.
-    seed
-        Seed of the capture.
+    The point is on the axis, at `z_mm` in the object's frame; the set-up's display shows its picture. `rotated` tells
+    whether elemental images are rotated by 180 degrees.
     """
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).rendered.radiance
@@ -142,13 +103,13 @@ def measure_depths(
     window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitch_mm))
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
     depths = []
-    for look in looks:
+    for model, eyes_mm in looks:
         centres = []
-        for eye in look.eyes_mm:
-            view = observe(picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=look.model)
+        for eye in eyes_mm:
+            view = observe(picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=model)
             light = view.radiance.sum(axis=(0, 2), dtype=np.float64)
             centres.append(float((light * x).sum() / light.sum()))
-        slope = float(np.polyfit(look.eyes_mm, centres, 1)[0])
+        slope = float(np.polyfit(eyes_mm, centres, 1)[0])
         depths.append(EYE_DISTANCE_MM * slope / (slope - 1.0))
     return depths
 
@@ -161,25 +122,32 @@ def strip_of(setup: Setup) -> Setup:
     return replace(setup, display=replace(setup.display, panel=panel))
 
 
-def measure(folder: Path, seed: int) -> Iterator[Depth]:
-    """Measure every object in every set-up, with elemental images rotated and as captured."""
+def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure every object in every set-up, with elemental images rotated and as captured.
+
+    Depths of images are in mm before the display: by the lens equations, and for each of the eyes.
+    """
     for name in SETUPS:
         setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
         placement = setup.subject.placement
-        for rotated in (True, False):
-            for thing, z in OBJECTS.items():
-                z_mm = placement.scale * z + placement.offset_mm[2]
-                yield Depth(
-                    name,
-                    setup.position_mm,
-                    setup.display.gap_mm,
-                    rotated,
-                    thing,
-                    setup.subject.distance_mm - z_mm,
-                    float(image_distance(setup, z_mm)),
-                    float(appearance(setup, z_mm, rotated).depth_mm),
-                    *measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed),
-                )
+        for rotated, (thing, z) in itertools.product((True, False), OBJECTS.items()):
+            z_mm = placement.scale * z + placement.offset_mm[2]
+            centres_mm, lenslets_mm, wide_mm = measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
+            yield judged(
+                {
+                    "setup": name,
+                    "array_position_mm": setup.position_mm,
+                    "gap_mm": setup.display.gap_mm,
+                    "rotated": rotated,
+                    "thing": thing,
+                    "object_mm": setup.subject.distance_mm - z_mm,
+                    "image_mm": float(image_distance(setup, z_mm)),
+                    "theory_mm": float(appearance(setup, z_mm, rotated).depth_mm),
+                    "centres_mm": centres_mm,
+                    "lenslets_mm": lenslets_mm,
+                    "wide_mm": wide_mm,
+                }
+            )
 
 
 def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:

@@ -42,21 +42,12 @@ TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MO
 def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
     """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
 
-    Parameters
-    ----------
-    truth
-        Rays of another engine or model, or in 50 digits.
-    rays
-        The rays to compare.
-    depths_mm
-        Two planes z. Of each ray, the larger of its errors at both counts.
-
     Returns
     -------
     dict
         `max_` and `rms_` of `urad`, the angle between the directions; `nm`, the distance where they cross the plane of
-        the lenslets' vertices; `mm`, the distance at the depths. `other_fates` counts the rays whose status or lenslet
-        differs.
+        the lenslets' vertices; `mm`, the distance at two depths z, of each ray the larger. `other_fates` counts the
+        rays whose status or lenslet differs.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
@@ -120,8 +111,8 @@ class Sample:
         return true_rays(self.display, self.pixels, self.aperture, model)
 
 
-def fast_launch(display: Display, model: Model, aperture: str, rays: int) -> Callable[[int], float]:
-    """Return a function that traces rays with the fast engine and returns the seconds. Its argument numbers the call.
+def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
+    """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s.
 
     Every output is used, as by a renderer: all are summed in the same program, so that no memory traffic is timed. The
     first launch, which compiles the program, is done before this returns.
@@ -132,10 +123,11 @@ def fast_launch(display: Display, model: Model, aperture: str, rays: int) -> Cal
     b = DrJitBackend(current_device())
     system = System.of(display)
     panel, array = display.panel, display.array
+    numbers = itertools.count()
 
-    def launch(number: int) -> float:
+    def launch() -> float:
         started = time.perf_counter()
-        index = dr.arange(mi.UInt32, rays) + dr.opaque(mi.UInt32, number)
+        index = dr.arange(mi.UInt32, rays) + dr.opaque(mi.UInt32, next(numbers))
         row = index // panel.width_px
         u = b.double(index - row * panel.width_px) + 0.5
         v = b.double(row % panel.height_px) + 0.5
@@ -147,9 +139,9 @@ def fast_launch(display: Display, model: Model, aperture: str, rays: int) -> Cal
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()
-        return time.perf_counter() - started
+        return rays / (time.perf_counter() - started)
 
-    launch(0)
+    launch()
     return launch
 
 
@@ -159,13 +151,12 @@ def rates_of(
     """Return the rays/s of each model and engine in each round."""
     display, count = sample.display, len(sample.pixels)
 
-    def work(model: Model, engine: Engine) -> Callable[[], float]:
+    def rate(model: Model, engine: Engine) -> Callable[[], float]:
         if engine == "fast":
-            launch, number = fast_launch(display, model, aperture, plan.fast_rays), itertools.count(1)
-            return lambda: plan.fast_rays / launch(next(number))
+            return fast_rate(display, model, aperture, plan.fast_rays)
         if engine == "rtl":
             build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
-            return Simulation.of(display, build, seed, count, model).rtl_rate
+            return Simulation(display, build, seed, count, model).rtl_rate
 
         def arrays() -> float:
             started = time.perf_counter()
@@ -174,7 +165,7 @@ def rates_of(
 
         return arrays
 
-    return in_turn({(model, engine): work(model, engine) for model in models for engine in engines}, plan.rounds)
+    return in_turn({key: rate(*key) for key in itertools.product(models, engines)}, plan.rounds)
 
 
 def measure_rays(
@@ -246,44 +237,26 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
 
 
-@dataclass(frozen=True)
-class TraceRate:
-    """A row of `lippmann bench trace`: a display, a model, chief rays or the full aperture.
+def measure(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
+    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too.
 
-    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit;
-    `status_differs` counts the rays, of those `compared`, that have another fate and so no such error.
+    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit; `status_differs`
+    counts the rays, of those `compared`, that have another fate and so no such error.
     """
-
-    display: str
-    grid: str
-    model: str
-    aperture: str
-    golden_rays_per_second: float
-    fast_rays_per_second: float
-    max_direction_urad: float
-    rms_direction_urad: float
-    max_origin_nm: float
-    status_differs: int
-    compared: int
-
-
-def measure(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[TraceRate]:
-    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too."""
     for name in plan.displays:
         display = load_display(scenes / f"displays/{name}.toml")
         for model, aperture in TRACED:
             golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
-            max_urad, rms_urad, max_nm = (fast[f"own_{key}"].median for key in ("max_urad", "rms_urad", "max_nm"))
-            yield TraceRate(
-                display=display.name,
-                grid=display.array.grid,
-                model=model,
-                aperture=aperture,
-                golden_rays_per_second=golden["rays_per_second"].median,
-                fast_rays_per_second=fast["rays_per_second"].median,
-                max_direction_urad=max_urad,
-                rms_direction_urad=rms_urad,
-                max_origin_nm=max_nm,
-                status_differs=int(fast["own_other_fates"].median),
-                compared=plan.rays,
-            )
+            yield {
+                "display": display.name,
+                "grid": display.array.grid,
+                "model": model,
+                "aperture": aperture,
+                "golden_rays_per_second": golden["rays_per_second"].median,
+                "fast_rays_per_second": fast["rays_per_second"].median,
+                "max_direction_urad": fast["own_max_urad"].median,
+                "rms_direction_urad": fast["own_rms_urad"].median,
+                "max_origin_nm": fast["own_max_nm"].median,
+                "status_differs": int(fast["own_other_fates"].median),
+                "compared": plan.rays,
+            }

@@ -53,6 +53,14 @@ class Measured:
 Row = Mapping[str, Any]
 
 
+def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
+    """Return the rows in groups that have the same values of some keys, in the order of their first rows."""
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return list(found.values())
+
+
 @dataclass(frozen=True)
 class Figures:
     """A table of measured values; `name` is that of its file, without extension."""
@@ -79,13 +87,12 @@ class Figures:
 
     def flat(self) -> list[dict[str, Any]]:
         """Return the rows as the CSV holds them: for each measured value its median, then its spread."""
-        return [{k: v for column in row for k, v in self._cells(column, row[column])} for row in self.rows]
+        return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
-    def _cells(self, column: str, value: Any) -> list[tuple[str, Any]]:
+    def _cells(self, column: str, value: Any) -> dict[str, Any]:
         if column in self.keys:
-            return [(column, value)]
-        median, spread = (None, None) if value is None else (value.median, value.spread)
-        return [(column, median), (column + SPREAD, spread)]
+            return {column: value}
+        return {column: value and value.median, column + SPREAD: value and value.spread}
 
 
 @dataclass(frozen=True)
@@ -99,10 +106,7 @@ class Stored:
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
     """Read the tables that a run has left in a folder; None when there are none.
 
-    Raises
-    ------
-    InputError
-        When a file is not such a table, or belongs to another run than the others.
+    Raises InputError when a file is not such a table, or belongs to another run than the others.
     """
     paths = [path for path in (folder / f"{name}.csv" for name in names) if path.exists()]
     read = [read_figures(path) for path in paths]
@@ -116,13 +120,7 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read, or is not such a table.
-    """
+    """Read a table of measured values and its origin; raise InputError when the file is not such a table."""
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
@@ -148,10 +146,7 @@ def _measured(row: Mapping[str, str], column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
     """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows, all values as text.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read, or a row has another number of values than the heading.
+    Raises InputError when the file cannot be read, or a row has another number of values than the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -175,8 +170,5 @@ def in_turn(works: Mapping[Any, Callable[[], float]], rounds: int) -> dict[Any, 
 
     Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
     """
-    found: dict[Any, list[float]] = {name: [] for name in works}
-    for _ in range(rounds):
-        for name, work in works.items():
-            found[name].append(work())
-    return found
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: [times[name] for times in found] for name in works}

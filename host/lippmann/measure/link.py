@@ -7,15 +7,15 @@ Boards on slow lines have slow clocks, so that a measurement ends within minutes
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lippmann.board.board import Board
+from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.stream import send_frame
 from lippmann.display import Display, load_display
 from lippmann.registers import BOARD_REGISTERS
@@ -35,34 +35,8 @@ BITS_A_BYTE = 10
 SIMULATED_HZ = 300_000
 
 
-@dataclass(frozen=True)
-class Efficiency:
-    """A frame of noise over a line: the share of the line's time that carries pixels, and the protocol's overhead."""
-
-    baud: int
-    clock_hz: int
-    payload_bytes: int
-    seconds: float
-    efficiency: float
-    overhead: float
-    resends: int
-    clocks_per_second: float
-
-
-@dataclass(frozen=True)
-class WholeFrame:
-    """A frame of noise sent to a virtual board over a line of bytes, while its video runs."""
-
-    panel: str
-    seconds: float
-    kilobytes_per_second: float
-    clocks_per_second: float
-    bytes_differ: int
-    verified: bool
-
-
-def measure_lines(scenes: Path, seed: int) -> Iterator[Efficiency]:
-    """Measure each line of LINES."""
+def measure_lines(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Send a frame of noise over each line of LINES: the share of its time that carries pixels, and the overhead."""
     for baud, clock_hz, size in LINES:
         panel = _display(scenes, *size)
         image = _noise(*size, seed)
@@ -76,31 +50,34 @@ def measure_lines(scenes: Path, seed: int) -> Iterator[Efficiency]:
             clocks = (_clocks(board) - first) & 0xFFFFFFFF
             simulated = clocks / (time.monotonic() - begun)
             seconds = clocks / board.info.clock_hz
-        yield Efficiency(
-            baud, clock_hz, sent.payload_bytes, seconds, sent.payload_bytes * BITS_A_BYTE / baud / seconds,
-            sent.overhead, sent.resends, simulated,
-        )  # fmt: skip
+        yield {
+            "baud": baud,
+            "clock_hz": clock_hz,
+            "payload_bytes": sent.payload_bytes,
+            "seconds": seconds,
+            "efficiency": sent.payload_bytes * BITS_A_BYTE / baud / seconds,
+            "overhead": sent.overhead,
+            "resends": sent.resends,
+            "clocks_per_second": simulated,
+        }
 
 
-def measure_frames(scenes: Path, seed: int) -> Iterator[WholeFrame]:
-    """Send a frame to each panel of PANELS, and compare what the board scans out byte by byte."""
+def measure_frames(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Send a frame of noise to each panel of PANELS over a line of bytes, while its video runs, and compare.
+
+    `bytes_differ` counts the bytes that the board scans out otherwise; `verified` tells whether its CRC-32 is right.
+    """
     for size in PANELS:
-        panel = _display(scenes, *size)
         image = _noise(*size, seed)
-        with tempfile.TemporaryDirectory() as folder:
-            virtual = virtual_board.start(panel, capture=Path(folder))
-            try:
-                with Board.open(virtual.url, patience_s=60.0) as board:
-                    sent = send_frame(board, image)
-                    shown = board.panel_crc()
-            finally:
-                done = virtual.stop()
-            last = max(Path(folder).glob("frame-*.rgb"))
-            differ = int((np.frombuffer(last.read_bytes(), np.uint8) != image.ravel()).sum())
-        yield WholeFrame(
-            f"{size[0]} x {size[1]}", sent.seconds, sent.rate / 1000, done["clocks"] / done["seconds"], differ,
-            shown == sent.crc,
-        )  # fmt: skip
+        loop = run_on_virtual_board(_display(scenes, *size), image, (0, 0), (0, 0))
+        yield {
+            "panel": f"{size[0]} x {size[1]}",
+            "seconds": loop.sent.seconds,
+            "kilobytes_per_second": loop.sent.rate / 1000,
+            "clocks_per_second": loop.clocks / loop.seconds,
+            "bytes_differ": int((loop.panel_frame != image).sum()),
+            "verified": loop.panel_crc == loop.sent.crc,
+        }
 
 
 def _display(scenes: Path, width: int, height: int) -> Display:

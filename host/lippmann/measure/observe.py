@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,35 +24,19 @@ VIEW_SAMPLES = 64
 Mask = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class ViewError:
-    """PSNR (dB, of sRGB values with peak 1) of an eye's view against the perspective render.
+def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask:
+    """Return the view's pixels that show only the scene's part named "smooth", without two pixels of border.
 
-    `smooth_db` is over the scene's smooth part only; None when the scene has no such part.
+    The placement file has that part, if there is one, and all other objects in its `[[object]]` tables.
     """
-
-    scene: str
-    display: str
-    eye_mm: tuple[float, float, float]
-    whole_db: float
-    smooth_db: float | None
-
-
-def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask | None:
-    """Return the view's pixels that show only the scene's part named "smooth", without two pixels of border; or None.
-
-    The placement file has that part and all other objects in its `[[object]]` tables.
-    """
-    beside = scene_path.with_suffix(".toml")
-    objects = tomllib.loads(beside.read_text()).get("object", [])
-    smooth = [entry for entry in objects if entry["name"] == "smooth"]
-    if not smooth:
-        return None
-    mask = _covered(smooth[0], eye, window, grow_px=-2.0)
-    for entry in objects:
-        # Objects in front of the smooth part hide it.
-        if entry["name"] != "smooth" and entry["centre_mm"][2] > smooth[0]["centre_mm"][2]:
-            mask &= ~_covered(entry, eye, window, grow_px=2.0)
+    objects = tomllib.loads(scene_path.with_suffix(".toml").read_text()).get("object", [])
+    mask = np.zeros((window.height_px, window.width_px), np.bool_)
+    for smooth in (entry for entry in objects if entry["name"] == "smooth"):
+        mask = _covered(smooth, eye, window, grow_px=-2.0)
+        for entry in objects:
+            # Objects in front of the smooth part hide it.
+            if entry["centre_mm"][2] > smooth["centre_mm"][2]:
+                mask &= ~_covered(entry, eye, window, grow_px=2.0)
     return mask
 
 
@@ -71,8 +54,11 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
     return inside
 
 
-def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[ViewError]:
-    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders."""
+def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
+    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders.
+
+    PSNR is in dB, of sRGB values with peak 1; `smooth_db` is over the scene's smooth part only, None when it has none.
+    """
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for display_name in ("paper-square", "paper-hex"):
@@ -83,5 +69,10 @@ def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[ViewError]:
                 view = observe(image, display, Eye(eye), window, VIEW_SAMPLES).radiance
                 direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES, seed=seed)).radiance
                 mask = smooth_part(scene.path, eye, window)
-                smooth = None if mask is None or not mask.any() else psnr_db(view, direct, mask)
-                yield ViewError(name, display.name, eye, psnr_db(view, direct), smooth)
+                yield {
+                    "scene": name,
+                    "display": display.name,
+                    "eye_mm": eye,
+                    "whole_db": psnr_db(view, direct),
+                    "smooth_db": psnr_db(view, direct, mask) if mask.any() else None,
+                }

@@ -11,9 +11,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,13 +23,16 @@ import numpy as np
 from lippmann.display import Array, Display, display_text, load_display
 from lippmann.errors import LippmannError
 from lippmann.images import Radiance, psnr_db
-from lippmann.measure.figures import Figures, Measured, in_turn
+from lippmann.measure.figures import Figures, Measured, groups, in_turn
 from lippmann.measure.pictures import middle, noise_levels
 from lippmann.measure.plan import Plan
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, make_integrator, render_integral
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.variant import current_device, mitsuba
+
+#: Returns the seconds that it took.
+Work = Callable[[], float]
 
 INTEGRATORS = ("lights", "direct", "path")
 #: The integrator of the reference picture.
@@ -42,22 +45,17 @@ ROUNDS, CAMERA_MM = 3, 600.0
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
 
 
-@dataclass
-class TimedRender:
-    """A render that can be repeated, each time with the next seed. It keeps its pictures when `keep` is set."""
+def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:
+    """Return a function that renders with the next seed at each call, and returns the seconds; `kept` gets pictures."""
+    seeds = itertools.count(settings.seed)
 
-    scene: Scene
-    display: Display
-    settings: Settings
-    keep: bool = False
-    pictures: list[Radiance] = field(default_factory=list)
-
-    def __call__(self) -> float:
-        """Render once; return the seconds."""
-        rendered = render_integral(self.scene, self.display, "exact", self.settings)
-        self.settings = replace(self.settings, seed=(self.settings.seed + 1) % 2**32)
-        self.pictures += [rendered.radiance] if self.keep else []
+    def render() -> float:
+        rendered = render_integral(scene, display, "exact", replace(settings, seed=next(seeds) % 2**32))
+        if kept is not None:
+            kept.append(rendered.radiance)
         return rendered.seconds
+
+    return render
 
 
 # ---- noise ----
@@ -70,10 +68,13 @@ def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
     settings = Settings(samples=plan.reference_samples, integrator=REFERENCE, seed=seed)
     reference = render_integral(scene, display, "exact", settings).radiance
+    runs = list(itertools.product(INTEGRATORS, plan.noise_samples))
+    pictures: dict[tuple[str, int], list[Radiance]] = {run: [] for run in runs}
     works = {
-        (name, samples): TimedRender(scene, display, Settings(samples, integrator=name, seed=seed + 1), keep=True)
-        for name in INTEGRATORS
-        for samples in plan.noise_samples
+        (name, samples): timed(
+            scene, display, Settings(samples, integrator=name, seed=seed + 1), pictures[name, samples]
+        )
+        for name, samples in runs
     }
     times = in_turn(works, plan.rounds)
     rows = [
@@ -81,10 +82,10 @@ def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None
             "integrator": name,
             "samples": samples,
             "seconds": Measured.of(times[name, samples]),
-            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(render.pictures)),
-            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in render.pictures),
+            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(pictures[name, samples])),
+            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in pictures[name, samples]),
         }
-        for (name, samples), render in works.items()
+        for name, samples in runs
     ]
     return Figures("report-renderer", ("integrator", "samples"), rows)
 
@@ -151,21 +152,19 @@ def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], Non
     small = resized(display, plan.growth_px)
     device = current_device()
 
-    def timed(scene: Scene, display: Display, samples: int = 1) -> Callable[[], float]:
-        return TimedRender(scene, display, Settings(samples=samples, seed=seed))
-
     def lenslets(across: int) -> int:
         array = with_lenslets_across(small, across).array
         return round(small.panel.width_mm * small.panel.height_mm / (array.pitch_mm * array.row_pitch_mm))
 
     panels = [resized(display, across) for across in plan.pixels_across]
-    works: dict[str, dict[int, Callable[[], float]]] = {
-        "pixels": {_pixels(panel): timed(scene, panel) for panel in panels},
-        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n)) for n in plan.lenslets_across},
-        "triangles": {n: timed(waves(n, LIGHTS), small) for n in plan.triangles},
-        "lights": {n: timed(waves(TRIANGLES, n), small) for n in plan.lights},
-        "threads": {n: _with_threads(n, timed(scene, small, 4)) for n in _threads(device)},
-        "samples": {n: timed(scene, small, n) for n in plan.samples},
+    one = Settings(seed=seed)
+    works: dict[str, dict[int, Work]] = {
+        "pixels": {_pixels(panel): timed(scene, panel, one) for panel in panels},
+        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n), one) for n in plan.lenslets_across},
+        "triangles": {n: timed(waves(n, LIGHTS), small, one) for n in plan.triangles},
+        "lights": {n: timed(waves(TRIANGLES, n), small, one) for n in plan.lights},
+        "threads": {n: _with_threads(n, timed(scene, small, replace(one, samples=4))) for n in _threads(device)},
+        "samples": {n: timed(scene, small, replace(one, samples=n)) for n in plan.samples},
     }
     rows = []
     for name, sizes in works.items():
@@ -196,10 +195,10 @@ def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
 
 def powers_of(growth: Figures) -> dict[str, float]:
     """Return the power of each kind of size with which the render time grows."""
-    found = {}
-    for name in dict.fromkeys(row["with"] for row in growth.rows):
-        rows = [row for row in growth.rows if row["with"] == name]
-        found[name] = exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+    found = {
+        rows[0]["with"]: exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+        for rows in groups(growth.rows, "with")
+    }
     return {name: power for name, power in found.items() if power is not None}
 
 
@@ -213,7 +212,7 @@ def _threads(device: str) -> Sequence[int]:
     return sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)}) if device == "llvm" else []
 
 
-def _with_threads(count: int, work: Callable[[], float]) -> Callable[[], float]:
+def _with_threads(count: int, work: Work) -> Work:
     """Return the work, done by so many threads."""
     import drjit as dr
 
@@ -238,18 +237,14 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
             return float(separately(device, scene, file, 1)["peak_memory_mb"])
 
     with ThreadPoolExecutor(2) as pool:
-        peaks = list(pool.map(peak, [display for display in displays for _ in range(rounds)]))
-    parts = (peaks[k : k + rounds] for k in range(0, len(peaks), rounds))
-    return {_pixels(display): Measured.of(part) for display, part in zip(displays, parts, strict=True)}
+        peaks = {display: [pool.submit(peak, display) for _ in range(rounds)] for display in displays}
+    return {_pixels(display): Measured.of(one.result() for one in found) for display, found in peaks.items()}
 
 
 def separately(device: str, scene: Path, display: Path, samples: int) -> dict[str, Any]:
     """Render with the exact model by the command line, in a process of its own, and return its times and peak memory.
 
-    Raises
-    ------
-    LippmannError
-        When the process fails, with its message.
+    Raises LippmannError when the process fails, with its message.
     """
     with TemporaryDirectory() as folder:
         command = [
@@ -267,18 +262,20 @@ def separately(device: str, scene: Path, display: Path, samples: int) -> dict[st
 # ---- lippmann bench render ----
 
 
+def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
+    """Time two works in turn; return the median of each, and the ratio of the first to the second in each round."""
+    times = in_turn(works, ROUNDS)
+    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
+    return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
+
+
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
     """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
-    few = TimedRender(scene, with_lenslets_across(display, 11), settings)
-    times = in_turn(
-        {"seconds_10404_lenslets": TimedRender(scene, display, settings), "seconds_121_lenslets": few}, ROUNDS
+    seconds, ratios = compared(
+        seconds_10404_lenslets=timed(scene, display, settings),
+        seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
     )
-    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
-    return {**_medians(times), **_medians({"ratio": ratios}), "ratio_least": min(ratios), "ratio_most": max(ratios)}
-
-
-def _medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    return {name: float(np.median(repeats)) for name, repeats in values.items()}
+    return {**seconds, "ratio": float(np.median(ratios)), "ratio_least": min(ratios), "ratio_most": max(ratios)}
 
 
 def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
@@ -306,11 +303,8 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
         return time.perf_counter() - started
 
     plain()  # compiles
-    integral: Callable[[], float] = TimedRender(scene, display, settings)
-    works = {"integral_seconds": integral, "perspective_seconds": plain}
-    times = in_turn(works, ROUNDS)
-    ratios = [b / a for a, b in zip(*times.values(), strict=True)]
-    return {**_medians(times), **_medians({"rate_ratio": ratios})}
+    seconds, ratios = compared(perspective_seconds=plain, integral_seconds=timed(scene, display, settings))
+    return {**seconds, "rate_ratio": float(np.median(ratios))}
 
 
 def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
@@ -327,10 +321,11 @@ def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     mi.register_integrator("nothing", Nothing)
-    names = ("lights", "nothing")
-    works = {name: TimedRender(scene, display, replace(settings, integrator=name)) for name in names}
-    whole, optics = (float(np.median(seconds)) for seconds in in_turn(works, ROUNDS).values())
-    return {"render_seconds": whole, "optics_seconds": optics, "share": optics / whole}
+    seconds, ratios = compared(
+        optics_seconds=timed(scene, display, replace(settings, integrator="nothing")),
+        render_seconds=timed(scene, display, replace(settings, integrator="lights")),
+    )
+    return {**seconds, "share": float(np.median(ratios))}
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,36 +16,27 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
 from lippmann.measure import depth, fixed
 from lippmann.measure.configurations import SYNTHESIS
-from lippmann.measure.figures import read_csv
+from lippmann.measure.figures import groups, read_csv
 from lippmann.report import plots
-from lippmann.report.pages import Page, where
+from lippmann.report.pages import Page
+from lippmann.report.tables import Rows, columns, values, where
 from lippmann.sim.tools import repository
 
-Rows = Sequence[Mapping[str, Any]]
 Origin = Mapping[str, str]
-
-
-def groups(rows: Rows, *keys: str) -> list[list[Mapping[str, Any]]]:
-    """Return the rows in groups that have the same keys, in the order of their first rows."""
-    found: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return list(found.values())
 
 
 def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
     """Return the page of `lippmann bench fixed`."""
     worst = []
     for group in groups(rows, "configuration"):
-        kept = [row["kept"] for row in group if row["kept"] is not None]
+        kept = [kept for kept in values(group, "kept") if kept is not None]
         most = max(group, key=lambda row: float(row["max_weighted_urad"]))
-        maxima = ("max_direction_urad", "max_weighted_urad", "max_point_nm", "edge_nm")
-        sums = ("rays", "status_differs", "lenslet_differs", "refused", "lost")
+        counts = ("rays", "status_differs", "lenslet_differs", "refused", "lost")
         worst.append(
             {
                 **{key: most[key] for key in ("configuration", "fraction_bits", "display")},
-                **{key: max(row[key] for row in group) for key in maxima},
-                **{key: sum(row[key] for row in group) for key in sums},
+                **{key: max(values(group, key)) for key in fixed.MAXIMA},
+                **{key: sum(values(group, key)) for key in counts},
                 "kept": all(kept) if kept else None,
             }
         )
@@ -54,9 +45,8 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
         *shares, whole = where(configuration, display=configuration[0]["display"])
         largest = max(shares, key=lambda row: float(row["rms_direction_urad"]))
         steps.append({**largest, "whole_urad": whole["rms_direction_urad"], "whole_nm": whole["rms_point_nm"]})
-    most_urad, most_nm = ([row[key] for row in worst] for key in ("max_weighted_urad", "max_point_nm"))
-    charts = {"weighted direction, microradian": most_urad, "exit point, nm": most_nm}
-    plot = plots.bar_charts("fixed-point-error", [row["configuration"] for row in worst], charts, xscale="log")
+    charts = columns(worst, {"weighted direction, microradian": "max_weighted_urad", "exit point, nm": "max_point_nm"})
+    plot = plots.bar_charts("fixed-point-error", values(worst, "configuration"), charts, xscale="log")
     context = {"worst": worst, "steps": steps, "fixed": fixed, "sample": SAMPLE}
     return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
 
@@ -68,10 +58,10 @@ def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str
         with TemporaryDirectory() as folder:
             write_contact_sheet(Path(folder) / "depth.png", *views, columns=2)
             sheet.append(plots.Plot("depth", (Path(folder) / "depth.png").read_bytes()))
+    moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
     setups = []
-    for group in groups(rows, "setup", "rotated"):
-        nearer = np.diff([row["centres_mm"] for row in group]) < 0.0
-        shifts = [row["wide_mm"] - row["theory_mm"] for row in group]
+    for group in groups(moved, "setup", "rotated"):
+        nearer, shifts = np.diff(values(group, "centres_mm")) < 0.0, values(group, "shift")
         setups.append(
             {
                 **group[0],
@@ -84,24 +74,15 @@ def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str
             }
         )
     near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (depth.EYES_MM, depth.WIDE_EYES_MM))
-    rotated = where(rows, rotated=True)
-    shifts = [row["wide_mm"] - row["theory_mm"] for row in rotated]
+    rotated = where(moved, rotated=True)
     signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)
-    context = {
-        "rows": rotated,
-        "signs": signs,
-        "shifts": shifts,
-        "setups": setups,
-        "near": near,
-        "far": far,
-        "depth": depth,
-    }
+    context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far, "depth": depth}
     return Page("depth", origin, sheet, {"depth": rows}, context)
 
 
 def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:
     """Return the page of `lippmann bench link`."""
-    share = [100.0 * row["efficiency"] for row in efficiency]
+    share = values(efficiency, "efficiency", 0.01)
     labels = [f"{row['baud']} baud" for row in efficiency]
     plot = plots.bar_charts("link", labels, {"share of the line's time that carries pixels, %": share}, xlim=(0, 100))
     tables = {"link-efficiency": efficiency, "link-frames": frames}
@@ -110,34 +91,30 @@ def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:
 
 def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> Page:
     """Return the page of `lippmann bench hard`."""
-
-    def of(case: str, rows: Rows, **wanted: Any) -> Rows:
-        return [row for row in where(rows, **wanted) if row["set"].split("/")[0] == case]
-
-    def most(rows: Rows, key: str) -> Any:
-        return max((row[key] for row in rows), default=None)
-
+    engines = ("golden", "fast")
+    named, words = ([{**row, "case": row["set"].split("/")[0]} for row in rows] for rows in (real, fixed_rows))
     cases = []
     for case in CASES:
-        golden, fast = (of(case, real, engine=engine) for engine in ("golden", "fast"))
-        twin = of(case, fixed_rows, fraction_bits=WIDEST)
+        golden, fast = (where(named, case=case, engine=engine) for engine in engines)
+        twin = where(words, case=case, fraction_bits=WIDEST)
         cases.append(
             {
                 "case": case,
-                "rays": sum(row["rays"] for row in golden),
-                "condition": most(golden, "condition"),
-                "golden": most(golden, "worst"),
-                "fast": most(fast, "worst"),
-                "outside": sum(row["outside_band"] for row in (*golden, *fast)),
-                "kept": all(row["kept"] for row in (*golden, *fast)),
-                "twin_urad": most(twin, "worst_urad"),
-                "refused": sum(row["refused"] for row in twin) if twin else None,
-                "shares": [max(100.0 * row["worst"] / row["bound"] for row in rows) for rows in (golden, fast)],
+                "rays": sum(values(golden, "rays")),
+                "condition": max(values(golden, "condition")),
+                "golden": max(values(golden, "worst")),
+                "fast": max(values(fast, "worst")),
+                "outside": sum(values([*golden, *fast], "outside_band")),
+                "kept": all(values([*golden, *fast], "kept")),
+                "twin_urad": max(values(twin, "worst_urad"), default=None),
+                "refused": sum(values(twin, "refused")) if twin else None,
             }
         )
     charts = {
-        f"{engine}: largest error, % of its bound": [case["shares"][k] for case in cases]
-        for k, engine in enumerate(("golden", "fast"))
+        f"{engine}: largest error, % of its bound": [
+            max(100.0 * row["worst"] / row["bound"] for row in where(named, case=case, engine=engine)) for case in CASES
+        ]
+        for engine in engines
     }
     plot = plots.bar_charts("hard-cases", list(CASES), charts, xlim=(0, 105))
     tables = {"hard-cases": real, "hard-cases-fixed": fixed_rows, "hard-cases-formulas": formulas}
@@ -152,16 +129,14 @@ MEASURED = ("trace", "render", "rtl", "view", "animate", "observe")
 def measured_page(folder: Path) -> Page:
     """Return the page of the rows that `lippmann bench NAME --report FOLDER` has kept in FOLDER/measured.
 
-    Raises
-    ------
-    InputError
-        When a file cannot be read.
+    Raises InputError when a file cannot be read.
     """
-    kept = {name: folder / f"measured/{name}.csv" for name in MEASURED}
-    found = {name: read_csv(path) for name, path in kept.items() if path.exists()}
-    rows = {name: [_numbers(row) for row in found[name][1]] if name in found else [] for name in MEASURED}
-    origins = {name: origin for name, (origin, _) in found.items()}
-    placed = [_numbers(row) for row in read_csv(repository() / SYNTHESIS)[1]]
+    rows: dict[str, Rows] = dict.fromkeys(MEASURED, ())
+    origins = {}
+    for name in MEASURED:
+        if (path := folder / f"measured/{name}.csv").exists():
+            origins[name], rows[name] = _read(path)
+    _, placed = _read(repository() / SYNTHESIS)
     context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios(rows["render"])}
     return Page("measured", {}, (), {}, context)
 
@@ -182,8 +157,8 @@ def _ratios(render: Rows) -> list[dict[str, Any]]:
     return list(found.values())
 
 
-def _numbers(row: Mapping[str, str]) -> dict[str, Any]:
-    """Return a row of text with its numbers as numbers, and empty cells as None."""
+def _read(path: Path) -> tuple[dict[str, str], Rows]:
+    """Read a CSV's origin and rows, with its numbers as numbers, and empty cells as None."""
 
     def value(text: str) -> Any:
         try:
@@ -191,4 +166,5 @@ def _numbers(row: Mapping[str, str]) -> dict[str, Any]:
         except ValueError:
             return text or None
 
-    return {key: value(text) for key, text in row.items()}
+    origin, rows = read_csv(path)
+    return origin, [{key: value(text) for key, text in row.items()} for row in rows]

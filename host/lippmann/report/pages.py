@@ -21,35 +21,10 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from lippmann.images import replacing
-from lippmann.measure.figures import Measured
 from lippmann.report.plots import Plot
-from lippmann.report.tables import figure, table, write_csv
+from lippmann.report.tables import columns, figure, spanned, table, values, where, write_csv
 
 TEMPLATES = Path(__file__).with_name("templates")
-
-
-def where(rows: Sequence[Mapping[str, Any]], **wanted: Any) -> list[Mapping[str, Any]]:
-    """Return the rows whose columns have the wanted values."""
-    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
-
-
-def values(rows: Sequence[Any], key: str, unit: float = 1.0) -> list[Any]:
-    """Return a column of rows or dataclasses, measured values as their medians; numbers are divided by the unit."""
-    plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
-    medians = (value.median if isinstance(value, Measured) else value for value in plain)
-    return [value if unit == 1.0 or value is None else value / unit for value in medians]
-
-
-def columns(rows: Sequence[Mapping[str, Any]], names: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """Return columns for a table: `names` has a key, or a key and its unit, under each heading."""
-    return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
-
-
-def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" when there are none."""
-    given = [number for number in numbers if number is not None]
-    ends = [f"{number:.{digits}f}" for number in (min(given), max(given))] if given else ["-"]
-    return " to ".join(dict.fromkeys(ends))
 
 
 @dataclass(frozen=True)
@@ -114,10 +89,7 @@ class Page:
     def write(self, folder: Path, as_html: bool = False) -> list[Path]:
         """Write the page, its plots and CSV files into a folder, made when missing; return the files.
 
-        Raises
-        ------
-        InputError
-            When the file system refuses.
+        Raises InputError when the file system refuses.
         """
         folder.mkdir(parents=True, exist_ok=True)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}

