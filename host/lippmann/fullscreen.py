@@ -40,14 +40,7 @@ def monitors() -> list[tuple[int, int]]:
 def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
     """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
 
-    Parameters
-    ----------
-    image
-        (height, width, 3) uint8, the monitor's size.
-    monitor
-        Number of the monitor, from 0.
-    seconds
-        Duration; None: until a key is pressed.
+    The image is (height, width, 3) uint8, of the monitor's size; monitors count from 0.
 
     Raises
     ------

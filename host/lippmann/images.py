@@ -156,18 +156,10 @@ def replacing(path: Path) -> Iterator[Path]:
 def write_picture(
     path: str | Path, radiance: npt.NDArray[Any], metadata: Mapping[str, str], transfer: str = "srgb", bits: int = 8
 ) -> None:
-    """Write an image file.
+    """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    Parameters
-    ----------
-    path
-        .exr (half float) or .tif (float) for linear radiance; .png for panel values.
-    radiance
-        (height, width, 3), linear.
-    metadata
-        Keys without prefix.
-    transfer, bits
-        The panel's transfer curve and bits, for PNG (see `encoded_values`); its metadata name the curve.
+    .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
+    (see `encoded_values`); its metadata name the curve.
 
     Raises
     ------
@@ -237,14 +229,8 @@ def read_picture(
 ) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
-    Parameters
-    ----------
-    path
-        An image file that OpenImageIO reads.
-    limit
-        (width, height) that the image must have; checked before its pixels are read.
-    accept
-        Called with the metadata before the pixels are read; raises to refuse the image.
+    Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
+    metadata, which raises to refuse the image.
 
     Raises
     ------

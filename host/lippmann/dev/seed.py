@@ -20,7 +20,7 @@ from typing import Any
 import click
 import numpy as np
 
-from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
 from lippmann.display import MM_PER_INCH, Display
@@ -31,10 +31,9 @@ from lippmann.povray.optics import setup_view
 from lippmann.povray.program import povray
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
-from lippmann.rendering.sources import PerspectiveSource, RaySource, Window
+from lippmann.rendering.sources import RaySource, Window, eye_source
 from lippmann.report.pages import Page
 from lippmann.report.plots import MARKS, Plot, drawn, finish
-from lippmann.variant import current_device
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
@@ -143,8 +142,7 @@ def bench_seed(
                     if antialias and window > ANTIALIASED_PX:
                         continue
                     samples = SAMPLES if antialias else 1
-                    source = CaptureSource(seen, samples, "chief", 0, current_device())
-                    seconds, cpu = render_source(scene, source, samples, 1 if antialias else ROUNDS)
+                    seconds, cpu = render_source(scene, capture_source(seen), samples, 1 if antialias else ROUNDS)
                     yield _row("lippmann", seen, antialias, seconds, cpu, ours.cpu_seconds)
                 if window > povray_px:
                     continue
@@ -159,7 +157,7 @@ def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
     window = Window(side, side, base_px, base_px)
-    seconds, cpu = render_source(scene, PerspectiveSource(EYE_MM, window, SAMPLES, 0), SAMPLES)
+    seconds, cpu = render_source(scene, eye_source(EYE_MM, window), SAMPLES)
     ours = Timed("lippmann", "none", base_px, None, 0, True, seconds, cpu, 1.0)
     _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
     return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)

@@ -10,8 +10,8 @@ from lippmann import toml
 from lippmann.errors import InputError, input_error
 from lippmann.film.path import Motion
 from lippmann.film.path import Path as FilmPath
-from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
+from lippmann.rendering.scene import Move
 from lippmann.toml import documented, key, values
 
 #: Most frames of a film: file names count to four digits.

@@ -57,18 +57,9 @@ def write_frames(
     render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, IntegralImage]]],
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Render and write the missing frames of a film; return their number.
+    """Render and write those of a film's frames that the folder lacks; return their number.
 
-    Parameters
-    ----------
-    folder
-        The frames' folder.
-    shots
-        All shots of the film.
-    render
-        Yields the image of each given shot, in any order.
-    progress
-        Called with (frames there, frames in all).
+    `render` yields the image of each given shot, in any order. `progress` is called with (frames there, frames in all).
 
     Raises
     ------

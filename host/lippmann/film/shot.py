@@ -15,9 +15,8 @@ from lippmann.display import Display
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.integral import RenderOptions, render_image
-from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.rendering.scene import Move, Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
 from lippmann.toml import documented, key
 
 

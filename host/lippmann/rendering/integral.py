@@ -66,14 +66,8 @@ def render_image(
 ) -> IntegralImage:
     """Render the integral image of a loaded scene.
 
-    Parameters
-    ----------
-    scene, display, options
-        The scene, the display, and how to render.
-    progress
-        Called with (tiles done, tiles in all).
-    note
-        Called with remarks: which model was chosen, and a scene of an odd size.
+    `progress` is called with (tiles done, tiles in all), `note` with remarks: which model was chosen, and a scene of an
+    odd size.
 
     Raises
     ------

@@ -23,10 +23,12 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.images import Radiance
+from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
+from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
+from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once. Part of an image's definition, because random integrators draw their numbers by chunk.
@@ -91,7 +93,9 @@ class Rendered:
     prepare_seconds
         Compilation before the render.
     samples_traced
-        Rays sent into the scene.
+        Rays sent into the scene, and those lost before.
+    lost_percent
+        Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
     """
 
     radiance: Radiance
@@ -99,6 +103,7 @@ class Rendered:
     cpu_seconds: float
     prepare_seconds: float
     samples_traced: int
+    lost_percent: tuple[float, ...] = ()
 
     @property
     def samples_per_second(self) -> float:
@@ -148,18 +153,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render the image of a source of rays.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    source
-        `IntegralSource`, `PerspectiveSource` or `CaptureSource`.
-    settings
-        How to render.
-    progress
-        Called with (tiles done, tiles in all).
+    """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all).
 
     Raises
     ------
@@ -179,12 +173,13 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
     def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
-        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels."""
+        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels, and the lost samples."""
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
         pixel, inside = _pixel_of(first_tile, place, width, height)
-        lines = source.lines(pixel, index - place * samples, stripe)
+        lines = _lines(source, settings, pixel, index - place * samples, stripe)
         active = lines.active & inside
+        lost = [mask & inside for mask in lines.lost]
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, count * tile_pixels * samples)
         ray = _scene_ray(scene, lines)
@@ -192,47 +187,52 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         colour = dr.select(active, mi.Color3f(radiance), 0.0)
         if samples > 1:
             # Evaluated before the sums, because each sum would trace the rays again.
-            dr.eval(colour)
+            dr.eval(colour, lost)
             colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
             place = dr.arange(mi.UInt32, count * tile_pixels)
             pixel, inside = _pixel_of(first_tile, place, width, height)
-        return pixel, inside, colour
+        return pixel, inside, colour, lost
 
     stripes = source.stripes
     passes: list[tuple[float, float, tuple[int, ...]]] = (
         [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
     )
 
-    def run(first_tile: int, count: int, number: int) -> None:
+    def run(first_tile: int, count: int, number: int) -> list[int]:
+        """Render tiles into the planes; return the numbers of lost samples."""
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
-            pixel, inside, colour = traced(
+            pixel, inside, colour, lost = traced(
                 dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
             )
             for k in channels:
                 dr.scatter(planes[k], colour[k], pixel, inside)
-            dr.eval(planes)
+            dr.eval(planes, lost)
+        return [int(dr.count(mask)[0]) for mask in lost]
 
     started = time.perf_counter()
     # Compiles the programs by running them on one tile.
     run(0, 1, 0)
     dr.sync_thread()
     prepared, cpu_before = time.perf_counter(), time.process_time()
+    lost_samples = []
     for number, first in enumerate(range(0, tiles, chunk_tiles)):
         interrupts.check()
         count = min(chunk_tiles, tiles - first)
-        run(first, count, number)
+        lost_samples.append(run(first, count, number))
         dr.sync_thread()
         if progress is not None:
             progress(first + count, tiles)
     finished, cpu_after = time.perf_counter(), time.process_time()
+    traced_samples = width * height * samples * len(passes)
     return Rendered(
         radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
         seconds=finished - prepared,
         cpu_seconds=cpu_after - cpu_before,
         prepare_seconds=prepared - started,
-        samples_traced=width * height * samples * len(passes),
+        samples_traced=traced_samples,
+        lost_percent=tuple(100.0 * sum(counts) / traced_samples for counts in zip(*lost_samples, strict=True)),
     )
 
 
@@ -251,12 +251,28 @@ def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any
     return mi.UInt32(row * width + column), inside
 
 
+def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32).
+
+    `stripe` is the centre and the width of the sampled part of the pixel, in pixels from the pixel's centre.
+    """
+    mi = mitsuba()
+    b = DrJitBackend(current_device())
+    x, y = mi.Float(0.5), mi.Float(0.5)
+    if settings.samples > 1:
+        x, y = points_in_square(pixel, sample, settings.seed, stream=0)
+    row = pixel // source.width_px
+    offset, width = stripe
+    u = b.double(pixel - row * source.width_px) + b.double(0.5 + offset + width * (x - 0.5))
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
+
+
 def _scene_ray(scene: Scene, lines: Lines) -> Any:
     """Return the scene's ray along a line of sight, from in front of the scene towards the display."""
     mi = mitsuba()
     import drjit as dr
 
-    point, direction, _ = lines
+    point, direction = lines.point, lines.direction
     near = scene.placement.near_mm
     t = (near - point[2]) / direction[2]
     start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(near))
@@ -339,9 +355,7 @@ def render_integral(
     MissingLibraryError
         When an engine lacks a tool.
     """
-    source = IntegralSource(
-        display, model, settings.samples, settings.aperture, settings.seed, current_device(), engine, fraction_bits
-    )
+    source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
 
@@ -353,9 +367,8 @@ def render_view(
     progress: Progress | None = None,
 ) -> Rendered:
     """Render the scene as an eye sees it through a window, without a display (see `render_rays`)."""
-    source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         # Parts of the scene behind the eye are invisible.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render_rays(scene, source, settings, progress)
+    return render_rays(scene, eye_source(eye_mm, window), settings, progress)
