@@ -29,7 +29,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.povray.program import Run, povray
+from lippmann.povray.program import POVRAY, Run
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines, RaySource
@@ -278,7 +278,7 @@ def peers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 
     Example: lippmann bench peers
     """
-    povray()
+    POVRAY.path()
     WORK.mkdir(parents=True, exist_ok=True)
     pairs, times = compare_pictures(bench.scenes, WORK), compare_times(bench.scenes, WORK)
     json = {"pictures": [row_of(pair.difference) for pair in pairs], "times": row_of(times)}

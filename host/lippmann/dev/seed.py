@@ -28,7 +28,7 @@ from lippmann.measure.figures import row_of
 from lippmann.measure.renderer import with_pitch
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.povray.program import povray
+from lippmann.povray.program import POVRAY
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.rendering.sources import RaySource, Window, eye_source
@@ -267,7 +267,7 @@ def seed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 
     Example: lippmann bench seed --quick
     """
-    povray()
+    POVRAY.path()
     rows: list[Timed] = []
     quick = bool(bench.options["quick"])
     with TemporaryDirectory() as work:
