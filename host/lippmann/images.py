@@ -106,12 +106,9 @@ def decode(values: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Check before a long computation that a file can be written.
+    """Check before a long computation that a file can be written; return its path.
 
-    Raises
-    ------
-    InputError
-        For an unknown extension, a missing or read-only folder, and a path that is a folder.
+    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder.
     """
     path = Path(path)
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -136,10 +133,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    Raises
-    ------
-    InputError
-        When the file system refuses (disk full, no permission).
+    InputError when the file system refuses (disk full, no permission).
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:

@@ -19,12 +19,9 @@ from lippmann.rendering.scene import Scene, placement_beside
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene, loaded with the set-up's placement, that cannot be captured.
+    """Raise InputError for a scene, loaded with the set-up's placement, that cannot be captured.
 
-    Raises
-    ------
-    InputError
-        When the scene extends into the lens or its image to the camera, or when the array is outside the image space.
+    It extends into the lens, or its image to the camera, or the array is outside the image space.
     """
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject

@@ -34,18 +34,13 @@ Indices = npt.NDArray[np.int64]
 
 
 class Cells(NamedTuple):
-    """The lenslets' cells on a panel; pixels are numbered row by row.
+    """The lenslets' cells on a panel; pixels are numbered row by row."""
 
-    cell
-        (height * width,) cell of each pixel, counted from 0.
-    centre
-        (cells, 2) pixel coordinates of the lenslets' centres.
-    rim
-        (height * width,) whether a step of one pixel in x and one in y may leave the cell.
-    """
-
+    #: (height * width,) cell of each pixel, counted from 0.
     cell: Indices
+    #: (cells, 2) pixel coordinates of the lenslets' centres.
     centre: npt.NDArray[np.float64]
+    #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
     rim: npt.NDArray[np.bool_]
 
 

@@ -131,7 +131,7 @@ def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> IntegralImage:
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
     with _rendering:
         start_mitsuba(device)
-        _check_scene(name, shot.scene, shot.digest)
+        _check_scene(name, shot.film.scene, shot.digest)
         return render_shot(shot)
 
 

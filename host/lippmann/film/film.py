@@ -66,13 +66,7 @@ class Film(FilmFile):
 
 
 def load_film(path: str | Path) -> Film:
-    """Read a film file.
-
-    Raises
-    ------
-    InputError
-        Naming file, key and remedy.
-    """
+    """Read a film file; InputError names file, key and remedy."""
     path = Path(path)
     film = Film(**values(toml.read(FilmFile, toml.load(path, "film"), str(path))), name=path.stem)
     near, far = film.near_mm, film.far_mm

@@ -17,13 +17,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Make a folder for a film's frames, and check that it contains no others.
-
-    Raises
-    ------
-    InputError
-        When the folder cannot be made, or contains frames of a longer film.
-    """
+    """Make a folder for a film's frames; raise InputError when that fails, or it contains frames of a longer film."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

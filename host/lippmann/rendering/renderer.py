@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import resource
 import time
 from collections.abc import Callable
@@ -82,27 +83,18 @@ class Settings:
 
 @dataclass(frozen=True)
 class Rendered:
-    """A rendered image and its cost.
+    """A rendered image and its cost."""
 
-    Attributes
-    ----------
-    radiance
-        (height, width, 3) float32, linear RGB.
-    seconds, cpu_seconds
-        Wall time of the render, and processor time of all threads, without compilation.
-    prepare_seconds
-        Compilation before the render.
-    samples_traced
-        Rays sent into the scene, and those lost before.
-    lost_percent
-        Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
-    """
-
+    #: (height, width, 3) float32, linear RGB.
     radiance: Radiance
+    #: Wall time of the render, and processor time of all threads, without compilation.
     seconds: float
     cpu_seconds: float
+    #: Compilation before the render.
     prepare_seconds: float
+    #: Rays sent into the scene, and those lost before.
     samples_traced: int
+    #: Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
     lost_percent: tuple[float, ...] = ()
 
     @property
@@ -120,13 +112,7 @@ Progress = Callable[[int, int], None]
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Any:
-    """Return the integrator that the settings name.
-
-    Raises
-    ------
-    InputError
-        When there is no integrator of that name, or it does not sample single rays.
-    """
+    """Return the integrator that the settings name; raise InputError when there is none, or a ray is not enough."""
     mi = mitsuba()
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
@@ -209,7 +195,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
             for k in channels:
                 dr.scatter(planes[k], colour[k], pixel, inside)
             dr.eval(planes, lost)
-        return [int(dr.count(mask)[0]) for mask in lost]
+        return [int(mi.UInt32(dr.count(mask))[0]) for mask in lost]
 
     started = time.perf_counter()
     # Compiles the programs by running them on one tile.
@@ -288,13 +274,7 @@ def _scene_ray(scene: Scene, lines: Lines) -> Any:
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
-    """Refuse an image whose buffers exceed the memory limit.
-
-    Raises
-    ------
-    InputError
-        Naming the memory that is needed and the limit.
-    """
+    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
     # Radiance in float32 three times: as planes, as an image, and in the file format.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     what = f"an image of {width_px} x {height_px} pixels"
@@ -302,13 +282,7 @@ def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Refuse work that needs more memory (MB) than a limit; None: four fifths of the free memory.
-
-    Raises
-    ------
-    InputError
-        Naming the work, the need, the limit and the remedy.
-    """
+    """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not limit > 0.0:
         raise InputError(f"--memory-mb {limit:g} is not a limit; give a number above 0")
@@ -318,23 +292,20 @@ def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) 
 
 def free_memory_mb() -> float:
     """Return the free memory of this machine, MB, including what caches can release."""
-    information = Path("/proc/meminfo")
-    if information.exists():
-        for line in information.read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024 / 1e6
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return _proc_mb("meminfo", "MemAvailable") or os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        for line in status.read_text().splitlines():
-            # Unlike the resource usage, which a process inherits from its parent.
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024 / 1e6
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+    # Unlike /proc, the resource usage is what a process inherits from its parent.
+    return _proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def _proc_mb(file: str, entry: str) -> float | None:
+    """Return an entry in kB of a file below /proc, in MB; None where there is none."""
+    path = Path("/proc", file)
+    found = re.search(rf"^{entry}: *(\d+) kB", path.read_text(), re.M) if path.exists() else None
+    return None if found is None else int(found[1]) * 1024 / 1e6
 
 
 def render_integral(

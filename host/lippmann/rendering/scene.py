@@ -65,13 +65,7 @@ def placement_beside(path: Path) -> Placement:
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Check that a path names a scene file.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or not .xml.
-    """
+    """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = Path(path)
     if not path.is_file():
         raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
@@ -155,10 +149,7 @@ def _ids_there(shapes: Sequence[Any]) -> str:
 def digest_of(path: str | Path) -> str:
     """Return a hash, 64 hexadecimal digits, of a scene file, its includes, and the meshes and textures that it names.
 
-    Raises
-    ------
-    InputError
-        As `load_scene`.
+    InputError as for `load_scene`.
     """
     path = check_scene_file(path)
     mi = mitsuba()

@@ -26,42 +26,28 @@ STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0,
 
 
 class Lines(NamedTuple):
-    """Lines of sight in the display's frame.
+    """Lines of sight in the display's frame."""
 
-    point
-        Three Floats, a point of each line, mm.
-    direction
-        Three Floats, unit vectors along the lines, from the display to the viewer.
-    active
-        Which lines exist: a ray that the lenslets block has none.
-    lost
-        Which do not, for each of the reasons that the source tells apart.
-    """
-
+    #: Three Floats, a point of each line, mm.
     point: tuple[Any, Any, Any]
+    #: Three Floats, unit vectors along the lines, from the display to the viewer.
     direction: tuple[Any, Any, Any]
+    #: Which lines exist: a ray that the lenslets block has none.
     active: Any
+    #: Which do not, for each of the reasons that the source tells apart.
     lost: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
 class RaySource:
-    """A source of primary rays: the size of an image, and what its points see.
-
-    Attributes
-    ----------
-    width_px, height_px
-        Size of the image.
-    lines
-        Function that returns the `Lines` of sight; its arguments are a backend, pixel coordinates u and v (double), and
-        a pair of Floats for each, a random point of the unit square, for the lenslets' apertures.
-    stripes
-        Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without.
-    """
+    """A source of primary rays: the size of an image, and what its points see."""
 
     width_px: int
     height_px: int
+    #: Returns the lines of sight; its arguments are a backend, pixel coordinates u and v (double), and for each of them
+    #: a random point of the unit square (two Floats), for the lenslets' apertures.
     lines: Callable[[DrJitBackend, Any, Any, tuple[Any, Any]], Lines]
+    #: Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without.
     stripes: tuple[float, float, float] | None = None
 
 
