@@ -69,16 +69,8 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
     """Render the image that a set-up captures of a scene; its `lost_percent` are those of the lens and of the array.
 
-    Parameters
-    ----------
-    scene
-        The scene, placed in the object's frame (`placement_before`).
-    setup, settings
-        The set-up, and how to render; `settings.aperture` is for a pickup.
-    rotate
-        Whether elemental images are rotated by 180 degrees.
-    progress
-        See `render_rays`.
+    The scene is placed in the object's frame (`placement_before`). `settings.aperture` is for a pickup. `rotate` is
+    whether elemental images are rotated by 180 degrees.
 
     Raises
     ------

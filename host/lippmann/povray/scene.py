@@ -35,7 +35,7 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
     textures: dict[str, str] = {}
     objects: list[str] = []
     lights: list[str] = []
-    for item in Tree(path).scene.children():
+    for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":
             objects += _shape(item, materials, textures, placement, folder, len(objects))
         elif item.kind == "Emitter":

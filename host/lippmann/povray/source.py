@@ -111,7 +111,7 @@ class Item:
 
 
 class Tree:
-    """A parsed scene file."""
+    """A parsed scene file; its object 0 is the scene."""
 
     def __init__(self, path: Path) -> None:
         mi = mitsuba()
@@ -121,8 +121,3 @@ class Tree:
         with parsed(path) as (configuration, self.state):
             mi.parser.transform_upgrade(configuration, self.state)
             mi.parser.transform_resolve(configuration, self.state)
-
-    @property
-    def scene(self) -> Item:
-        """The outermost object."""
-        return Item(self, 0)

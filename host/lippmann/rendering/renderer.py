@@ -43,30 +43,20 @@ MAX_SAMPLES = 65536
 
 @dataclass(frozen=True)
 class Settings:
-    """How to render.
+    """How to render."""
 
-    Attributes
-    ----------
-    samples
-        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are
-        spread over its area (anti-aliasing).
-    aperture
-        "chief": rays through the lenslet's centre; "full": spread over its cell.
-    integrator
-        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
-    max_depth
-        Surfaces that a ray may meet.
-    seed
-        The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
-    memory_mb
-        Limit; None: four fifths of the free memory.
-    """
-
+    #: Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are spread
+    #: over its area (anti-aliasing).
     samples: int = 1
+    #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
+    #: "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
     integrator: str = "lights"
+    #: Surfaces that a ray may meet.
     max_depth: int = 4
+    #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
     seed: int = 0
+    #: Limit; None: four fifths of the free memory.
     memory_mb: float | None = None
 
     def __post_init__(self) -> None:
