@@ -294,7 +294,7 @@ def peak_memory_mb() -> float:
 def _proc_mb(file: str, entry: str) -> float | None:
     """Return an entry in kB of a file below /proc, in MB; None where there is none."""
     path = Path("/proc", file)
-    found = re.search(rf"^{entry}: *(\d+) kB", path.read_text(), re.M) if path.exists() else None
+    found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
     return None if found is None else int(found[1]) * 1024 / 1e6
 
 
