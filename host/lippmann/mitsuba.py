@@ -33,7 +33,6 @@ def register() -> None:
     InputError
         When the variant is not a vectorised RGB variant, or none is set.
     """
-    import drjit as dr
     import mitsuba as mi
 
     if mi.variant() not in VARIANTS.values():
@@ -41,6 +40,11 @@ def register() -> None:
             f"sensor 'integral': variant {mi.variant()} is not a vectorised RGB variant; "
             "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first"
         )
+    mi.register_sensor("integral", _sensor_class(mi))
+
+
+def _sensor_class(mi: Any) -> Any:
+    import drjit as dr
 
     class IntegralSensor(mi.Sensor):  # type: ignore[misc]
         """See docs/reference/mitsuba-sensor.md."""
@@ -97,7 +101,7 @@ def register() -> None:
             """Name the display."""
             return f"IntegralSensor[display={self.display.name}, model={self.model}]"
 
-    mi.register_sensor("integral", IntegralSensor)
+    return IntegralSensor
 
 
 def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
