@@ -21,18 +21,9 @@ FRAME_BYTES = 13
 def write_animation(
     path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> None:
-    """Write views as an endless GIF or animated PNG.
+    """Write views, (height, width, 3) linear radiance each, as an endless GIF or animated PNG, to and fro or onwards.
 
-    Parameters
-    ----------
-    path
-        .gif, .png or .apng.
-    views
-        (height, width, 3) linear radiance each; taken one at a time, and kept in 8 bits (`animation_mb`).
-    there_and_back
-        Whether the views run to and fro.
-    frame_ms
-        Duration of each view.
+    They are taken one at a time, and kept in 8 bits (`animation_mb`).
 
     Raises
     ------

@@ -209,21 +209,21 @@ def capture(
         placement = placement_before(built, check_scene_file(scene), path)
     with _loaded(scene, placement, device) as loaded:
         captured = capture_scene(loaded, built, settings, rotated, progress)
-    lost = captured.vignetting
-    if lost.lens_percent > NOTED_PERCENT:
+    lens_percent, array_percent = captured.lost_percent
+    if lens_percent > NOTED_PERCENT:
         note(
-            f"note: the lens's aperture cuts off {lost.lens_percent:.1f} % of the rays (black in the image); "
+            f"note: the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image); "
             "a larger lens.aperture_mm lets them in"
         )
-    if lost.array_percent > NOTED_PERCENT:
+    if array_percent > NOTED_PERCENT:
         note(
-            f"note: {lost.array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
+            f"note: {array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
             "rims reflect them; a longer focal length lets them out"
         )
     metadata = image_metadata("exact", settings, loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
-    losses = {"vignetting_percent": lost.lens_percent, "array_loss_percent": lost.array_percent}
-    return IntegralImage(captured.rendered.radiance, built.display, metadata, {**losses, **captured.rendered.measured})
+    losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
+    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
 
 
 def observe(

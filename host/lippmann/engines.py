@@ -22,7 +22,6 @@ from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS, pixels_from_rays, rays_from_pixels
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays
 from lippmann.optics.system import System
-from lippmann.sim.harness import rtl_pipeline
 
 #: Largest error of a direction's length: a unit vector with a small step added passes, a slope does not.
 UNIT_ERROR = 1e-3
@@ -119,6 +118,8 @@ def trace(
     if points is not None and len(points) != len(pixel):
         raise InputError(f"aperture has {len(points)} rows for {len(pixel)} pixels; give one each")
     if engine in ("twin", "rtl"):
+        from lippmann.sim.harness import rtl_pipeline  # not at the top: a render without it starts sooner
+
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
         return trace_fixed(display, pixel, points, model, fraction_bits or WIDEST, pipeline)
     b = _backend_for(len(pixel), engine, device)

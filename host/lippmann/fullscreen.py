@@ -26,13 +26,7 @@ WINDOW_SHARE = 0.9
 
 
 def monitors() -> list[tuple[int, int]]:
-    """Return the width and height of each monitor, px.
-
-    Raises
-    ------
-    DeviceError
-        When there is no desktop.
-    """
+    """Return the width and height of each monitor, px; raise DeviceError when there is no desktop."""
     with _desktop("its sizes") as pygame:
         return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
 
@@ -40,14 +34,7 @@ def monitors() -> list[tuple[int, int]]:
 def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
     """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
 
-    Parameters
-    ----------
-    image
-        (height, width, 3) uint8, the monitor's size.
-    monitor
-        Number of the monitor, from 0.
-    seconds
-        Duration; None: until a key is pressed.
+    The image is (height, width, 3) uint8, of the monitor's size; monitors count from 0.
 
     Raises
     ------
@@ -81,12 +68,7 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
 def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
     """Show an image (height, width, 3) uint8 in a window until it is closed (Escape, q), or for some seconds.
 
-    An image larger than the desktop is scaled down.
-
-    Raises
-    ------
-    DeviceError
-        When there is no desktop.
+    An image larger than the desktop is scaled down. DeviceError when there is no desktop.
     """
     width, height = monitors()[0]
     scale = min(1.0, WINDOW_SHARE * width / image.shape[1], WINDOW_SHARE * height / image.shape[0])
@@ -115,17 +97,6 @@ def _wait(pygame: Any, seconds: float | None) -> None:
 @contextmanager
 def _desktop(wanted: str) -> Iterator[Any]:
     """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
-    pygame = _pygame()
-    try:
-        yield pygame
-    except pygame.error as error:
-        raise DeviceError(f"the desktop refuses {wanted} ({error}); run it in a graphical session") from None
-    finally:
-        pygame.display.quit()
-
-
-def _pygame() -> Any:
-    """Return pygame with its display initialised."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     # Keep the window when another one gets the keyboard.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
@@ -137,8 +108,12 @@ def _pygame() -> Any:
             pygame.display.init()
     except pygame.error as error:
         raise DeviceError(f"no desktop ({error}); {remedy}") from None
-    driver = pygame.display.get_driver()
-    if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
+    try:
+        driver = pygame.display.get_driver()
+        if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
+            raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
+        yield pygame
+    except pygame.error as error:
+        raise DeviceError(f"the desktop refuses {wanted} ({error}); run it in a graphical session") from None
+    finally:
         pygame.display.quit()
-        raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
-    return pygame

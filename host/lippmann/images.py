@@ -106,12 +106,9 @@ def decode(values: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Check before a long computation that a file can be written.
+    """Check before a long computation that a file can be written; return its path.
 
-    Raises
-    ------
-    InputError
-        For an unknown extension, a missing or read-only folder, and a path that is a folder.
+    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder.
     """
     path = Path(path)
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -136,10 +133,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    Raises
-    ------
-    InputError
-        When the file system refuses (disk full, no permission).
+    InputError when the file system refuses (disk full, no permission).
     """
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
@@ -156,18 +150,10 @@ def replacing(path: Path) -> Iterator[Path]:
 def write_picture(
     path: str | Path, radiance: npt.NDArray[Any], metadata: Mapping[str, str], transfer: str = "srgb", bits: int = 8
 ) -> None:
-    """Write an image file.
+    """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    Parameters
-    ----------
-    path
-        .exr (half float) or .tif (float) for linear radiance; .png for panel values.
-    radiance
-        (height, width, 3), linear.
-    metadata
-        Keys without prefix.
-    transfer, bits
-        The panel's transfer curve and bits, for PNG (see `encoded_values`); its metadata name the curve.
+    .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
+    (see `encoded_values`); its metadata name the curve.
 
     Raises
     ------
@@ -237,14 +223,8 @@ def read_picture(
 ) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
-    Parameters
-    ----------
-    path
-        An image file that OpenImageIO reads.
-    limit
-        (width, height) that the image must have; checked before its pixels are read.
-    accept
-        Called with the metadata before the pixels are read; raises to refuse the image.
+    Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
+    metadata, which raises to refuse the image.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def _sensor_class(mi: Any) -> Any:
                 third = mi.Float(u - dr.floor(u)) - 0.5
                 weight = mi.Color3f([dr.select(dr.abs(third - offset) <= 1.0 / 6.0, 3.0, 0.0) for offset in stripes])
             aperture = square_to_cell(b, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
-            point, direction, through = lines_from_pixels(b, self.display, u, v, aperture, self.model)
+            point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of the scene, as the viewer looks.
             t = (self.near_mm - point[2]) / direction[2]
             start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))

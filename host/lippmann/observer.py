@@ -34,17 +34,7 @@ CHUNK_RAYS = 1 << 21
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye.
-
-    Attributes
-    ----------
-    position_mm
-        Centre of its pupil; z > 0.
-    pupil_mm
-        Diameter of the pupil; 0 for a pinhole.
-    focus_z_mm
-        Depth of the plane in focus.
-    """
+    """An eye: the centre of its pupil (z > 0), the pupil's diameter (0: a pinhole), and the depth z in focus."""
 
     position_mm: tuple[float, float, float]
     pupil_mm: float = 0.0
@@ -64,16 +54,9 @@ class Eye:
 
 @dataclass(frozen=True, eq=False)
 class View(Showable):
-    """What an eye sees.
+    """What an eye sees: radiance (height, width, 3) float32, linear, and the metadata that a file of it carries.
 
-    Attributes
-    ----------
-    radiance
-        (height, width, 3) float32, linear.
-    status_share
-        Share of the rays by status (`lippmann.Status`).
-    metadata
-        What a file of the view carries.
+    `status_share` is the share of the rays by status (`lippmann.Status`).
     """
 
     radiance: Radiance
@@ -110,26 +93,10 @@ def observe(
     seed: int = 0,
     crosstalk: bool = True,
 ) -> View:
-    """Return what an eye sees.
+    """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
 
-    Parameters
-    ----------
-    radiance
-        (height, width, 3) of the panel, linear.
-    display
-        The display that shows it, which may be misaligned.
-    eye
-        The eye.
-    window
-        The part of the plane z = 0 that the view covers, and its pixels.
-    samples
-        Rays for each pixel of the view.
-    model
-        Lens model.
-    seed
-        Of the sample points.
-    crosstalk
-        Whether rays that land in a neighbour's cell see it; otherwise they see black.
+    `radiance` is (height, width, 3), linear. The view covers the window, with `samples` rays for each of its pixels.
+    Without `crosstalk`, rays that land in a neighbour's cell see black.
 
     Raises
     ------
@@ -201,8 +168,7 @@ def _eye_rays(
     row = pixel // window.width_px
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)
-    x = ((b.double(column) + b.double(s)) / window.width_px - 0.5) * window.width_mm
-    y = (0.5 - (b.double(row) + b.double(t)) / window.height_px) * window.height_mm
+    x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
     ex, ey, ez = (b.double(c) for c in eye.position_mm)
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed, stream=1)

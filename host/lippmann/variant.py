@@ -49,10 +49,7 @@ def start_mitsuba(device: str = "auto") -> str:
 def own_variant(device: str = "auto") -> Iterator[str]:
     """Run a block with our variant for a device, and set the variant and log level from before again after it.
 
-    Raises
-    ------
-    InputError, MissingLibraryError
-        As `start_mitsuba`.
+    Errors as for `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()

@@ -197,7 +197,7 @@ def test_scale_shrinks_the_whole_film(place, mi):
     """A quarter of everything: depths, paths and all."""
     film = film_of(place, FILM + MOVE.format("ball-*", 0, 0, 40))
     shots = [shots_of(film, load_display(place / "small.toml"), RenderOptions(), s)[4] for s in (1.0, 0.25)]
-    boxes = [depths_of(load_scene(shot.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
+    boxes = [depths_of(load_scene(film.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
     np.testing.assert_allclose(0.25 * np.array(boxes[0]), boxes[1], rtol=1e-6)
     assert boxes[0][1] == pytest.approx(42.0, abs=1e-4)  # ball-1's front
 

@@ -5,10 +5,10 @@ import json
 
 import numpy as np
 import pytest
-from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
-from lippmann.dev.peers import OUTLINE_PX, Pair, Part, PictureDifference, TimeAtNoise, around, compare, near_seams
+from lippmann.dev.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams, part
 from lippmann.dev.peers import page as peers_page
 from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
 from lippmann.display import load_display
@@ -100,7 +100,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 60\nfar_mm = -300")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
-    source = CaptureSource(setup, 1, "chief", 0, "llvm")
+    source = capture_source(setup)
     ours = render_rays(scene, source, Settings()).radiance
     assert (ours > 0.0).any(axis=-1).mean() > 0.5
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
@@ -111,7 +111,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
     assert difference.unexplained < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
-    rows = render_rays(scene, Part(source, 8), Settings()).radiance
+    rows = render_rays(scene, part(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 
@@ -128,7 +128,7 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 10\nfar_mm = -150")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
     theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
-    ours = render_rays(scene, CaptureSource(setup, 1, "chief", 0, "llvm"), Settings()).radiance
+    ours = render_rays(scene, capture_source(setup), Settings()).radiance
     print(theirs.sum() / ours.sum())
     assert (ours > 0.0).mean() > 0.05
     assert theirs.sum() == pytest.approx(ours.sum(), rel=0.02)

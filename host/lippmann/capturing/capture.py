@@ -3,65 +3,25 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from lippmann.capturing.depths import appearance, image_distance
-from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.rays import capture_source
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Progress, Rendered, Settings, render_rays
 from lippmann.rendering.scene import Scene, placement_beside
-from lippmann.variant import current_device, mitsuba
-
-#: Pixels whose rays are traced to measure the vignetting.
-PROBE_PIXELS = 1 << 20
-
-
-@dataclass(frozen=True)
-class Vignetting:
-    """Percentage of the image's rays that the lens's aperture blocks, and that are lost in the array."""
-
-    lens_percent: float
-    array_percent: float
-
-
-@dataclass(frozen=True)
-class Captured:
-    """An image for the set-up's display, and its losses."""
-
-    rendered: Rendered
-    vignetting: Vignetting
-
-
-def vignetting(source: CaptureSource) -> Vignetting:
-    """Measure the share of the image's rays that is lost, over all pixels or a million of them at random."""
-    mi = mitsuba()
-    import drjit as dr
-
-    total = source.width_px * source.height_px
-    pixel = dr.arange(mi.UInt32, min(total, PROBE_PIXELS))
-    if total > PROBE_PIXELS:
-        # At random, because any regular step beats with the lenslets.
-        scattered, _ = mi.sample_tea_32(pixel, mi.UInt32(source.seed & 0xFFFFFFFF))
-        pixel = mi.UInt32((mi.UInt64(scattered) * total) >> 32)
-    _, through_array, through_lens = source.rays(pixel, mi.UInt32(0))
-    in_array = np.broadcast_to(np.asarray(through_array), len(pixel))
-    in_both = in_array & np.asarray(through_lens)
-    return Vignetting(100.0 * float(np.mean(in_array & ~in_both)), 100.0 * float(np.mean(~in_array)))
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:
-    """Refuse a scene, loaded with the set-up's placement, that cannot be captured.
+    """Raise InputError for a scene, loaded with the set-up's placement, that cannot be captured.
 
-    Raises
-    ------
-    InputError
-        When the scene extends into the lens or its image to the camera, or when the array is outside the image space.
+    It extends into the lens, or its image to the camera, or the array is outside the image space.
     """
     far, near = scene.depth_range_mm
     lens, subject = setup.lens, setup.subject
@@ -106,21 +66,11 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
     return (Placement() if is_setup else placement_beside(path)).then(setup.subject.placement)
 
 
-def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Captured:
-    """Render the image that a set-up captures of a scene.
+def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
+    """Render the image that a set-up captures of a scene; its `lost_percent` are those of the lens and of the array.
 
-    Parameters
-    ----------
-    scene
-        The scene, placed in the object's frame (`placement_before`).
-    setup
-        The set-up.
-    settings
-        How to render; `aperture` is for a pickup.
-    rotate
-        Whether elemental images are rotated by 180 degrees.
-    progress
-        See `render_rays`.
+    The scene is placed in the object's frame (`placement_before`). `settings.aperture` is for a pickup. `rotate` is
+    whether elemental images are rotated by 180 degrees.
 
     Raises
     ------
@@ -128,22 +78,21 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
         When the scene cannot be captured (`check_placement`), or no light passes the array or the lens.
     """
     check_placement(scene, setup)
-    source = CaptureSource(setup, settings.samples, settings.aperture, settings.seed, current_device())
-    lost = vignetting(source)
-    if lost.array_percent >= 100.0:
-        raise InputError(
-            f"set-up '{setup.name}': array: no ray of the image gets through the lenslets: total internal reflection; "
-            "give them a longer focal length, or a display with other lenslets"
-        )
-    if lost.lens_percent + lost.array_percent >= 100.0:
-        raise InputError(
-            f"set-up '{setup.name}': lens.aperture_mm: no ray of the image gets through the lens (vignetting "
-            f"{lost.lens_percent:.4g} %, lost in the array {lost.array_percent:.4g} %); make the aperture larger"
-        )
     with ThreadPoolExecutor(1) as other:
         # Takes one core, while compilation takes another.
         partner = other.submit(rotation_map, setup.display) if rotate else None
-        rendered = render_rays(scene, source, settings, progress)
+        rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
+        lens_percent, array_percent = rendered.lost_percent
+        if array_percent >= 100.0:
+            raise InputError(
+                f"set-up '{setup.name}': array: no ray of the image gets through the lenslets: total internal "
+                "reflection; give them a longer focal length, or a display with other lenslets"
+            )
+        if lens_percent + array_percent > 100.0 - 1e-9:
+            raise InputError(
+                f"set-up '{setup.name}': lens.aperture_mm: no ray of the image gets through the lens (vignetting "
+                f"{lens_percent:.4g} %, lost in the array {array_percent:.4g} %); make the aperture larger"
+            )
         if partner is not None:
             rendered = replace(rendered, radiance=rotated(rendered.radiance, partner.result()))
-    return Captured(rendered, lost)
+    return rendered

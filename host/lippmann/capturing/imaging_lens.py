@@ -19,6 +19,8 @@ import numpy.typing as npt
 
 from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.dome import Dome, cap, refract_dome
+from lippmann.optics.lattice import Lattice
 from lippmann.toml import documented, key
 
 #: Where the domes of a pair face: each other, away from each other, both the image, or both the object.
@@ -153,29 +155,16 @@ ImagingLens = ThinLens | LensPair
 
 
 def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[Ray, Arr]:
-    """Refract rays, with dz > 0, at the vertex side of a face.
+    """Refract rays, with dz > 0, at the vertex side of a face, a dome of the opposite curvature.
 
-    Sphere c |p|^2 - 2 p_z = 0 about the vertex, in the perpendicular-foot form of `optics.dome`, where no term grows
-    with the distance of a ray's origin; then Snell's law in vector form. Returns the rays and which passed.
+    Returns the rays and which passed.
     """
-    c, ratio = face.curvature, face.index_before / face.index_behind
-    z = ray.z - face.z_mm
-    s = ray.x * ray.dx + ray.y * ray.dy + z * ray.dz
-    qx, qy, qz = ray.x - s * ray.dx, ray.y - s * ray.dy, z - s * ray.dz
-    f = c * (qx * qx + qy * qy + qz * qz) - 2.0 * qz
-    square = ray.dz * ray.dz - c * f
-    cosine = b.sqrt(b.maximum(square, 0.0))
-    t = f / b.maximum(ray.dz + cosine, 1e-30)
-    x, y, z = qx + t * ray.dx, qy + t * ray.dy, qz + t * ray.dz
-    behind = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
-    bend = b.sqrt(b.maximum(behind, 0.0)) - ratio * cosine
-    dx, dy, dz = unit(
-        b, ratio * ray.dx - bend * c * x, ratio * ray.dy - bend * c * y, ratio * ray.dz + bend * (1.0 - c * z)
-    )
-    passed = (square > 0.0) & (behind > 0.0) & _inside(x, y, aperture_mm)
-    old = (ray.x, ray.y, ray.z, ray.dx, ray.dy, ray.dz)
-    new = (x, y, z + face.z_mm, dx, dy, dz)
-    return Ray(*(b.where(passed, fresh, stale) for fresh, stale in zip(new, old, strict=True))), passed
+    dome = Dome(Lattice("square", aperture_mm), -1.0 / face.curvature if face.curvature else math.inf, 0.0)
+    hit, _, met, cosine = cap(b, dome, ray._replace(z=ray.z - face.z_mm), upward=True)
+    new, behind = refract_dome(b, dome, met, cosine, face.index_before / face.index_behind, upward=True)
+    new = new._replace(z=new.z + face.z_mm)
+    passed = hit & (behind > 0.0) & _inside(met.x, met.y, aperture_mm)
+    return Ray(*(b.where(passed, fresh, stale) for fresh, stale in zip(new, ray, strict=True))), passed
 
 
 def _inside(x: Arr, y: Arr, aperture_mm: float) -> Arr:

@@ -7,7 +7,7 @@ lens. This mirrors a right-handed frame, which changes nothing for lenslets and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from lippmann.capturing.setup import Pickup, Setup
@@ -15,9 +15,9 @@ from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
-from lippmann.optics.sampling import points_in_square, square_to_cell
+from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
-from lippmann.rendering.sources import Aperture, Lines
+from lippmann.rendering.sources import Aperture, Lines, RaySource
 from lippmann.variant import mitsuba
 
 
@@ -37,19 +37,10 @@ def system_of(setup: Setup) -> System:
 def rays_from_picture(
     b: Backend, setup: Setup, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None = None
 ) -> CapturedRays:
-    """Trace rays from the image's pixels to the object space.
+    """Trace rays from the image's pixel coordinates u, v (double) to the object space.
 
-    Parameters
-    ----------
-    b
-        Backend.
-    setup
-        The set-up.
-    u, v
-        Pixel coordinates, double; see docs/reference/optics.md.
-    aperture
-        For a pickup: the points of the lenslets' apertures that rays pass, from the lenslet's centre, mm, array's axes;
-        None for the centres. A camera's pinhole determines them.
+    `aperture` is for a pickup: the points of the lenslets' apertures that rays pass, from the lenslet's centre, mm,
+    array's axes; None for the centres. A camera's pinhole determines them.
     """
     system = system_of(setup)
     frame = system.frame
@@ -86,56 +77,24 @@ def _through_lens(b: Backend, setup: Setup, ray: Ray, through_array: Arr) -> Cap
     return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), through_array, passed)
 
 
-@dataclass(frozen=True)
-class CaptureSource:
-    """The rays of a captured image, as a `RaySource`; `aperture` is for a pickup."""
+def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
+    """Return the rays of a captured image, in the object's frame; `aperture` is for a pickup.
 
-    setup: Setup
-    samples: int
-    aperture: Aperture
-    seed: int
-    device: str
+    The reasons for a loss are the lens, and the array.
+    """
+    panel, array = setup.display.panel, setup.array
 
-    @property
-    def width_px(self) -> int:
-        """Image width."""
-        return self.setup.display.panel.width_px
-
-    @property
-    def height_px(self) -> int:
-        """Image height."""
-        return self.setup.display.panel.height_px
-
-    @property
-    def stripes(self) -> None:
-        """A camera has no colour stripes."""
-        return
-
-    def rays(self, pixel: Any, sample: Any) -> CapturedRays:
-        """Trace samples of pixels, given by their numbers (UInt32)."""
+    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
         mi = mitsuba()
-        b = DrJitBackend(self.device)
-        row = pixel // self.width_px
-        column = pixel - row * self.width_px
-        jitter_x, jitter_y = mi.Float(0.5), mi.Float(0.5)
-        if self.samples > 1:
-            jitter_x, jitter_y = points_in_square(pixel, sample, self.seed, stream=0)
-        aperture = None
-        if self.aperture == "full" and isinstance(self.setup.pickup, Pickup):
-            s, t = points_in_square(pixel, sample, self.seed, stream=1)
-            x, y = square_to_cell(b, s, t, self.setup.array.grid, self.setup.array.pitch_mm)
-            aperture = (b.double(x), b.double(y))
-        u, v = b.double(column) + b.double(jitter_x), b.double(row) + b.double(jitter_y)
-        return rays_from_picture(b, self.setup, u, v, aperture)
+        aims = None
+        if aperture == "full" and isinstance(setup.pickup, Pickup):
+            x, y = square_to_cell(b, *square, array.grid, array.pitch_mm)
+            aims = (b.double(x), b.double(y))
+        ray, through_array, through_lens = rays_from_picture(b, setup, u, v, aims)
+        point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
+        direction = (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz))
+        return Lines(
+            point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
+        )
 
-    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
-        """Return the lines of sight of samples (see `RaySource`), in the object's frame."""
-        return lines_of(self.rays(pixel, sample))
-
-
-def lines_of(rays: CapturedRays) -> Lines:
-    """Return captured rays as lines of sight in the object's frame."""
-    mi = mitsuba()
-    ray, through_array, through_lens = rays
-    point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
-    return Lines(point, (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz)), through_array & through_lens)
+    return RaySource(panel.width_px, panel.height_px, lines)

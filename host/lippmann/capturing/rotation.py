@@ -34,18 +34,13 @@ Indices = npt.NDArray[np.int64]
 
 
 class Cells(NamedTuple):
-    """The lenslets' cells on a panel; pixels are numbered row by row.
+    """The lenslets' cells on a panel; pixels are numbered row by row."""
 
-    cell
-        (height * width,) cell of each pixel, counted from 0.
-    centre
-        (cells, 2) pixel coordinates of the lenslets' centres.
-    rim
-        (height * width,) whether a step of one pixel in x and one in y may leave the cell.
-    """
-
+    #: (height * width,) cell of each pixel, counted from 0.
     cell: Indices
+    #: (cells, 2) pixel coordinates of the lenslets' centres.
     centre: npt.NDArray[np.float64]
+    #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
     rim: npt.NDArray[np.bool_]
 
 
@@ -86,10 +81,14 @@ def rotation_map(display: Display) -> Indices:
     of_rim = cell[pixel]
     best = nearest.astype(np.int64)
     count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
+    whole = np.bincount(of_rim, minlength=len(centre))
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - asked)
-        beside = far.max(axis=1) <= 1.0 + ROUNDING
+        # The first pair is the nearest: where it brings all pixels onto the cell's own, no other is better.
+        beside = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < whole)
+        if not beside.any():
+            continue
         # Rim pixels of the cells for which this pair is within 1 of the pair asked for.
         tried = np.flatnonzero(beside[of_rim])
         its_cell = of_rim[tried]
@@ -105,7 +104,8 @@ def rotation_map(display: Display) -> Indices:
         taken = better[its_cell]
         stays[tried[taken]] = ~own[taken]
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
-    partner: Indices = (best[:, 0] + best[:, 1] * width)[cell] - np.arange(width * height)
+    partner: Indices = (best[:, 0] + best[:, 1] * width)[cell]
+    partner -= np.arange(width * height)
     partner[pixel[stays]] = pixel[stays]
     return partner
 

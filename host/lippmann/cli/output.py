@@ -42,8 +42,11 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Provide a callback (done, total) that draws a bar with the remaining time on stderr; None if quiet."""
-    if quiet:
+    """Provide a callback (done, total) that draws a bar with the remaining time on stderr.
+
+    None if quiet, or if nobody watches.
+    """
+    if quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
@@ -51,6 +54,6 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]
 
     percent = "{task.percentage:>3.0f}%"
     columns = "{task.description}", BarColumn(), percent, TimeElapsedColumn(), "ETA", TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+    with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,24 +19,24 @@ import numpy.typing as npt
 from PIL import Image as PngImage
 from scipy import ndimage
 
-from lippmann.capturing.rays import CaptureSource, lines_of, rays_from_picture
+from lippmann.capturing.rays import capture_source, rays_from_picture
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
 from lippmann.dev.seed import ANTIALIAS, SETUPS, TEMPLATES, load_for, render_source, with_window
 from lippmann.images import Radiance, encode
 from lippmann.measure.figures import row_of
-from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.povray.program import Run, povray
+from lippmann.povray.program import POVRAY, Run
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import Lines
+from lippmann.rendering.sources import Lines, RaySource
 from lippmann.report.pages import Page
 from lippmann.report.plots import Plot
-from lippmann.variant import current_device, mitsuba
+from lippmann.variant import mitsuba
 
 #: Side of the windows whose pictures are compared, px.
 PICTURE_PX = 600
@@ -85,51 +85,32 @@ class PictureDifference:
     unexplained: float
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of a capture's picture: every so many rows, from the middle of the first group of rows on.
+def part(source: RaySource, every: int) -> RaySource:
+    """Return a part of a picture: every so many rows, from the middle of the first group of rows on."""
 
-    With `shift_px` it is the whole picture with one sample a pixel, beside the pixel's centre.
-    """
+    def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
+        return source.lines(b, u, v + b.floor(v) * (every - 1.0) + every // 2, square)
 
-    source: CaptureSource
-    every: int = 1
-    shift_px: tuple[float, float] | None = None
-    stripes: None = None
-
-    @property
-    def width_px(self) -> int:
-        """Width of the picture."""
-        return self.source.width_px
-
-    @property
-    def height_px(self) -> int:
-        """Number of these rows."""
-        return self.source.height_px // self.every
-
-    def lines(self, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
-        """Return the lines of sight (see `RaySource`), those of the whole picture's own samples without a shift."""
-        mi = mitsuba()
-        import drjit as dr
-
-        row = pixel // self.width_px
-        if self.shift_px is None:
-            whole = pixel + (row * (self.every - 1) + self.every // 2) * self.width_px
-            return self.source.lines(whole, sample, stripe)
-        b = DrJitBackend(self.source.device)
-        column = pixel - row * self.width_px
-        # Opaque: a literal would be compiled in, each time anew.
-        du, dv = (b.double(dr.opaque(mi.Float, 0.5 + shift)) for shift in self.shift_px)
-        return lines_of(rays_from_picture(b, self.source.setup, b.double(column) + du, b.double(row) + dv))
+    return replace(source, height_px=source.height_px // every, lines=lines)
 
 
-def around(scene: Scene, source: CaptureSource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
+def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
+    """Return a picture by rays through points beside those of its samples."""
+    mi = mitsuba()
+    import drjit as dr
+
+    # Opaque: a literal would be compiled in, each time anew.
+    du, dv = (dr.opaque(mi.Float, shift) for shift in shift_px)
+    return replace(source, lines=lambda b, u, v, square: source.lines(b, u + b.double(du), v + b.double(dv), square))
+
+
+def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
     """Render along rays beside the pixel centres; (distances, directions, height, width, 3)."""
 
     def beside(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
-        return render_rays(scene, Part(source, shift_px=shift), Settings()).radiance
+        return render_rays(scene, shifted(source, shift), Settings()).radiance
 
     return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
@@ -228,7 +209,7 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         setup = with_window(setup, PICTURE_PX, setup.array.pitch_mm)
         scene = load_for(scenes / "seed/diffuse.xml", setup)
         theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
-        source = CaptureSource(setup, 1, "chief", 0, current_device())
+        source = capture_source(setup)
         ours = render_rays(scene, source, Settings()).radiance
         difference, where = compare(theirs, ours, around(scene, source), setup)
         found.append(Pair(difference, theirs, ours, where))
@@ -244,7 +225,7 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
     """Return the fewest samples with which Lippmann has no more noise than POV-Ray, and the noise of both."""
 
     def rows(samples: int, seed: int) -> Radiance:
-        source = Part(CaptureSource(setup, samples, "chief", seed, current_device()), EVERY_ROW)
+        source = part(capture_source(setup), EVERY_ROW)
         return render_rays(scene, source, Settings(samples=samples, seed=seed)).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
@@ -263,8 +244,7 @@ def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     scene = load_for(scenes / "seed/full.xml", setup)
     theirs, run = write_folder(scene, setup_view(setup), work / "time").render_once(*ANTIALIAS)
     samples, allowed, noise = samples_for(scene, setup, theirs)
-    source = CaptureSource(setup, samples, "chief", 0, current_device())
-    seconds, cpu = render_source(scene, source, samples)
+    seconds, cpu = render_source(scene, capture_source(setup), samples)
     return TimeAtNoise(run, seconds, cpu, samples, allowed, noise)
 
 
@@ -295,7 +275,7 @@ def peers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 
     Example: lippmann bench peers
     """
-    povray()
+    POVRAY.path()
     WORK.mkdir(parents=True, exist_ok=True)
     pairs, times = compare_pictures(bench.scenes, WORK), compare_times(bench.scenes, WORK)
     json = {"pictures": [row_of(pair.difference) for pair in pairs], "times": row_of(times)}

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import click
 import numpy as np
 
-from lippmann.capturing.rays import CaptureSource
+from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
 from lippmann.display import MM_PER_INCH, Display
@@ -28,13 +28,12 @@ from lippmann.measure.figures import row_of
 from lippmann.measure.renderer import with_pitch
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.povray.program import povray
+from lippmann.povray.program import POVRAY
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
-from lippmann.rendering.sources import PerspectiveSource, RaySource, Window
+from lippmann.rendering.sources import RaySource, Window, eye_source
 from lippmann.report.pages import Page
 from lippmann.report.plots import MARKS, Plot, drawn, finish
-from lippmann.variant import current_device
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
@@ -129,8 +128,7 @@ def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
         looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
         for antialias in looks if window <= sweep.antialiased_px else (False,):
             samples = SAMPLES if antialias else 1
-            source = CaptureSource(setup, samples, "chief", 0, current_device())
-            seconds, cpu = render_source(scene, source, samples, 1 if antialias else ROUNDS)
+            seconds, cpu = render_source(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
             yield _row("lippmann", setup, antialias, seconds, cpu, ours.cpu_seconds)
         if window <= sweep.povray_px:
             exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
@@ -144,7 +142,7 @@ def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
     window = Window(side, side, base_px, base_px)
-    seconds, cpu = render_source(scene, PerspectiveSource(EYE_MM, window, SAMPLES, 0), SAMPLES)
+    seconds, cpu = render_source(scene, eye_source(EYE_MM, window), SAMPLES)
     ours = Timed("lippmann", "none", base_px, None, 0, True, seconds, cpu, 1.0)
     _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
     return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
@@ -252,7 +250,7 @@ def seed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 
     Example: lippmann bench seed --quick
     """
-    povray()
+    POVRAY.path()
     rows: list[Timed] = []
     quick = bool(bench.options["quick"])
     with TemporaryDirectory() as work:

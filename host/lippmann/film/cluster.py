@@ -38,16 +38,8 @@ def render_on_cluster(
 ) -> Iterator[tuple[Shot, IntegralImage]]:
     """Render shots on the workers of a cluster; yield each with its image as it arrives.
 
-    Parameters
-    ----------
-    address
-        The scheduler's, such as tcp://127.0.0.1:8786.
-    device
-        "auto", "llvm" or "cuda": the device of each worker.
-    shots
-        In the order of their distribution.
-    log
-        Called with a message when no worker is left.
+    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
+    shots are distributed in their order. `log` is called with a message when no worker is left.
 
     Raises
     ------
@@ -139,7 +131,7 @@ def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> IntegralImage:
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
     with _rendering:
         start_mitsuba(device)
-        _check_scene(name, shot.scene, shot.digest)
+        _check_scene(name, shot.film.scene, shot.digest)
         return render_shot(shot)
 
 

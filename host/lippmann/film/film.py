@@ -10,8 +10,8 @@ from lippmann import toml
 from lippmann.errors import InputError, input_error
 from lippmann.film.path import Motion
 from lippmann.film.path import Path as FilmPath
-from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
+from lippmann.rendering.scene import Move
 from lippmann.toml import documented, key, values
 
 #: Most frames of a film: file names count to four digits.
@@ -66,13 +66,7 @@ class Film(FilmFile):
 
 
 def load_film(path: str | Path) -> Film:
-    """Read a film file.
-
-    Raises
-    ------
-    InputError
-        Naming file, key and remedy.
-    """
+    """Read a film file; InputError names file, key and remedy."""
     path = Path(path)
     film = Film(**values(toml.read(FilmFile, toml.load(path, "film"), str(path))), name=path.stem)
     near, far = film.near_mm, film.far_mm

@@ -17,13 +17,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Make a folder for a film's frames, and check that it contains no others.
-
-    Raises
-    ------
-    InputError
-        When the folder cannot be made, or contains frames of a longer film.
-    """
+    """Make a folder for a film's frames; raise InputError when that fails, or it contains frames of a longer film."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -57,18 +51,9 @@ def write_frames(
     render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, IntegralImage]]],
     progress: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Render and write the missing frames of a film; return their number.
+    """Render and write those of a film's frames that the folder lacks; return their number.
 
-    Parameters
-    ----------
-    folder
-        The frames' folder.
-    shots
-        All shots of the film.
-    render
-        Yields the image of each given shot, in any order.
-    progress
-        Called with (frames there, frames in all).
+    `render` yields the image of each given shot, in any order. `progress` is called with (frames there, frames in all).
 
     Raises
     ------

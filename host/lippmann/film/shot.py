@@ -15,9 +15,8 @@ from lippmann.display import Display
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.integral import RenderOptions, render_image
-from lippmann.rendering.moved import Move
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.scene import Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.rendering.scene import Move, Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
 from lippmann.toml import documented, key
 
 
@@ -29,19 +28,25 @@ def versions() -> dict[str, str]:
 @documented
 @dataclass(frozen=True)
 class Shot:
-    """One frame."""
+    """One frame of a film."""
 
-    film: Annotated[str, key("the film's name")]
+    film: Film
     frame: Annotated[int, key("the frame's number")]
-    scene: Annotated[Path, key("Mitsuba XML")]
     digest: Annotated[str, key("`digest_of` the scene")]
-    moves: Annotated[tuple[Move, ...], key("motions of the scene's shapes")]
-    placement: Annotated[Placement, key("of the scene before the display")]
-    reach: Annotated[
-        tuple[bool, bool], key("near and far depth extend with shapes that leave the scene's bounding box")
-    ]
+    rest: Annotated[Placement, key("of the scene by its own file")]
+    scale: Annotated[float, key("factor of the film's size, about the display's centre")]
     display: Display
     options: Annotated[RenderOptions, key("how to render")]
+
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """Motions of the scene's shapes."""
+        return self.film.moves(self.frame, self.rest)
+
+    @property
+    def placement(self) -> Placement:
+        """The scene's placement before the display."""
+        return self.film.placement(self.frame, self.rest, self.scale)
 
     @property
     def identity(self) -> str:
@@ -52,7 +57,7 @@ class Shot:
             "scene": self.digest,
             "moves": [(move.shapes, move.matrix.tolist()) for move in self.moves],
             "placement": asdict(self.placement),
-            "reach": self.reach,
+            "reach": (self.film.near_mm is None, self.film.far_mm is None),
             "display": self.display.identity,
             "options": options,
             "versions": list(versions().values()),
@@ -66,51 +71,36 @@ def shots_of(film: Film, display: Display, options: RenderOptions, scale: float 
     Raises
     ------
     InputError
-        When the scene cannot be read, or its placement is invalid.
+        When the scene cannot be read, or its own placement is invalid.
     """
-    digest = digest_of(film.scene)
-    rest = placement_beside(film.scene)
-    reach = (film.near_mm is None, film.far_mm is None)
-    return [
-        Shot(
-            film.name,
-            frame,
-            film.scene,
-            digest,
-            film.moves(frame, rest),
-            film.placement(frame, rest, scale),
-            reach,
-            display,
-            options,
-        )
-        for frame in range(film.frames)
-    ]
+    digest, rest = digest_of(film.scene), placement_beside(film.scene)
+    return [Shot(film, frame, digest, rest, scale, display, options) for frame in range(film.frames)]
 
 
 def render_shot(shot: Shot) -> IntegralImage:
     """Render a shot. All frames have the film's seed, so that the pixels of parts at rest do not change.
 
-    Raises
-    ------
-    InputError
-        As `load_scene` and `render_image`.
+    InputError as for `load_scene` and `render_image`.
     """
-    scene = load_scene(shot.scene, shot.placement, shot.moves)
-    if shot.moves:
+    scene = load_scene(shot.film.scene, shot.placement, shot.moves)
+    if shot.film.object:
         scene = _reaching(scene, shot)
     image = render_image(scene, shot.display, shot.options)
-    image.metadata.update({"film": shot.film, "frame": str(shot.frame), "shot": shot.identity})
+    image.metadata.update({"film": shot.film.name, "frame": str(shot.frame), "shot": shot.identity})
     return image
 
 
 def _reaching(scene: Scene, shot: Shot) -> Scene:
-    """Return the scene with a depth range that includes the shapes that have moved beyond it."""
-    rest = depths_of(_at_rest(shot.scene, shot.digest), scene.placement)
+    """Return the scene with a depth range that includes the shapes that have moved beyond it.
+
+    A depth that the film gives holds.
+    """
+    rest = depths_of(_at_rest(shot.film.scene, shot.digest), scene.placement)
     moved = depths_of(scene.mitsuba, scene.placement)
     far, near = scene.depth_range_mm
-    if shot.reach[0] and moved[1] > rest[1]:
+    if shot.film.near_mm is None and moved[1] > rest[1]:
         near = max(near, in_front_of(moved))
-    if shot.reach[1] and moved[0] < rest[0]:
+    if shot.film.far_mm is None and moved[0] < rest[0]:
         far = min(far, moved[0])
     return replace(scene, placement=replace(scene.placement, near_mm=near, far_mm=far))
 

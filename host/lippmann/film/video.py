@@ -23,18 +23,9 @@ VIEW_SUFFIXES = (".mp4",)
 def write_video(
     path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
 ) -> int:
-    """Write a video; return the number of its frames.
+    """Write a video of frames, (height, width, 3) uint8 each, sRGB; return their number.
 
-    Parameters
-    ----------
-    path
-        .mkv: FFV1, lossless; .mp4: H.264, for which width and height must be even.
-    frames
-        (height, width, 3) uint8 each, sRGB.
-    width_px, height_px
-        Size of the frames.
-    frames_per_second
-        Frame rate.
+    .mkv is FFV1, lossless; .mp4 is H.264, for which width and height must be even.
 
     Raises
     ------

@@ -98,7 +98,7 @@ def measure_depths(
     whether elemental images are rotated by 180 degrees.
     """
     settings = Settings(integrator="direct", seed=seed)
-    picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).rendered.radiance
+    picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
     display = setup.display
     window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitch_mm))
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
@@ -157,7 +157,7 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
         setup = load_setup(folder / f"setups/{name}.toml")
         scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
-        picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).rendered.radiance
+        picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).radiance
         # One pixel for each lenslet, magnified.
         window = whole_window(setup.display)
         for x in VIEW_EYES_MM:

@@ -63,8 +63,8 @@ class Crossing(NamedTuple):
     missed: Arr
 
 
-def _cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, Arr]:
-    """Intersect rays with the sphere of the lenslet that they are local to.
+def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, Arr]:
+    """Intersect rays with the sphere of the lenslet that they are local to; of the dome, its curvature alone counts.
 
     A ray in the glass going up (`upward`) meets the sphere where it leaves it, one in the air where it enters.
     Returns (hit, t from the ray's point, ray with its point on the sphere, cosine).
@@ -101,7 +101,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     upward
         Whether the ray comes from below, through the glass.
     """
-    hit, _, at, cosine = _cap(b, dome, ray, upward)
+    hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
     settled = hit & dome.lattice.holds(at.x, at.y)
 
@@ -111,7 +111,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *rest: Arr) -> tuple[Arr, ...]:
         # `rest`: the ray (x, y, z, dx, dy, dz) in its present cell, then the point on the dome and the cosine there.
         here = Ray(*rest[:6])
-        hit, t, at, cosine = _cap(b, dome, here, upward)
+        hit, t, at, cosine = cap(b, dome, here, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
         settled = hit & (t <= t_flat)
         return (
@@ -175,7 +175,7 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     def meets_cap(steps: Arr, here: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
         # This cell's cap, entered from the side: both roots are behind the vertex's foot, nothing cancels.
         # The dome just left cannot be met again, so step 0 skips it.
-        hit, _, _, cosine = _cap(b, dome, here, upward=True)
+        hit, _, _, cosine = cap(b, dome, here, upward=True)
         foot = here.x * here.dx + here.y * here.dy + here.z * here.dz
         t_cap = -(here.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))

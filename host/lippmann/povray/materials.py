@@ -91,13 +91,7 @@ class Materials:
         self._pictures: dict[tuple[Path, bool], str] = {}
 
     def read(self, item: Item) -> Material:
-        """Return the material of a BSDF.
-
-        Raises
-        ------
-        InputError
-            Naming the part that POV-Ray cannot express.
-        """
+        """Return the material of a BSDF; InputError names the part that POV-Ray cannot express."""
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
             self._known[item.index] = self._read(item, name)

@@ -34,13 +34,7 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and imaging lens for POV-Ray.
-
-    Raises
-    ------
-    InputError
-        For an ideal lens and for a pickup, which POV-Ray cannot express.
-    """
+    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for an ideal lens and a pickup."""
     if isinstance(setup.pickup, Pickup):
         raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
     if isinstance(setup.lens, ThinLens):
@@ -54,7 +48,7 @@ def setup_view(setup: Setup) -> View:
     parts = [lenslets(setup)]
     faces = ARRAY_FACES
     if isinstance(setup.lens, LensPair):
-        parts += imaging_lens(setup.lens, origin)
+        parts += [_plano_convex(setup.lens, setup.lens.faces[k : k + 2], origin) for k in (0, 2)]
         faces += 4
     return View(camera, panel.width_px, panel.height_px, "\n".join(parts), faces)
 
@@ -65,12 +59,8 @@ def object_from_lens(setup: Setup, z_mm: float) -> float:
     return setup.subject.distance_mm + hiatus - z_mm
 
 
-def imaging_lens(pair: LensPair, origin_mm: float) -> list[str]:
-    """Return both lenses; `origin_mm` is z of the lens's origin in the object's frame."""
-    return [_plano_convex(pair, pair.faces[k : k + 2], origin_mm) for k in (0, 2)]
-
-
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
+    """Return one of two lenses; `origin_mm` is z of the pair's origin in the object's frame."""
     radius = 0.5 * pair.aperture_mm
     curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
     # The sphere's centre is 1 / c behind its vertex along the lens's z, which is opposite to the object's.

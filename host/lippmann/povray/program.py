@@ -8,10 +8,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from lippmann.errors import MissingLibraryError, input_error
+from lippmann.errors import input_error
 from lippmann.sim.tools import Tool
 
-POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray")
+POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
 
 
 @dataclass(frozen=True)
@@ -26,20 +26,6 @@ class Run:
     cpu_seconds: float
 
 
-def povray() -> Path:
-    """Return the path of POV-Ray.
-
-    Raises
-    ------
-    MissingLibraryError
-        When it is not installed.
-    """
-    found = POVRAY.find()
-    if found is None:
-        raise MissingLibraryError(f"POV-Ray is missing; {POVRAY.remedy} (Debian and Ubuntu), or see povray.org")
-    return found
-
-
 def run_povray(ini: Path, *options: str) -> Run:
     """Render an exported folder's .ini file; options of POV-Ray override the file's.
 
@@ -50,7 +36,7 @@ def run_povray(ini: Path, *options: str) -> Run:
     MissingLibraryError
         When POV-Ray is not installed.
     """
-    program = povray()
+    program = POVRAY.path()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()
     command = [str(program), ini.name, *options]

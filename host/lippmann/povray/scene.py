@@ -29,16 +29,13 @@ GRAIN = 1e-6
 def write_scene(path: Path, placement: Placement, folder: Path) -> None:
     """Write `scene.inc`, a file for each mesh, and the image textures of a scene file to an existing folder.
 
-    Raises
-    ------
-    InputError
-        Naming the first part of the scene that POV-Ray cannot express.
+    InputError names the first part of the scene that POV-Ray cannot express.
     """
     materials = Materials(folder)
     textures: dict[str, str] = {}
     objects: list[str] = []
     lights: list[str] = []
-    for item in Tree(path).scene.children():
+    for item in Item(Tree(path), 0).children():
         if item.kind == "Shape":
             objects += _shape(item, materials, textures, placement, folder, len(objects))
         elif item.kind == "Emitter":

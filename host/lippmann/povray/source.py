@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.placement import Triple
+from lippmann.rendering.scene import parsed
 from lippmann.variant import mitsuba
 
 Matrix = npt.NDArray[np.float64]
@@ -110,22 +111,13 @@ class Item:
 
 
 class Tree:
-    """A parsed scene file."""
+    """A parsed scene file; its object 0 is the scene."""
 
     def __init__(self, path: Path) -> None:
         mi = mitsuba()
         self.mi = mi
         self.path = path
         self.reference = mi.Properties.ResolvedReference
-        configuration = mi.parser.ParserConfig(mi.variant())
-        try:
-            self.state = mi.parser.parse_file(configuration, str(path))
+        with parsed(path) as (configuration, self.state):
             mi.parser.transform_upgrade(configuration, self.state)
             mi.parser.transform_resolve(configuration, self.state)
-        except Exception as error:  # Mitsuba's errors have no common base
-            raise input_error(str(path), " ".join(str(error).split())[:400], "mend the scene file") from None
-
-    @property
-    def scene(self) -> Item:
-        """The outermost object."""
-        return Item(self, 0)

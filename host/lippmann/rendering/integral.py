@@ -26,26 +26,17 @@ SIZE_SHARE = (0.02, 1000.0)
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """Lens model, engine and settings of a render.
+    """Lens model, engine and settings of a render."""
 
-    Attributes
-    ----------
-    model
-        "auto": the cheapest whose error stays below `tolerance` (see `lippmann.select.model`).
-    tolerance
-        Error that "auto" allows, pixels of the reconstructed view.
-    engine
-        What traces the rays through the lenslets.
-    fraction_bits
-        Word length of the engines twin and rtl; None: the longest.
-    settings
-        Samples, aperture, integrator, seed.
-    """
-
+    #: "auto": the cheapest whose error stays below `tolerance` (see `lippmann.select.model`).
     model: ModelOption = "auto"
+    #: Error that "auto" allows, pixels of the reconstructed view.
     tolerance: float = TOLERANCE
+    #: What traces the rays through the lenslets.
     engine: Engine = "fast"
+    #: Word length of the engines twin and rtl; None: the longest.
     fraction_bits: int | None = None
+    #: Samples, aperture, integrator, seed.
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
@@ -66,14 +57,8 @@ def render_image(
 ) -> IntegralImage:
     """Render the integral image of a loaded scene.
 
-    Parameters
-    ----------
-    scene, display, options
-        The scene, the display, and how to render.
-    progress
-        Called with (tiles done, tiles in all).
-    note
-        Called with remarks: which model was chosen, and a scene of an odd size.
+    `progress` is called with (tiles done, tiles in all), `note` with remarks: which model was chosen, and a scene of an
+    odd size.
 
     Raises
     ------

@@ -115,11 +115,5 @@ class PlacementFile:
 
 
 def load_placement(path: Path) -> Placement:
-    """Read the table `[placement]` of a TOML file; other tables are not looked at.
-
-    Raises
-    ------
-    InputError
-        Naming file, key and remedy.
-    """
+    """Read the table `[placement]` of a TOML file and no other; InputError names file, key and remedy."""
     return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement

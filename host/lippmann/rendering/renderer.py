@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import resource
 import time
 from collections.abc import Callable
@@ -23,10 +24,12 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.images import Radiance
+from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
+from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import APERTURES, Aperture, IntegralSource, Lines, PerspectiveSource, RaySource, Window
+from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once. Part of an image's definition, because random integrators draw their numbers by chunk.
@@ -40,30 +43,20 @@ MAX_SAMPLES = 65536
 
 @dataclass(frozen=True)
 class Settings:
-    """How to render.
+    """How to render."""
 
-    Attributes
-    ----------
-    samples
-        Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are
-        spread over its area (anti-aliasing).
-    aperture
-        "chief": rays through the lenslet's centre; "full": spread over its cell.
-    integrator
-        "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
-    max_depth
-        Surfaces that a ray may meet.
-    seed
-        The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
-    memory_mb
-        Limit; None: four fifths of the free memory.
-    """
-
+    #: Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are spread
+    #: over its area (anti-aliasing).
     samples: int = 1
+    #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
+    #: "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
     integrator: str = "lights"
+    #: Surfaces that a ray may meet.
     max_depth: int = 4
+    #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
     seed: int = 0
+    #: Limit; None: four fifths of the free memory.
     memory_mb: float | None = None
 
     def __post_init__(self) -> None:
@@ -80,25 +73,19 @@ class Settings:
 
 @dataclass(frozen=True)
 class Rendered:
-    """A rendered image and its cost.
+    """A rendered image and its cost."""
 
-    Attributes
-    ----------
-    radiance
-        (height, width, 3) float32, linear RGB.
-    seconds, cpu_seconds
-        Wall time of the render, and processor time of all threads, without compilation.
-    prepare_seconds
-        Compilation before the render.
-    samples_traced
-        Rays sent into the scene.
-    """
-
+    #: (height, width, 3) float32, linear RGB.
     radiance: Radiance
+    #: Wall time of the render, and processor time of all threads, without compilation.
     seconds: float
     cpu_seconds: float
+    #: Compilation before the render.
     prepare_seconds: float
+    #: Rays sent into the scene, and those lost before.
     samples_traced: int
+    #: Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
+    lost_percent: tuple[float, ...] = ()
 
     @property
     def samples_per_second(self) -> float:
@@ -115,13 +102,7 @@ Progress = Callable[[int, int], None]
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Any:
-    """Return the integrator that the settings name.
-
-    Raises
-    ------
-    InputError
-        When there is no integrator of that name, or it does not sample single rays.
-    """
+    """Return the integrator that the settings name; raise InputError when there is none, or a ray is not enough."""
     mi = mitsuba()
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
@@ -148,18 +129,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render the image of a source of rays.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    source
-        `IntegralSource`, `PerspectiveSource` or `CaptureSource`.
-    settings
-        How to render.
-    progress
-        Called with (tiles done, tiles in all).
+    """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all).
 
     Raises
     ------
@@ -179,12 +149,13 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
     def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
-        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels."""
+        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels, and the lost samples."""
         index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         place = index // samples
         pixel, inside = _pixel_of(first_tile, place, width, height)
-        lines = source.lines(pixel, index - place * samples, stripe)
+        lines = _lines(source, settings, pixel, index - place * samples, stripe)
         active = lines.active & inside
+        lost = [mask & inside for mask in lines.lost]
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, count * tile_pixels * samples)
         ray = _scene_ray(scene, lines)
@@ -192,47 +163,52 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         colour = dr.select(active, mi.Color3f(radiance), 0.0)
         if samples > 1:
             # Evaluated before the sums, because each sum would trace the rays again.
-            dr.eval(colour)
+            dr.eval(colour, lost)
             colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
             place = dr.arange(mi.UInt32, count * tile_pixels)
             pixel, inside = _pixel_of(first_tile, place, width, height)
-        return pixel, inside, colour
+        return pixel, inside, colour, lost
 
     stripes = source.stripes
     passes: list[tuple[float, float, tuple[int, ...]]] = (
         [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
     )
 
-    def run(first_tile: int, count: int, number: int) -> None:
+    def run(first_tile: int, count: int, number: int) -> list[int]:
+        """Render tiles into the planes; return the numbers of lost samples."""
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
-            pixel, inside, colour = traced(
+            pixel, inside, colour, lost = traced(
                 dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
             )
             for k in channels:
                 dr.scatter(planes[k], colour[k], pixel, inside)
-            dr.eval(planes)
+            dr.eval(planes, lost)
+        return [int(mi.UInt32(dr.count(mask))[0]) for mask in lost]
 
     started = time.perf_counter()
     # Compiles the programs by running them on one tile.
     run(0, 1, 0)
     dr.sync_thread()
     prepared, cpu_before = time.perf_counter(), time.process_time()
+    lost_samples = []
     for number, first in enumerate(range(0, tiles, chunk_tiles)):
         interrupts.check()
         count = min(chunk_tiles, tiles - first)
-        run(first, count, number)
+        lost_samples.append(run(first, count, number))
         dr.sync_thread()
         if progress is not None:
             progress(first + count, tiles)
     finished, cpu_after = time.perf_counter(), time.process_time()
+    traced_samples = width * height * samples * len(passes)
     return Rendered(
         radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
         seconds=finished - prepared,
         cpu_seconds=cpu_after - cpu_before,
         prepare_seconds=prepared - started,
-        samples_traced=width * height * samples * len(passes),
+        samples_traced=traced_samples,
+        lost_percent=tuple(100.0 * sum(counts) / traced_samples for counts in zip(*lost_samples, strict=True)),
     )
 
 
@@ -251,12 +227,28 @@ def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any
     return mi.UInt32(row * width + column), inside
 
 
+def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32).
+
+    `stripe` is the centre and the width of the sampled part of the pixel, in pixels from the pixel's centre.
+    """
+    mi = mitsuba()
+    b = DrJitBackend(current_device())
+    x, y = mi.Float(0.5), mi.Float(0.5)
+    if settings.samples > 1:
+        x, y = points_in_square(pixel, sample, settings.seed, stream=0)
+    row = pixel // source.width_px
+    offset, width = stripe
+    u = b.double(pixel - row * source.width_px) + b.double(0.5 + offset + width * (x - 0.5))
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
+
+
 def _scene_ray(scene: Scene, lines: Lines) -> Any:
     """Return the scene's ray along a line of sight, from in front of the scene towards the display."""
     mi = mitsuba()
     import drjit as dr
 
-    point, direction, _ = lines
+    point, direction = lines.point, lines.direction
     near = scene.placement.near_mm
     t = (near - point[2]) / direction[2]
     start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(near))
@@ -272,13 +264,7 @@ def _scene_ray(scene: Scene, lines: Lines) -> Any:
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
-    """Refuse an image whose buffers exceed the memory limit.
-
-    Raises
-    ------
-    InputError
-        Naming the memory that is needed and the limit.
-    """
+    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
     # Radiance in float32 three times: as planes, as an image, and in the file format.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     what = f"an image of {width_px} x {height_px} pixels"
@@ -286,13 +272,7 @@ def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Refuse work that needs more memory (MB) than a limit; None: four fifths of the free memory.
-
-    Raises
-    ------
-    InputError
-        Naming the work, the need, the limit and the remedy.
-    """
+    """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not limit > 0.0:
         raise InputError(f"--memory-mb {limit:g} is not a limit; give a number above 0")
@@ -302,23 +282,20 @@ def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) 
 
 def free_memory_mb() -> float:
     """Return the free memory of this machine, MB, including what caches can release."""
-    information = Path("/proc/meminfo")
-    if information.exists():
-        for line in information.read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024 / 1e6
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return _proc_mb("meminfo", "MemAvailable") or os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        for line in status.read_text().splitlines():
-            # Unlike the resource usage, which a process inherits from its parent.
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024 / 1e6
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+    # Unlike /proc, the resource usage is what a process inherits from its parent.
+    return _proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def _proc_mb(file: str, entry: str) -> float | None:
+    """Return an entry in kB of a file below /proc, in MB; None where there is none."""
+    path = Path("/proc", file)
+    found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
+    return None if found is None else int(found[1]) * 1024 / 1e6
 
 
 def render_integral(
@@ -339,9 +316,7 @@ def render_integral(
     MissingLibraryError
         When an engine lacks a tool.
     """
-    source = IntegralSource(
-        display, model, settings.samples, settings.aperture, settings.seed, current_device(), engine, fraction_bits
-    )
+    source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
 
@@ -353,9 +328,8 @@ def render_view(
     progress: Progress | None = None,
 ) -> Rendered:
     """Render the scene as an eye sees it through a window, without a display (see `render_rays`)."""
-    source = PerspectiveSource(eye_mm, window, settings.samples, settings.seed)
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         # Parts of the scene behind the eye are invisible.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render_rays(scene, source, settings, progress)
+    return render_rays(scene, eye_source(eye_mm, window), settings, progress)

@@ -1,10 +1,13 @@
-"""Loads a Mitsuba scene and places it before the display."""
+"""Loads a Mitsuba scene, with some of its shapes moved or none, and places it before the display."""
 
 from __future__ import annotations
 
+import fnmatch
+import hashlib
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,24 +15,24 @@ from typing import Any
 import numpy as np
 
 from lippmann.errors import InputError, input_error
-from lippmann.rendering.moved import Move, load_moved, scene_digest
-from lippmann.rendering.placement import Placement, load_placement
+from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
+
+#: Ids that an error message lists.
+LISTED_IDS = 8
+
+
+@dataclass(frozen=True)
+class Move:
+    """A similarity (4, 4), in the scene's frame, of all shapes whose id matches a pattern (`*`, `?`)."""
+
+    shapes: str
+    matrix: Matrix
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene.
-
-    Attributes
-    ----------
-    path
-        Its XML file.
-    mitsuba
-        The `mitsuba.Scene`.
-    placement
-        With both depths filled in.
-    """
+    """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in."""
 
     path: Path
     mitsuba: Any
@@ -62,13 +65,7 @@ def placement_beside(path: Path) -> Placement:
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Check that a path names a scene file.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or not .xml.
-    """
+    """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = Path(path)
     if not path.is_file():
         raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
@@ -77,62 +74,95 @@ def check_scene_file(path: str | Path) -> Path:
     return path
 
 
-def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
-    """Load a scene file.
+@contextmanager
+def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
+    """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
 
-    Parameters
-    ----------
-    path
-        Mitsuba XML.
-    placement
-        None: `placement_beside`.
-    moves
-        Motions of its shapes.
+    In the block Mitsuba finds files beside the scene file, as with its own loader.
 
     Raises
     ------
     InputError
-        When the file is missing or Mitsuba refuses it (unknown plugin, missing texture or mesh, bad XML), or when a
-        move matches no shape.
+        For Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a file that cannot
+        be read.
+    """
+    mi = mitsuba()
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.prepend(mi.filesystem.path(str(path.parent)))
+    mi.set_file_resolver(resolver)
+    try:
+        configuration = mi.parser.ParserConfig(mi.variant())
+        yield configuration, mi.parser.parse_file(configuration, str(path))
+    except InputError:
+        raise
+    except OSError as error:
+        what = f"names {error.filename}, which cannot be read ({error.strerror})"
+        raise input_error(str(path), what, "mend the scene file") from None
+    except Exception as error:  # Mitsuba's errors have no common base
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        # Without positions in Mitsuba's source.
+        text = re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(lines)) or type(error).__name__
+        raise input_error(str(path), text[:400], "mend the scene file") from None
+    finally:
+        mi.set_file_resolver(before)
+
+
+def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
+    """Load a scene file, Mitsuba XML; its shapes are moved in the order of `moves`.
+
+    Without a placement it stands by `placement_beside`.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape.
     """
     mi = mitsuba()
     path = check_scene_file(path)
     if placement is None:
         placement = placement_beside(path)
-    try:
-        scene = load_moved(path, moves) if moves else mi.load_file(str(path))
-    except InputError:
-        raise
-    except Exception as error:  # Mitsuba's errors have no common base
-        raise input_error(str(path), _first_reason(error), "mend the scene file") from None
+    with parsed(path) as (configuration, state):
+        shapes = [node.props for node in state.nodes if node.type == mi.ObjectType.Shape]
+        for move in moves:
+            chosen = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
+            if not chosen:
+                raise input_error(str(path), f"no shape's id matches '{move.shapes}'", _ids_there(shapes))
+            motion = mi.ScalarTransform4d(move.matrix)
+            for props in chosen:
+                props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
+        mi.parser.transform_all(configuration, state)
+        scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
     return Scene(path, scene, _with_depths(scene, placement, path))
 
 
-def _first_reason(error: Exception) -> str:
-    """Return Mitsuba's error message in one line, without source positions."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    text = re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(lines)) if lines else type(error).__name__
-    return text[:400]
+def _ids_there(shapes: Sequence[Any]) -> str:
+    ids = [props.id() for props in shapes if props.id()]
+    if not ids:
+        return 'give the shapes ids in the file: <shape type="ply" id="...">'
+    more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
+    return f"there are {', '.join(ids[:LISTED_IDS])}{more}"
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash of a scene file and all files that it names (see `moved.scene_digest`).
+    """Return a hash, 64 hexadecimal digits, of a scene file, its includes, and the meshes and textures that it names.
 
-    Raises
-    ------
-    InputError
-        As `load_scene`.
+    InputError as for `load_scene`.
     """
     path = check_scene_file(path)
-    try:
-        return scene_digest(path)
-    except OSError as error:
-        what = f"names {error.filename}, which cannot be read ({error.strerror})"
-        raise input_error(str(path), what, "mend the scene file") from None
-    except RuntimeError as error:
-        raise input_error(str(path), _first_reason(error), "mend the scene file") from None
+    mi = mitsuba()
+    with parsed(path) as (configuration, state):
+        mi.parser.transform_resolve(configuration, state)
+        files = [str(file) for file in state.files]
+        for node in state.nodes:
+            if "filename" in node.props:
+                files.append(str(mi.file_resolver().resolve(mi.filesystem.path(node.props["filename"]))))
+        digest = hashlib.sha256()
+        for file in dict.fromkeys(files):
+            digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:

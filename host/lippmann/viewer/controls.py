@@ -57,8 +57,8 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     near, far = (share * VIEWING_DISTANCE_MM for share in DISTANCES)
     shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
-    shrink = max(1.0 - STRETCH, display.panel.pixel_pitch_mm / array.pitch_mm)
-    stretch = min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm)
+    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.pixel_pitch_mm / array.pitch_mm), FINE)
+    wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [
             Slider("eye-x", "Right", "mm", -reach, reach, _step(reach)),
@@ -71,15 +71,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
         ],
         "The array as built": [
             Slider("rotation", "Turned", "°", -TURN_DEG, TURN_DEG, 0.01),
-            Slider(
-                "pitch-scale",
-                "Stretched",
-                "×",
-                1.0 - _whole(1.0 - shrink, FINE),
-                1.0 + _whole(stretch - 1.0, FINE),
-                FINE,
-                1.0,
-            ),
+            Slider("pitch-scale", "Stretched", "×", narrow, wide, FINE, 1.0),
             Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
             Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
             Slider("gap", "Lifted", "mm", 0.0 - _whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
+
+import numpy as np
 
 from lippmann.display import Display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
@@ -24,11 +25,8 @@ LEAST_REACH = 0.05
 def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
     """Return eyes across the viewing zone, mm, at the usual distance."""
     reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * VIEWING_DISTANCE_MM)
-
-    def spread(count: int) -> list[float]:
-        return [reach * (2.0 * k / (count - 1) - 1.0) for k in range(count)]
-
-    return [(x, y, VIEWING_DISTANCE_MM) for y, x in itertools.product(spread(GRID[1]), spread(GRID[0]))]
+    across, down = (np.linspace(-reach, reach, count).tolist() for count in GRID)
+    return [(x, y, VIEWING_DISTANCE_MM) for y in down for x in across]
 
 
 def render_directs(

@@ -40,14 +40,9 @@ DRAWN = 100.0
 
 @dataclass(frozen=True)
 class Direct:
-    """A direct perspective render of the scene, through the window that covers the panel.
+    """A direct perspective render of the scene from an eye, through the window that covers the panel.
 
-    Attributes
-    ----------
-    eye_mm
-        The eye.
-    radiance
-        (height, width, 3), linear; with the panel's aspect ratio.
+    `radiance` is (height, width, 3), linear, with the panel's aspect ratio.
     """
 
     eye_mm: tuple[float, float, float]
@@ -55,18 +50,9 @@ class Direct:
 
 
 def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs: Sequence[Direct] = ()) -> str:
-    """Return the viewer page of an integral image.
+    """Return the viewer page of an integral image, with direct renders beside the view.
 
-    Parameters
-    ----------
-    display
-        The display that shows it.
-    radiance
-        (height, width, 3) of the panel, linear. The page stores it as 8 bits sRGB, clipped at 1.
-    title
-        Heading of the page.
-    directs
-        Direct renders to show beside the view.
+    `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1.
 
     Raises
     ------

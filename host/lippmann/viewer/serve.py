@@ -13,10 +13,7 @@ LOOPBACK = "127.0.0.1"
 def page_server(page: bytes, tcp_port: int = 0) -> ThreadingHTTPServer:
     """Return a server of the page, bound to loopback but not started; port 0 means any free port.
 
-    Raises
-    ------
-    InputError
-        When the port is taken.
+    InputError when the port is taken.
     """
 
     class Handler(BaseHTTPRequestHandler):

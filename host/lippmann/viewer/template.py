@@ -1,4 +1,4 @@
-"""Templates: text files of a package with `@@name@@` where a value goes, and `#include` in the viewer's shaders."""
+"""Templates: text files of this package with `@@name@@` where a value goes, and `#include` in the viewer's shaders."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ HOLE = re.compile(r"@@(\w+)@@")
 INCLUDE = re.compile(r'^#include "([\w.]+)"\n', re.M)
 
 
-def read(name: str, package: str = "lippmann.viewer") -> str:
-    """Return the text of a file of a package."""
-    return files(package).joinpath(name).read_text(encoding="utf-8")
+def read(name: str) -> str:
+    """Return the text of a file of this package."""
+    return files("lippmann.viewer").joinpath(name).read_text(encoding="utf-8")
 
 
-def filled(name: str, package: str = "lippmann.viewer", **values: str) -> str:
+def filled(name: str, **values: str) -> str:
     """Return a template with its holes filled; values are not looked into, and none may be missing or left over."""
-    text = read(name, package)
+    text = read(name)
     holes = set(HOLE.findall(text))
     if holes != set(values):
         raise ValueError(f"{name} has the holes {sorted(holes)}, not {sorted(values)}")
