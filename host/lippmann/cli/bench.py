@@ -11,7 +11,8 @@ from typing import Any
 
 import click
 
-from lippmann.cli.options.common import device_option, json_option, seed_option
+from lippmann.cli.frame import json_option, option, parameters
+from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.images import check_output
@@ -44,13 +45,12 @@ REGISTERED = ("view", "seed", "peers")
 
 @dataclass(frozen=True)
 class Bench:
-    """One run of a measurement: its options (`device` is "" when it does not use Mitsuba), and its figures' origin."""
+    """One run of a measurement (`device` is "" when it does not use Mitsuba), and its figures' origin."""
 
     scenes: Path
     seed: int
     device: str
     report: Path | None
-    options: Mapping[str, Any]
     origin: Mapping[str, str]
 
     def collect(self, rows: Iterable[Any]) -> list[dict[str, Any]]:
@@ -62,22 +62,20 @@ class Bench:
         return found
 
 
-#: A measurement: returns its JSON without the origin, and its page; None: the page of all measured figures.
-Measure = Callable[[Bench], tuple[Mapping[str, Any], Page | None]]
+#: A measurement, of a `Bench` and its own options: returns its JSON without the origin, and its page; None: the page of
+#: all measured figures.
+Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 
 
 def measurement(
-    *options: Callable[[Any], Any],
     page: str = "measured",
     packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"),
     needs_device: bool = False,
 ) -> Callable[[Measure], click.Command]:
-    """Make a sub-command of a function that measures; it takes the function's name and docstring.
+    """Make a sub-command of a function that measures; it takes the function's name, docstring and own options.
 
     Parameters
     ----------
-    options
-        The measurement's own options.
     page
         The page that `--report` writes, without extension.
     packages
@@ -85,6 +83,7 @@ def measurement(
     needs_device
         Whether the measurement needs Mitsuba or the fast engine.
     """
+    report_help = f"Also write {page}.md and its files into this folder."
 
     def decorated(measure: Measure) -> click.Command:
         name = measure.__name__
@@ -100,27 +99,24 @@ def measurement(
             chosen = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
             kept = None if report is None else Path(report)
-            found, written = measure(Bench(folder, seed, chosen, kept, own, origin))
+            found, written = measure(Bench(folder, seed, chosen, kept, origin), **own)
             if kept is not None and written is not None:
                 written.write(kept)
             elif kept is not None:
                 (kept / "measured").mkdir(exist_ok=True)
                 write_csv(kept / f"measured/{name}.csv", origin, found["rows"])
                 benches.measured_page(kept).write(kept)
-            emit({**origin, **found}, as_json, lambda: click.echo(written.text() if written else _plain(origin, found)))
+            emit({**origin, **found}, written.text() if written else _plain(origin, found))
 
-        command.__doc__ = measure.__doc__
-        report_help = f"Also write {page}.md and its files into this folder."
-        for option in (
-            json_option,
-            device_option if needs_device else click.option("--device", default="auto", hidden=True),
-            seed_option,
-            click.option("--report", metavar="FOLDER", help=report_help),
-            *reversed(options),
-            click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes."),
-        ):
-            command = option(command)
-        return click.command(name)(command)
+        options = [
+            SCENES.parameter("scenes", str),
+            *parameters(measure),
+            option(report_help, None, metavar="FOLDER").parameter("report", str),
+            SEED.parameter("seed", int),
+            (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
+            json_option(),
+        ]
+        return click.Command(name, callback=command, params=options, help=measure.__doc__)
 
     return decorated
 
@@ -189,19 +185,20 @@ def command() -> None:
     """
 
 
-@measurement(
-    click.option("--configuration", multiple=True, metavar="NAME", help="Measure only this; may be repeated."),
-    page="fixed-point-error",
-    packages=("numpy",),
-)
-def fixed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+@measurement(page="fixed-point-error", packages=("numpy",))
+def fixed(
+    bench: Bench,
+    configuration: tuple[str, ...] = option(
+        "Measure only this; may be repeated.", (), str, multiple=True, metavar="NAME"
+    ),
+) -> tuple[Mapping[str, Any], Page]:
     """Measure the error of the fixed-point pipeline against golden, and the share of each step.
 
     Example: lippmann bench fixed --configuration widest-square
     """
     from lippmann.measure.fixed import measure_all
 
-    errors, steps = measure_all(bench.options["configuration"], bench.scenes, bench.seed, log)
+    errors, steps = measure_all(configuration, bench.scenes, bench.seed, log)
     rows, shares = [row_of(row) for row in errors], [row_of(step) for step in steps]
     return {"rows": rows, "budget": shares}, benches.fixed_page(bench.origin, rows, shares)
 

@@ -15,7 +15,8 @@ from typing import Any
 import click
 
 from lippmann import interrupts
-from lippmann.cli.options.common import display_option, fraction_bits_option, json_option
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DISPLAY, word_length
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
@@ -34,34 +35,22 @@ ERRORS: dict[int, type[LippmannError]] = {
 PATH = click.Path(path_type=Path, readable=False)
 
 
-@click.command("start")
-@display_option
-@click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="Kind of port.")
-@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: a free one.")
-@click.option("--baud", type=click.IntRange(1), help="Simulate a UART of this rate; default: a line without a rate.")
-@fraction_bits_option("its optics", COMPACT)
-@click.option("--capture", type=PATH, metavar="FOLDER", help="Write every new frame that is scanned out, as PNG.")
-@click.option(
-    "--ready", type=PATH, metavar="FILE", help="Write the board's URL to this JSON file, while the board runs."
-)
-@click.option("--trace", type=PATH, metavar="FILE.fst", help="Write waveforms of the clocks --trace-clocks.")
-@click.option("--background", is_flag=True, help="Return when the board is ready, and let it run; needs --ready.")
-@click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
-@json_option
-@click.pass_context
+@make_command("start")
 def start_command(
-    ctx: click.Context,
-    display_path: str,
-    line: virtual_board.Port,
-    tcp_port: int,
-    baud: int | None,
-    fraction_bits: int,
-    capture: Path | None,
-    ready: Path | None,
-    trace: Path | None,
-    trace_clocks: tuple[int, int],
-    background: bool,
-    as_json: bool,
+    display_path: str = DISPLAY,
+    line: virtual_board.Port = option("Kind of port.", "tcp"),
+    tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
+    baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
+    fraction_bits: int = word_length("its optics", COMPACT),
+    capture: Path | None = option("Write every new frame that is scanned out, as PNG.", None, PATH, metavar="FOLDER"),
+    ready: Path | None = option(
+        "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
+    ),
+    trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
+    background: bool = option("Return when the board is ready, and let it run; needs --ready.", False),
+    trace_clocks: tuple[int, int] = option(
+        None, (0, 1_000_000), (click.IntRange(0), click.IntRange(1)), show_default=True
+    ),
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
@@ -82,7 +71,7 @@ def start_command(
     if background:
         if not ready:
             raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
-        _in_background(ctx, ready, as_json)
+        _in_background(ready)
         return
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
@@ -103,7 +92,7 @@ def start_command(
             if ready:
                 with replacing(ready) as partial:
                     partial.write_text(json.dumps(result) + "\n")
-            emit(result, as_json, f"{display.name}: {board.url} (Ctrl-C ends it)")
+            emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             while board.process.poll() is None:
                 if capture:
@@ -119,26 +108,26 @@ def start_command(
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
     """Refuse missing or read-only folders, and the ready file of a running board."""
-    for option, place in (
+    for name, place in (
         ("--capture", capture),
         ("--ready", ready and ready.parent),
         ("--trace", trace and trace.parent),
     ):
         if place and not place.is_dir():
-            raise input_error(option, f"no folder {place}", "make it first")
+            raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
-            raise input_error(option, f"{place} cannot be written to", "choose another folder or change permissions")
+            raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")
     if ready and (other := _running(ready)) is not None:
         raise input_error("--ready", f"{ready} belongs to a board that runs ({other[1]})", "end it, or name a new file")
 
 
-def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
+def _in_background(ready: Path) -> None:
     """Run the same command without --background in a session of its own; return when its ready file exists."""
     ready.unlink(missing_ok=True)
     output = _log_of(ready)
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words(ctx)]
+    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
     with output.open("wb") as both:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
     try:
@@ -154,16 +143,17 @@ def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
         output.unlink()
         raise
     result = json.loads(ready.read_text())
-    emit(result, as_json, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
+    emit(result, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
 
 
-def _option_words(ctx: click.Context) -> list[str]:
-    """Return a command's parsed options as words; with --json, so that an error is the last line of the log."""
+def _option_words() -> list[str]:
+    """Return the command's parsed options as words; with --json, so that an error is the last line of the log."""
+    ctx = click.get_current_context()
     words = []
-    for option in ctx.command.params:
-        value = ctx.params.get(option.name or "")
+    for parameter in ctx.command.params:
+        value = ctx.params.get(parameter.name or "")
         if value is not None and not isinstance(value, bool):
-            words += [option.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
+            words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
     return [*words, "--json"]
 
 
@@ -206,10 +196,8 @@ def _running(ready: Path) -> tuple[int, str] | None:
     return content if b"board" in words and b"start" in words else None
 
 
-@click.command("stop")
-@click.option("--ready", type=PATH, required=True, metavar="FILE", help="The --ready file of the board's start.")
-@json_option
-def stop_command(ready: Path, as_json: bool) -> None:
+@make_command("stop")
+def stop_command(*, ready: Path = option("The --ready file of the board's start.", kind=PATH, metavar="FILE")) -> None:
     """End a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json
@@ -237,4 +225,4 @@ def stop_command(ready: Path, as_json: bool) -> None:
     if (failure := _failure(output)) is not None:
         raise failure
     output.unlink(missing_ok=True)
-    emit({"url": url, "pid": pid}, as_json, f"{url}: ended")
+    emit({"url": url, "pid": pid}, f"{url}: ended")
