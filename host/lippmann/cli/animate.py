@@ -15,11 +15,11 @@ from lippmann.board.frames import panel_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
 from lippmann.cli.options.rendering import RENDERING
-from lippmann.cli.output import emit, log, progress_bar, tracked
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.film.cluster import render_on_cluster
-from lippmann.film.film import Film, load_film
+from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Shot, render_shot, shots_of
 from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, write_video
@@ -68,7 +68,8 @@ def command(
     film = load_film(film_path)
     display = load_display(display_path)
     looker = None if eye is None else Eye(eye)
-    check_memory(display.panel.width_px, display.panel.height_px, options.settings)
+    panel = display.panel
+    check_memory(panel.width_px, panel.height_px, options.settings)
     check_scene_file(film.scene)
     folder = Path(output)
     check_folder(folder, film.frames)
@@ -99,9 +100,12 @@ def command(
         rendered = write_frames(folder, shots, render, progress)
     seconds = time.perf_counter() - started
     if video is not None:
-        _write_panel(folder, film, display, video)
+        frames = (panel_values(image.radiance, panel) for image in _images(folder, range(film.frames), display))
+        write_video(video, frames, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and looker is not None:
-        _write_view(folder, film, display, looker, seen, view)
+        with progress_bar("view") as progress:
+            images = _images(folder, counted(range(film.frames), progress), display)
+            _write_view(images, looker, seen, view, film.frames_per_second)
     result = {
         "folder": str(folder),
         "film": film.name,
@@ -118,7 +122,7 @@ def command(
 
     kept_text = f", {film.frames - rendered} kept" if rendered < film.frames else ""
     lines = [
-        f"{folder}: {film.frames} frames of {display.panel.width_px} x {display.panel.height_px}, "
+        f"{folder}: {film.frames} frames of {panel.width_px} x {panel.height_px}, "
         f"{rendered} rendered in {seconds:.1f} s{kept_text}"
     ]
     films = [f"{written}: {film.frames / film.frames_per_second:.3g} s" for written in (video, view) if written]
@@ -129,25 +133,17 @@ def _images(folder: Path, frames: Iterable[int], display: Display) -> Iterator[I
     return (IntegralImage.load(frame_path(folder, frame), display) for frame in frames)
 
 
-def _write_panel(folder: Path, film: Film, display: Display, path: str) -> None:
-    """Write the panel's values as a video."""
-    panel = display.panel
-    frames = (panel_values(image.radiance, panel) for image in _images(folder, range(film.frames), display))
-    write_video(path, frames, panel.width_px, panel.height_px, film.frames_per_second)
-
-
 def _view_window(display: Display, width: int | None) -> Window:
     """Return the window of --view; videos need even sides."""
     window = whole_window(display, width or api.VIEW_PX)
     return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
-def _write_view(folder: Path, film: Film, display: Display, eye: Eye, window: Window, path: str) -> None:
-    """Write what an eye sees of the film as a video or an animation."""
-    images = _images(folder, tracked("view", range(film.frames)), display)
-    views = (observe(image.radiance, display, eye, window).radiance for image in images)
+def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:
+    """Write what an eye sees of a film as a video or an animation."""
+    views = (observe(image.radiance, image.display, eye, window).radiance for image in images)
     if Path(path).suffix.lower() in VIEW_SUFFIXES:
         frames = (encoded_values(view, "srgb", 8) for view in views)
-        write_video(path, frames, window.width_px, window.height_px, film.frames_per_second)
+        write_video(path, frames, window.width_px, window.height_px, frames_per_second)
     else:
-        write_animation(path, views, there_and_back=False, frame_ms=1000.0 / film.frames_per_second)
+        write_animation(path, views, there_and_back=False, frame_ms=1000.0 / frames_per_second)

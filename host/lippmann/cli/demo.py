@@ -14,7 +14,7 @@ from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.frames import panel_values
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
-from lippmann.cli.output import emit, log, progress_bar, tracked
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import Radiance, decode, psnr_db, replacing
@@ -129,7 +129,8 @@ def _views(scene: Scene, image: IntegralImage, out: Path, device: str) -> tuple[
         return render_view(scene, eye, window, Settings(samples=samples)).radiance
 
     eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
-    views = [seen(eye, window) for eye in tracked("observe", eyes)]
+    with progress_bar("observe") as progress:
+        views = [seen(eye, window) for eye in counted(eyes, progress)]
     write_animation(out / "views.gif", views)
     chosen = range(0, FRAMES, (FRAMES - 1) // 2)
     directs = [Direct(eyes[k], direct(eyes[k], window, 4)) for k in chosen]

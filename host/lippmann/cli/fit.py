@@ -48,7 +48,6 @@ def command(
 
 
 def _samples(chosen: Fit, tolerance: float) -> str:
-    """Return the number of samples and its reason."""
     if chosen.samples is None:
         enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
         return (
@@ -62,7 +61,6 @@ def _samples(chosen: Fit, tolerance: float) -> str:
 
 
 def _build(chosen: Fit, tolerance: float) -> str:
-    """Return the build of the RTL and its reason."""
     build, error = chosen.build, chosen.build_error_px
     if build is None and math.isinf(error):
         return "RTL: no build can hold this display or give its rays"

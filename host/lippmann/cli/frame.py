@@ -21,10 +21,9 @@ REQUIRED = inspect.Parameter.empty
 
 @dataclass(frozen=True)
 class Declared:
-    """An option or argument: click's class and its arguments; the flag is "" when it is the parameter's name."""
+    """An option or argument: the flag (None: an argument; "": the parameter's name) and what click needs more."""
 
-    made: Callable[..., click.Parameter]
-    flag: str
+    flag: str | None
     attributes: Mapping[str, Any]
 
     def parameter(self, name: str, kind: Any) -> click.Parameter:
@@ -34,7 +33,7 @@ class Declared:
         attributes = dict(self.attributes)
         if attributes["type"] is None:
             attributes["type"] = click.Choice(get_args(kind)) if get_origin(kind) is Literal else kind
-        if self.made is click.Argument:
+        if self.flag is None:
             return click.Argument((name,), **attributes)
         flag = self.flag or f"--{name.replace('_', '-')}"
         return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
@@ -50,12 +49,12 @@ class Group:
 def option(help_text: str | None, default: Any = REQUIRED, kind: Any = None, flag: str = "", **others: Any) -> Any:
     """Declare an option; `kind` is click's type, `others` are further arguments of `click.Option`."""
     shown = not (default is None or default is REQUIRED or isinstance(default, bool | tuple))
-    return Declared(click.Option, flag, {"help": help_text, "show_default": shown, **_given(default, kind), **others})
+    return Declared(flag, {"help": help_text, "show_default": shown, **_given(default, kind), **others})
 
 
 def argument(metavar: str | None = None, default: Any = REQUIRED, kind: Any = None, **others: Any) -> Any:
     """Declare an argument."""
-    return Declared(click.Argument, "", {"metavar": metavar, **_given(default, kind), **others})
+    return Declared(None, {"metavar": metavar, **_given(default, kind), **others})
 
 
 def group(source: Function) -> Any:

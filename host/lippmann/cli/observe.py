@@ -12,7 +12,7 @@ from lippmann import api
 from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
-from lippmann.cli.output import emit, log, tracked
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import SUFFIXES, check_output
@@ -82,13 +82,14 @@ def command(
         "give a smaller --width or fewer --frames",
     )
     image = IntegralImage.load(image_path, display, force)
-    views = [
-        api.observe(
-            image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
-            crosstalk=not no_crosstalk, seed=seed, device=device,
-        )
-        for one in tracked("observe", eyes)
-    ]  # fmt: skip
+    with progress_bar("observe") as progress:
+        views = [
+            api.observe(
+                image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
+                crosstalk=not no_crosstalk, seed=seed, device=device,
+            )
+            for one in counted(eyes, progress)
+        ]  # fmt: skip
     if sweep is None:
         views[0].metadata["view_of"] = Path(image_path).name
         views[0].save(path)

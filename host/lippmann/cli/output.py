@@ -57,9 +57,8 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def tracked(label: str, items: Collection[Item]) -> Iterator[Item]:
-    """Yield the items, under a progress bar."""
-    with progress_bar(label) as progress:
-        for done, item in enumerate(items, 1):
-            yield item
-            progress(done, len(items))
+def counted(items: Collection[Item], progress: Callable[[int, int], None]) -> Iterator[Item]:
+    """Yield the items, and tell how many are done."""
+    for done, item in enumerate(items, 1):
+        yield item
+        progress(done, len(items))

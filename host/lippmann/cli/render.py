@@ -5,8 +5,7 @@ from __future__ import annotations
 from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
-from lippmann.cli.options.placement import MOVED, Moved
-from lippmann.cli.options.rendering import RENDERING
+from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.images import check_output
 from lippmann.rendering.integral import RenderOptions

@@ -12,7 +12,7 @@ import click
 from lippmann import api, interrupts
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
-from lippmann.cli.options.placement import MOVED, Moved
+from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError

@@ -197,7 +197,7 @@ def _running(ready: Path) -> tuple[int, str] | None:
 
 
 @make_command("stop")
-def stop_command(*, ready: Path = option("The --ready file of the board's start.", kind=PATH, metavar="FILE")) -> None:
+def stop_command(ready: Path = option("The --ready file of the board's start.", kind=PATH, metavar="FILE")) -> None:
     """End a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json

@@ -259,7 +259,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
     return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
 
 
-@measurement(page="seed", needs_device=True)
+@measurement(page="seed")
 def seed(
     bench: Bench,
     quick: bool = option("A trial: the windows are too small to measure anything.", False),

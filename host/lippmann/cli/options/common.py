@@ -29,7 +29,7 @@ class Vector(click.ParamType[tuple[float, ...]]):
         try:
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
-            self.fail(f"'{value}' is not {self.form}; give {self.size} numbers with commas", param, ctx)
+            numbers = ()
         if len(numbers) != self.size or not all(math.isfinite(x) for x in numbers):
             self.fail(f"'{value}' is not {self.form}; give {self.size} finite numbers with commas", param, ctx)
         return numbers
@@ -39,20 +39,15 @@ class Vector(click.ParamType[tuple[float, ...]]):
         return self.form
 
 
-class Finite(click.ParamType[float]):
+class Finite(click.types.FloatParamType):
     """A finite number, at least `least`."""
-
-    name = "float"
 
     def __init__(self, least: float = -math.inf) -> None:
         self.least = least
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Parse a number and refuse nan and inf."""
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
+        number: float = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"'{value}' is not a finite number", param, ctx)
         if number < self.least:

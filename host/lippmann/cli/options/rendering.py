@@ -1,13 +1,19 @@
-"""The options of rendering, which several commands share."""
+"""The options of rendering and of the scene's placement, which several commands share."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
 from lippmann.cli.frame import group, option
-from lippmann.cli.options.common import FRACTION_BITS
+from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
 from lippmann.rendering.integral import ModelOption, RenderOptions
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import placement_beside
 from lippmann.rendering.sources import Aperture
 from lippmann.select.model import TOLERANCE
 
@@ -37,3 +43,37 @@ def _render_options(
 
 #: The options of a render; the command has --seed too.
 RENDERING = group(_render_options)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The changes of a scene's placement that a command's options ask for."""
+
+    scale: float | None = option("mm for each scene unit.", None)
+    rotate: Point | None = option("Degrees about x, then y, then z.", None, Vector(3))
+    offset: Point | None = option("Position of the scene's origin, mm.", None, Vector(3))
+    depth: float | None = option("Moves the scene towards the viewer, mm.", None)
+    near: float | None = option("Depth z where primary rays start, mm.", None)
+    far: float | None = option("Farthest depth of interest, mm.", None)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The options that are given, by name."""
+        return {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
+
+    def placement(self, scene_path: Path) -> Placement:
+        """Return the placement beside the scene, changed by the options."""
+        placement = placement_beside(scene_path)
+        if not self.given.keys().isdisjoint(("scale", "rotate", "offset", "depth")):
+            # The depths in the file are valid for the file's own placement only.
+            placement = replace(placement, near_mm=None, far_mm=None)
+        offset = placement.offset_mm if self.offset is None else self.offset
+        if self.depth is not None:
+            offset = (offset[0], offset[1], offset[2] + self.depth)
+        names = {"scale": "scale", "rotate": "rotation_deg", "near": "near_mm", "far": "far_mm"}
+        changed = {names[name]: value for name, value in self.given.items() if name in names}
+        return replace(placement, offset_mm=offset, **changed)
+
+
+#: The options of a scene's placement, as a `Moved`.
+MOVED = group(Moved)
