@@ -19,7 +19,7 @@ from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DISPLAY, word_length
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
-from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
+from lippmann.errors import DeviceError, InputError, LippmannError, input_error
 from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
@@ -29,9 +29,7 @@ CHECK_S = 0.1
 #: Longest time to write the last captured frames, after the simulator has ended, s.
 CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
-ERRORS: dict[int, type[LippmannError]] = {
-    kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
-}
+ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 PATH = click.Path(path_type=Path, readable=False)
 
 
@@ -117,14 +115,16 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
             raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
             raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")
-    if ready and (other := _running(ready)) is not None:
-        raise input_error("--ready", f"{ready} belongs to a board that runs ({other[1]})", "end it, or name a new file")
+    if ready and (other := _running(ready)):
+        raise input_error(
+            "--ready", f"{ready} belongs to a board that runs ({other['url']})", "end it, or name a new file"
+        )
 
 
 def _in_background(ready: Path) -> None:
     """Run the same command without --background in a session of its own; return when its ready file exists."""
     ready.unlink(missing_ok=True)
-    output = _log_of(ready)
+    output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
     words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
@@ -157,11 +157,6 @@ def _option_words() -> list[str]:
     return [*words, "--json"]
 
 
-def _log_of(ready: Path) -> Path:
-    """Return the log file of a board in the background."""
-    return Path(f"{ready}.log")
-
-
 def _failure(output: Path) -> LippmannError | None:
     """Return the error in the last line of a board's log, or None."""
     try:
@@ -173,27 +168,27 @@ def _failure(output: Path) -> LippmannError | None:
 
 def _remove_ready(ready: Path) -> None:
     """Remove this process's ready file."""
-    if (content := _content(ready)) is not None and content[0] == os.getpid():
+    if _content(ready).get("pid") == os.getpid():
         ready.unlink(missing_ok=True)
 
 
-def _content(ready: Path) -> tuple[int, str] | None:
-    """Return the process and the URL in a ready file; None when it is not one."""
+def _content(ready: Path) -> dict[str, Any]:
+    """Return `url` and `pid` of a ready file; nothing when it is not one."""
     try:
         content = json.loads(ready.read_text())
-        return int(content["pid"]), str(content["url"])
+        return {"url": str(content["url"]), "pid": int(content["pid"])}
     except (OSError, ValueError, KeyError, TypeError):
-        return None
+        return {}
 
 
-def _running(ready: Path) -> tuple[int, str] | None:
-    """Return the process and the URL in a ready file, when the process runs this command."""
+def _running(ready: Path) -> dict[str, Any]:
+    """Return `url` and `pid` of a ready file, when the process runs this command; else nothing."""
     content = _content(ready)
     try:
-        words = Path(f"/proc/{content[0]}/cmdline").read_bytes().split(b"\0") if content else []
+        words = Path(f"/proc/{content.get('pid')}/cmdline").read_bytes().split(b"\0")
     except OSError:
-        return None
-    return content if b"board" in words and b"start" in words else None
+        return {}
+    return content if b"board" in words and b"start" in words else {}
 
 
 @make_command("stop")
@@ -202,27 +197,26 @@ def stop_command(ready: Path = option("The --ready file of the board's start.", 
 
     Example: lippmann board stop --ready out/board.json
     """
-    output, content = _log_of(ready), _content(ready)
+    output, content = Path(f"{ready}.log"), _content(ready)
     failure = _failure(output)
-    if content is None and failure is None:
+    if not content and failure is None:
         raise input_error(str(ready), "names no board", "give the --ready file of `lippmann board start`")
-    running = _running(ready)
-    if running is None:
-        if content is not None:
+    if not _running(ready):
+        if content:
             ready.unlink(missing_ok=True)
         if failure is None:
             raise DeviceError(f"{ready}: its board had ended already, without a message; the file is removed")
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
-    pid, url = running
+    url, pid = content["url"], content["pid"]
     os.kill(pid, signal.SIGINT)
     # The board first waits for its simulator, then writes its last frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _running(ready) is not None:
+    while _running(ready):
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)
     if (failure := _failure(output)) is not None:
         raise failure
     output.unlink(missing_ok=True)
-    emit({"url": url, "pid": pid}, f"{url}: ended")
+    emit(content, f"{url}: ended")
