@@ -6,6 +6,7 @@ import datetime
 import importlib.metadata
 import os
 import platform
+import re
 from pathlib import Path
 
 from lippmann import __version__
@@ -13,13 +14,9 @@ from lippmann import __version__
 
 def machine_name() -> str:
     """Return processor and cores, such as "AMD EPYC, 2 cores, Linux x86_64"."""
-    model = platform.processor() or "unknown processor"
     information = Path("/proc/cpuinfo")
-    if information.exists():
-        for line in information.read_text().splitlines():
-            if line.startswith("model name"):
-                model = line.split(":", 1)[1].strip()
-                break
+    named = re.search(r"^model name\s*:(.*)$", information.read_text() if information.exists() else "", re.MULTILINE)
+    model = named[1].strip() if named else platform.processor() or "unknown processor"
     return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
 
 

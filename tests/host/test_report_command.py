@@ -27,7 +27,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report") / "new" / "folder"
     with pytest.MonkeyPatch.context() as patch:
         said = []
-        patch.setattr("lippmann.cli.report.emit", lambda result, as_json, text: said.append(result))
+        patch.setattr("lippmann.cli.report.emit", lambda result, text: said.append(result))
         assert report(folder, "--quick", "--seed", "3") == 0
     return folder, json.loads(json.dumps(said[0]))
 

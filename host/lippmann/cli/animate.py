@@ -6,24 +6,24 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from lippmann import api
 from lippmann.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
 from lippmann.board.frames import panel_values
-from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
-from lippmann.cli.options.rendering import render_options
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
+from lippmann.cli.options.rendering import RENDERING
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.film.cluster import render_on_cluster
-from lippmann.film.film import Film, load_film
+from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Shot, render_shot, shots_of
 from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, write_video
-from lippmann.images import Radiance, check_output, encoded_values
+from lippmann.images import check_output, encoded_values
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.integral import RenderOptions
@@ -38,39 +38,22 @@ MAX_VIEW_PX = 4096
 GIF_SPEED = 50.0
 
 
-@click.command("animate")
-@click.argument("film_path", metavar="FILM")
-@display_option
-@click.option("-o", "output", required=True, metavar="FOLDER", help="The frames' folder; made when missing.")
-@click.option(
-    "--scale",
-    type=click.FloatRange(*SCALE_RANGE),
-    default=1.0,
-    show_default=True,
-    help="Factor on the whole film, about the display's centre.",
-)
-@render_options
-@click.option("--video", metavar="FILE.mkv", help="The panel's frames as a lossless video.")
-@click.option("--view", metavar="FILE", help="What an eye sees of the film: .mp4, .gif or .png.")
-@click.option("--eye", type=Vector(3), help="The eye of --view, mm; the display is at z = 0.")
-@click.option("--width", type=click.IntRange(2, MAX_VIEW_PX), help=f"Pixels of --view.  [default: {api.VIEW_PX}]")
-@click.option("--cluster", metavar="ADDRESS", help="Render on the workers of this Dask scheduler: tcp://HOST:8786.")
-@seed_option
-@device_option
-@json_option
+@make_command("animate")
 def command(
-    film_path: str,
-    display_path: str,
-    output: str,
-    scale: float,
-    options: RenderOptions,
-    video: str | None,
-    view: str | None,
-    eye: tuple[float, float, float] | None,
-    width: int | None,
-    cluster: str | None,
-    device: str,
-    as_json: bool,
+    film_path: str = argument("FILM"),
+    display_path: str = DISPLAY,
+    output: str = option("The frames' folder; made when missing.", flag="-o", metavar="FOLDER"),
+    scale: float = option("Factor on the whole film, about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    options: RenderOptions = RENDERING,
+    video: str | None = option("The panel's frames as a lossless video.", None, metavar="FILE.mkv"),
+    view: str | None = option("What an eye sees of the film: .mp4, .gif or .png.", None, metavar="FILE"),
+    eye: Point | None = option("The eye of --view, mm; the display is at z = 0.", None, Vector(3)),
+    width: int | None = option(f"Pixels of --view.  [default: {api.VIEW_PX}]", None, click.IntRange(2, MAX_VIEW_PX)),
+    cluster: str | None = option(
+        "Render on the workers of this Dask scheduler: tcp://HOST:8786.", None, metavar="ADDRESS"
+    ),
+    seed: int = SEED,
+    device: str = DEVICE,
 ) -> None:
     """Render a film, frame by frame, for a display.
 
@@ -85,7 +68,8 @@ def command(
     film = load_film(film_path)
     display = load_display(display_path)
     looker = None if eye is None else Eye(eye)
-    check_memory(display.panel.width_px, display.panel.height_px, options.settings)
+    panel = display.panel
+    check_memory(panel.width_px, panel.height_px, options.settings)
     check_scene_file(film.scene)
     folder = Path(output)
     check_folder(folder, film.frames)
@@ -112,14 +96,16 @@ def command(
         return ((shot, render_shot(shot)) for shot in missing)
 
     started = time.perf_counter()
-    with progress_bar("frames", quiet=as_json) as progress:
+    with progress_bar("frames") as progress:
         rendered = write_frames(folder, shots, render, progress)
     seconds = time.perf_counter() - started
     if video is not None:
-        _write_panel(folder, film, display, video)
+        frames = (panel_values(image.radiance, panel) for image in _images(folder, range(film.frames), display))
+        write_video(video, frames, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and looker is not None:
-        with progress_bar("view", quiet=as_json) as progress:
-            _write_view(folder, film, display, looker, seen, view, progress)
+        with progress_bar("view") as progress:
+            images = _images(folder, counted(range(film.frames), progress), display)
+            _write_view(images, looker, seen, view, film.frames_per_second)
     result = {
         "folder": str(folder),
         "film": film.name,
@@ -134,51 +120,30 @@ def command(
         "view": view,
     }
 
-    def text() -> None:
-        kept = f", {film.frames - rendered} kept" if rendered < film.frames else ""
-        click.echo(
-            f"{folder}: {film.frames} frames of {display.panel.width_px} x {display.panel.height_px}, "
-            f"{rendered} rendered in {seconds:.1f} s{kept}"
-        )
-        for written in filter(None, (video, view)):
-            click.echo(f"{written}: {film.frames / film.frames_per_second:.3g} s")
-
-    emit(result, as_json, text)
+    kept_text = f", {film.frames - rendered} kept" if rendered < film.frames else ""
+    lines = [
+        f"{folder}: {film.frames} frames of {panel.width_px} x {panel.height_px}, "
+        f"{rendered} rendered in {seconds:.1f} s{kept_text}"
+    ]
+    films = [f"{written}: {film.frames / film.frames_per_second:.3g} s" for written in (video, view) if written]
+    emit(result, lines + films)
 
 
-def _images(folder: Path, film: Film, display: Display) -> Iterator[IntegralImage]:
-    for frame in range(film.frames):
-        yield IntegralImage.load(frame_path(folder, frame), display)
-
-
-def _write_panel(folder: Path, film: Film, display: Display, path: str) -> None:
-    """Write the panel's values as a video."""
-    panel = display.panel
-    frames = (panel_values(image.radiance, panel) for image in _images(folder, film, display))
-    write_video(path, frames, panel.width_px, panel.height_px, film.frames_per_second)
+def _images(folder: Path, frames: Iterable[int], display: Display) -> Iterator[IntegralImage]:
+    return (IntegralImage.load(frame_path(folder, frame), display) for frame in frames)
 
 
 def _view_window(display: Display, width: int | None) -> Window:
     """Return the window of --view; videos need even sides."""
     window = whole_window(display, width or api.VIEW_PX)
-    return replace(window, width_px=_even(window.width_px), height_px=_even(window.height_px))
+    return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
-def _even(size: int) -> int:
-    return size + size % 2
-
-
-def _write_view(folder: Path, film: Film, display: Display, eye: Eye, window: Window, path: str, progress: Any) -> None:
-    """Write what an eye sees of the film as a video or an animation."""
-
-    def views() -> Iterable[Radiance]:
-        for frame, image in enumerate(_images(folder, film, display)):
-            yield observe(image.radiance, display, eye, window).radiance
-            if progress is not None:
-                progress(frame + 1, film.frames)
-
+def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:
+    """Write what an eye sees of a film as a video or an animation."""
+    views = (observe(image.radiance, image.display, eye, window).radiance for image in images)
     if Path(path).suffix.lower() in VIEW_SUFFIXES:
-        frames = (encoded_values(view, "srgb", 8) for view in views())
-        write_video(path, frames, window.width_px, window.height_px, film.frames_per_second)
+        frames = (encoded_values(view, "srgb", 8) for view in views)
+        write_video(path, frames, window.width_px, window.height_px, frames_per_second)
     else:
-        write_animation(path, views(), there_and_back=False, frame_ms=1000.0 / film.frames_per_second)
+        write_animation(path, views, there_and_back=False, frame_ms=1000.0 / frames_per_second)

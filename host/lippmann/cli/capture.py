@@ -5,50 +5,49 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from lippmann import api
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.depths import appearance
 from lippmann.capturing.setup import Pickup, Setup, load_setup
-from lippmann.cli.options.common import device_option, json_option, seed_option
-from lippmann.cli.options.rendering import capture_options
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, SEED
+from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import display_text
 from lippmann.errors import input_error
 from lippmann.images import check_output, replacing
 from lippmann.rendering.renderer import peak_memory_mb
 from lippmann.rendering.scene import Scene, check_scene_file
+from lippmann.rendering.sources import Aperture
 from lippmann.variant import current_device
 
 
-@click.command("capture")
-@click.argument("scene_path", metavar="SCENE")
-@click.option("--setup", "setup_path", required=True, metavar="FILE", help="Set-up file (.toml).")
-@click.option("-o", "output", required=True, metavar="OUT", help=".exr or .tif linear, .png for the panel.")
-@click.option(
-    "--rotate/--no-rotate",
-    default=None,
-    help="Rotate each elemental image by 180 degrees, so that depth comes out right.  [default: --rotate, for concave "
-    "lenslets --no-rotate]",
-)
-@click.option("--size", type=int, help="Width of the image in pixels, for the same window.  [default: the display's]")
-@click.option("--display-out", metavar="FILE", help="Write the file of the display that shows the image (.toml).")
-@capture_options
-@seed_option
-@device_option
-@json_option
+@make_command("capture")
 def command(
-    scene_path: str,
-    setup_path: str,
-    output: str,
-    rotate: bool | None,
-    size: int | None,
-    display_out: str | None,
-    device: str,
-    as_json: bool,
-    **settings: Any,
+    scene_path: str = argument("SCENE"),
+    setup_path: str = option("Set-up file (.toml).", flag="--setup", metavar="FILE"),
+    output: str = option(".exr or .tif linear, .png for the panel.", flag="-o", metavar="OUT"),
+    rotate: bool | None = option(
+        "Rotate each elemental image by 180 degrees, so that depth comes out right.  [default: --rotate, for "
+        "concave lenslets --no-rotate]",
+        None,
+        flag="--rotate/--no-rotate",
+    ),
+    size: int | None = option("Width of the image in pixels, for the same window.  [default: the display's]", None),
+    display_out: str | None = option(
+        "Write the file of the display that shows the image (.toml).", None, metavar="FILE"
+    ),
+    samples: int = SAMPLES,
+    aperture: Aperture | None = option(
+        "For a pickup: rays over the whole lenslet, or chief rays.  [default: full]", None
+    ),
+    integrator: str = INTEGRATOR,
+    max_depth: int = MAX_DEPTH,
+    memory_mb: float | None = MEMORY_MB,
+    seed: int = SEED,
+    device: str = DEVICE,
 ) -> None:
     """Capture a scene through an imaging lens and a microlens array.
 
@@ -66,8 +65,11 @@ def command(
         rotate = not setup.concave
     panel, path_of_scene = setup.display.panel, check_scene_file(scene_path)
     scene = api.load_scene(path_of_scene, placement_before(setup, path_of_scene, setup_path), device)
-    with progress_bar("capture", quiet=as_json) as progress:
-        image = api.capture(scene, setup, rotate=rotate, progress=progress, note=log, **settings)
+    with progress_bar("capture") as progress:
+        image = api.capture(
+            scene, setup, samples, rotate=rotate, aperture=aperture, integrator=integrator, max_depth=max_depth,
+            seed=seed, memory_mb=memory_mb, progress=progress, note=log,
+        )  # fmt: skip
     image.save(path)
     if display_out is not None:
         with replacing(Path(display_out)) as partial:
@@ -76,21 +78,21 @@ def command(
         "output": str(path),
         "display_out": display_out,
         **image.measured,
-        **{key: settings[key] for key in ("integrator", "samples", "seed")},
+        "integrator": integrator,
+        "samples": samples,
+        "seed": seed,
         "device": current_device(),
         "peak_memory_mb": peak_memory_mb(),
     }
 
-    def text() -> None:
-        low, high = result["shown_depth_mm"]
-        click.echo(
-            f"{path}: {panel.width_px} x {panel.height_px}, {result['image']} {result['relief']} image from "
-            f"{low:.1f} to {high:.1f} mm on '{setup.display.name}', vignetting {result['vignetting_percent']:.2f} %, "
-            f"lost in the array {result['array_loss_percent']:.2f} %, "
-            f"{result['seconds']:.2f} s ({result['samples_per_second'] / 1e6:.2f} M samples/s)"
-        )
-
-    emit(result, as_json, text)
+    low, high = result["shown_depth_mm"]
+    text = (
+        f"{path}: {panel.width_px} x {panel.height_px}, {result['image']} {result['relief']} image from "
+        f"{low:.1f} to {high:.1f} mm on '{setup.display.name}', vignetting {result['vignetting_percent']:.2f} %, "
+        f"lost in the array {result['array_loss_percent']:.2f} %, "
+        f"{result['seconds']:.2f} s ({result['samples_per_second'] / 1e6:.2f} M samples/s)"
+    )
+    emit(result, text)
 
 
 def _check_display_out(path: Path, setup: Setup) -> None:

@@ -6,15 +6,15 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import click
 import numpy as np
 
 from lippmann import api
 from lippmann.animation import write_animation, write_contact_sheet
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.frames import panel_values
-from lippmann.cli.options.common import device_option, json_option
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DEVICE, SCENES, Point
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import Radiance, decode, psnr_db, replacing
@@ -25,7 +25,6 @@ from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
 from lippmann.viewer.page import Direct, page_html
 
-Eye3 = tuple[float, float, float]
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
 EYE_DISTANCE_MM = 600.0
@@ -38,12 +37,12 @@ VIEW_SAMPLES = 64
 REGION_PX = 512
 
 
-@click.command("demo")
-@click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes.")
-@click.option("-o", "output", default="out/demo", show_default=True, help="Folder for the results.")
-@device_option
-@json_option
-def command(scenes: str, output: str, device: str, as_json: bool) -> None:
+@make_command("demo")
+def command(
+    scenes: str = SCENES,
+    output: str = option("Folder for the results.", "out/demo", flag="-o"),
+    device: str = DEVICE,
+) -> None:
     """Run the main steps once: render, stream, observe.
 
     Renders the fish, streams it to a virtual board, and computes what an eye sees of the board's panel.
@@ -60,20 +59,20 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
     display = load_display(folder / DISPLAY)
     panel = display.panel
     scene = api.load_scene(folder / SCENE, device=device)
-    with progress_bar("render", quiet=as_json) as progress:
+    with progress_bar("render") as progress:
         image = api.render(scene, display, model="exact", device=device, progress=progress)
     image.save(out / "fish.exr")
 
     frame = panel_values(image.radiance, panel)
     columns, rows = _middle(panel.width_px), _middle(panel.height_px)
-    with progress_bar("stream", quiet=as_json) as progress:
+    with progress_bar("stream") as progress:
         loop = run_on_virtual_board(display, frame, columns, rows, progress, log)
     differ = int((loop.panel_frame != frame).sum())
     # From here on only the frame that was scanned out counts.
     scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))
     scanned.save(out / "panel.png")
 
-    directs, decibels = _views(scene, scanned, out, device, as_json)
+    directs, decibels = _views(scene, scanned, out, device)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
     with replacing(out / "index.html") as partial:
         partial.write_text(page, encoding="utf-8")
@@ -96,20 +95,17 @@ def command(scenes: str, output: str, device: str, as_json: bool) -> None:
     if not (loop.check.equal and differ == 0 and loop.panel_crc == loop.sent.crc):
         raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
 
-    def text() -> None:
-        shares = ", ".join(f"{psnr:.1f}" for psnr in decibels)
-        for what, where in (
-            (f"rendered {panel.width_px} x {panel.height_px} pixels in {image.measured['seconds']:.1f} s", "fish.exr"),
-            (f"the board traced {loop.check.rays} rays: every word equals the integer twin's", ""),
-            (f"streamed {frame.size / 1e6:.1f} MB in {loop.sent.seconds:.1f} s, {loop.sent.resends} tiles twice", ""),
-            ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
-            (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
-            ("the eye moves", "views.gif"),
-            ("open it in a browser and move the eye with the mouse", "index.html"),
-        ):
-            click.echo(f"{what:<85}{out / where if where else ''}".rstrip())
-
-    emit(result, as_json, text)
+    shares = ", ".join(f"{psnr:.1f}" for psnr in decibels)
+    steps = (
+        (f"rendered {panel.width_px} x {panel.height_px} pixels in {image.measured['seconds']:.1f} s", "fish.exr"),
+        (f"the board traced {loop.check.rays} rays: every word equals the integer twin's", ""),
+        (f"streamed {frame.size / 1e6:.1f} MB in {loop.sent.seconds:.1f} s, {loop.sent.resends} tiles twice", ""),
+        ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
+        (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
+        ("the eye moves", "views.gif"),
+        ("open it in a browser and move the eye with the mouse", "index.html"),
+    )
+    emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in steps))
 
 
 def _middle(size: int) -> tuple[int, int]:
@@ -119,26 +115,22 @@ def _middle(size: int) -> tuple[int, int]:
     return first, first + width - 1
 
 
-def _views(scene: Scene, image: IntegralImage, out: Path, device: str, quiet: bool) -> tuple[list[Direct], list[float]]:
+def _views(scene: Scene, image: IntegralImage, out: Path, device: str) -> tuple[list[Direct], list[float]]:
     """Write what eyes see of a panel: an animation, and three views beside direct renders of the scene.
 
     Return the direct renders, and the PSNR of the three views against them, dB.
     """
     window, coarse = whole_window(image.display, VIEW_WIDTH_PX), whole_window(image.display)
 
-    def seen(eye: Eye3, window: Window, samples: int = 16) -> Radiance:
+    def seen(eye: Point, window: Window, samples: int = 16) -> Radiance:
         return api.observe(image, eye, window=window, samples=samples, device=device).radiance
 
-    def direct(eye: Eye3, window: Window, samples: int) -> Radiance:
+    def direct(eye: Point, window: Window, samples: int) -> Radiance:
         return render_view(scene, eye, window, Settings(samples=samples)).radiance
 
     eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
-    views = []
-    with progress_bar("observe", quiet=quiet) as progress:
-        for eye in eyes:
-            views.append(seen(eye, window))
-            if progress is not None:
-                progress(len(views), FRAMES)
+    with progress_bar("observe") as progress:
+        views = [seen(eye, window) for eye in counted(eyes, progress)]
     write_animation(out / "views.gif", views)
     chosen = range(0, FRAMES, (FRAMES - 1) // 2)
     directs = [Direct(eyes[k], direct(eyes[k], window, 4)) for k in chosen]

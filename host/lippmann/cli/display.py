@@ -6,32 +6,26 @@ import click
 
 from lippmann.board.board import Board
 from lippmann.board.frames import Target, load_frame
-from lippmann.cli.options.common import Finite, json_option
-from lippmann.cli.options.port import baud_option, check_board
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import Finite
+from lippmann.cli.options.port import BAUD, check_board
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.fullscreen import show
 
 
-@click.command("display")
-@click.argument("image")
-@click.option("--display", "display_path", metavar="FILE", help="Display file; its panel is the monitor.")
-@click.option("--port", metavar="URL", help="A board that knows the display behind the monitor.")
-@baud_option
-@click.option("--monitor", type=click.IntRange(0), default=0, show_default=True, help="Number of the monitor, from 0.")
-@click.option("--seconds", type=Finite(0.0), help="Duration; default: until Escape or q is pressed.")
-@click.option("--force", is_flag=True, help="Show an image that was rendered for another display, or names none.")
-@json_option
+@make_command("display")
 def command(
-    image: str,
-    display_path: str | None,
-    port: str | None,
-    baud: int,
-    monitor: int,
-    seconds: float | None,
-    force: bool,
-    as_json: bool,
+    image: str = argument(),
+    display_path: str | None = option(
+        "Display file; its panel is the monitor.", None, flag="--display", metavar="FILE"
+    ),
+    port: str | None = option("A board that knows the display behind the monitor.", None, metavar="URL"),
+    baud: int = BAUD,
+    monitor: int = option("Number of the monitor, from 0.", 0, click.IntRange(0)),
+    seconds: float | None = option("Duration; default: until Escape or q is pressed.", None, Finite(0.0)),
+    force: bool = option("Show an image that was rendered for another display, or names none.", False),
 ) -> None:
     """Show an image on a monitor, full-screen and unscaled.
 
@@ -57,4 +51,4 @@ def command(
         "image": image, "monitor": monitor, "width": target.width, "height": target.height,
         "identity": f"{target.identity:016x}",
     }  # fmt: skip
-    emit(result, as_json, f"{image}: shown on monitor {monitor}, {target.width} x {target.height}")
+    emit(result, f"{image}: shown on monitor {monitor}, {target.width} x {target.height}")

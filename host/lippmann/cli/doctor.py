@@ -7,11 +7,9 @@ import re
 import sys
 from typing import Any
 
-import click
-
 from lippmann import __version__
 from lippmann.board.discovery import baud_of_board
-from lippmann.cli.options.common import json_option
+from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, LippmannError, MissingLibraryError
 from lippmann.link.port import adapter_ports, port_trouble, ports
@@ -24,11 +22,12 @@ from lippmann.variant import mitsuba, start_mitsuba
 NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
 
 
-@click.command("doctor")
-@click.option("--port", metavar="URL", help="Look for a board at this port, at each common baud rate (a second each).")
-@json_option
-@click.pass_context
-def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
+@make_command("doctor")
+def command(
+    port: str | None = option(
+        "Look for a board at this port, at each common baud rate (a second each).", None, metavar="URL"
+    ),
+) -> int:
     """Check libraries, rendering, the RTL's tools and serial ports.
 
     Exit code 3: something that is needed is missing; with --port, 1: no board answers there. The RTL's tools are
@@ -77,8 +76,8 @@ def command(ctx: click.Context, port: str | None, as_json: bool) -> None:
     for c in checks:
         mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
         lines.append(f"{mark:<8}{c['check']:<20}{c['detail']}")
-    emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, as_json, lines)
-    ctx.exit(code)
+    emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, lines)
+    return code
 
 
 def _packages() -> list[str]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import cast
 
 import click
 
 from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.setup import load_setup
-from lippmann.cli.options.common import device_option, json_option
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE
 from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.errors import InputError
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import Model
 from lippmann.povray.export import Exported, check_folder, export_display, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
@@ -30,22 +30,18 @@ def command() -> None:
     """
 
 
-@command.command("povray")
-@click.argument("scene_path", metavar="SCENE")
-@click.option("--display", "display_path", metavar="FILE", help="Display file (.toml): the rays of its pixels.")
-@click.option("--setup", "setup_path", metavar="FILE", help="Set-up file (.toml): camera, lenslets and imaging lens.")
-@click.option("-o", "output", required=True, metavar="FOLDER", help="The files' folder; made when missing.")
-@click.option("--model", type=click.Choice(MODELS), help="Lens model of a display's rays.  [default: exact]")
-@device_option
-@json_option
+@make_command("povray", command)
 def povray(
-    scene_path: str,
-    display_path: str | None,
-    setup_path: str | None,
-    output: str,
-    model: str | None,
-    device: str,
-    as_json: bool,
+    scene_path: str = argument("SCENE"),
+    display_path: str | None = option(
+        "Display file (.toml): the rays of its pixels.", None, flag="--display", metavar="FILE"
+    ),
+    setup_path: str | None = option(
+        "Set-up file (.toml): camera, lenslets and imaging lens.", None, flag="--setup", metavar="FILE"
+    ),
+    output: str = option("The files' folder; made when missing.", flag="-o", metavar="FOLDER"),
+    model: Model | None = option("Lens model of a display's rays.  [default: exact]", None),
+    device: str = DEVICE,
 ) -> None:
     """Write files that POV-Ray 3.7 renders to linear images.
 
@@ -77,7 +73,7 @@ def povray(
         display = load_display(display_path)
         panel = display.panel
         start_mitsuba(device)
-        exported = export_display(load_scene(path), display, cast(Model, model or "exact"), folder)
+        exported = export_display(load_scene(path), display, model or "exact", folder)
     at = POVRAY.find()
     result = {
         "folder": str(folder),
@@ -89,13 +85,9 @@ def povray(
         "povray": None if at is None else str(at),
     }
 
-    def text() -> None:
-        click.echo(
-            f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(output)} && povray {exported.ini.name}"
-        )
-        if exported.spare_rows:
-            click.echo(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
-        if at is None:
-            click.echo(f"POV-Ray is not installed; {POVRAY.remedy}")
-
-    emit(result, as_json, text)
+    lines = [f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(output)} && povray {exported.ini.name}"]
+    if exported.spare_rows:
+        lines.append(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
+    if at is None:
+        lines.append(f"POV-Ray is not installed; {POVRAY.remedy}")
+    emit(result, lines)

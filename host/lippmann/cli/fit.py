@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from decimal import ROUND_CEILING, Context
 
-import click
-
-from lippmann.cli.options.common import Finite, Vector, json_option
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import Finite, Vector
 from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.display_properties import display_properties
@@ -16,17 +15,16 @@ from lippmann.select.build import MOST_SAMPLES, Fit, fit
 from lippmann.select.model import TOLERANCE
 
 
-@click.command("fit")
-@click.argument("display_path", metavar="DISPLAY.toml")
-@click.option(
-    "--tolerance", type=Finite(), default=TOLERANCE, show_default=True,
-    help="Largest error, in pixels of the reconstructed view; greater than 0.",
-)  # fmt: skip
-@click.option(
-    "--depths", type=Vector(2, "FAR,NEAR"), help="The scene's range of z, mm.  [default: the display's own depth range]"
-)
-@json_option
-def command(display_path: str, tolerance: float, depths: tuple[float, float] | None, as_json: bool) -> None:
+@make_command("fit")
+def command(
+    display_path: str = argument("DISPLAY.toml"),
+    tolerance: float = option(
+        "Largest error, in pixels of the reconstructed view; greater than 0.", TOLERANCE, Finite()
+    ),
+    depths: tuple[float, float] | None = option(
+        "The scene's range of z, mm.  [default: the display's own depth range]", None, Vector(2, "FAR,NEAR")
+    ),
+) -> None:
     """Choose the cheapest lens model, samples and RTL build.
 
     Their errors stay within --tolerance for the display's chief rays. The reasons are printed.
@@ -46,11 +44,10 @@ def command(display_path: str, tolerance: float, depths: tuple[float, float] | N
         "build": build, "build_error": chosen.build_error_px,
     }  # fmt: skip
     head = f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view"
-    emit(result, as_json, (head, str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)))
+    emit(result, (head, str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)))
 
 
 def _samples(chosen: Fit, tolerance: float) -> str:
-    """Return the number of samples and its reason."""
     if chosen.samples is None:
         enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
         return (
@@ -64,7 +61,6 @@ def _samples(chosen: Fit, tolerance: float) -> str:
 
 
 def _build(chosen: Fit, tolerance: float) -> str:
-    """Return the build of the RTL and its reason."""
     build, error = chosen.build, chosen.build_error_px
     if build is None and math.isinf(error):
         return "RTL: no build can hold this display or give its rays"

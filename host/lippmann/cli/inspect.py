@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli.options.common import json_option
+from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
@@ -33,11 +33,13 @@ def schema_of(kind: str) -> dict[str, Any]:
     return {**head, **schema(getattr(import_module(module), declared))}
 
 
-@click.command("inspect")
-@click.argument("display_path", metavar="DISPLAY.toml", required=False)
-@click.option("--schema", "kind", type=click.Choice(tuple(FILES)), help="Print the JSON Schema of a kind of TOML file.")
-@json_option
-def command(display_path: str | None, kind: str | None, as_json: bool) -> None:
+@make_command("inspect")
+def command(
+    display_path: str | None = argument("DISPLAY.toml", None),
+    kind: str | None = option(
+        "Print the JSON Schema of a kind of TOML file.", None, click.Choice(tuple(FILES)), flag="--schema"
+    ),
+) -> None:
     """Print the properties of a display file, with units and warnings.
 
     With --schema it reads no display: it prints the JSON Schema with which an editor checks TOML files.
@@ -61,7 +63,7 @@ def command(display_path: str | None, kind: str | None, as_json: bool) -> None:
         **dataclasses.asdict(derived),
     }
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived)]
-    emit(result, as_json, lines + [f"warning: {warning}" for warning in derived.warnings])
+    emit(result, lines + [f"warning: {warning}" for warning in derived.warnings])
 
 
 def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:

@@ -10,16 +10,9 @@ import numpy as np
 
 from lippmann import api
 from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
-from lippmann.cli.options.common import (
-    Finite,
-    Vector,
-    device_option,
-    display_option,
-    json_option,
-    model_option,
-    seed_option,
-)
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import SUFFIXES, check_output
@@ -31,69 +24,30 @@ from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memor
 MAX_VIEW_PX = 16384
 
 
-@click.command("observe")
-@click.argument("image_path", metavar="IMAGE")
-@display_option
-@click.option(
-    "--eye",
-    type=Vector(3),
-    required=True,
-    help="Position of the eye, mm; the display is at z = 0, the viewer at z > 0.",
-)
-@click.option(
-    "-o", "output", required=True, metavar="VIEW", help="Output: .png, .exr or .tif; with --sweep .gif or .png."
-)
-@click.option(
-    "--width",
-    type=click.IntRange(1, MAX_VIEW_PX),
-    default=api.VIEW_PX,
-    show_default=True,
-    help="Width of the view, pixels.",
-)
-@click.option(
-    "--samples",
-    type=click.IntRange(1, MAX_SAMPLES),
-    default=16,
-    show_default=True,
-    help="Rays for each pixel of the view.",
-)
-@click.option("--pupil", type=Finite(), default=0.0, show_default=True, help="Diameter of the pupil, mm.")
-@click.option("--focus", type=Finite(), default=0.0, show_default=True, help="Depth z on which the eye focuses, mm.")
-@model_option
-@click.option("--no-crosstalk", is_flag=True, help="Draw rays that see a neighbour's elemental image black.")
-@click.option("--rotation-error", type=Finite(), default=0.0, show_default=True, help="Rotation of the array, degrees.")
-@click.option("--offset-error", type=Vector(2), default=(0.0, 0.0), help="Shift of the array, mm.")
-@click.option("--gap-error", type=Finite(), default=0.0, show_default=True, help="Change of the gap, mm.")
-@click.option("--pitch-scale", type=Finite(), default=1.0, show_default=True, help="Factor on the array's pitch.")
-@click.option("--sweep", type=Vector(2), metavar="X0,X1", help="Move the eye from x = X0 to X1; writes an animation.")
-@click.option("--frames", type=click.IntRange(2, 1000), default=21, show_default=True, help="Views of a sweep.")
-@click.option("--sheet", metavar="SHEET.png", help="Contact sheet of a sweep.")
-@click.option("--force", is_flag=True, help="Accept an image that was made for another display.")
-@seed_option
-@device_option
-@json_option
+@make_command("observe")
 def command(
-    image_path: str,
-    display_path: str,
-    eye: tuple[float, float, float],
-    output: str,
-    width: int,
-    samples: int,
-    pupil: float,
-    focus: float,
-    model: Model,
-    no_crosstalk: bool,
-    rotation_error: float,
-    offset_error: tuple[float, float],
-    gap_error: float,
-    pitch_scale: float,
-    sweep: tuple[float, float] | None,
-    frames: int,
-    sheet: str | None,
-    force: bool,
-    seed: int,
-    device: str,
-    as_json: bool,
+    image_path: str = argument("IMAGE"),
+    display_path: str = DISPLAY,
+    eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0.", kind=Vector(3)),
+    output: str = option("Output: .png, .exr or .tif; with --sweep .gif or .png.", flag="-o", metavar="VIEW"),
+    width: int = option("Width of the view, pixels.", api.VIEW_PX, click.IntRange(1, MAX_VIEW_PX)),
+    samples: int = option("Rays for each pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
+    pupil: float = option("Diameter of the pupil, mm.", 0.0, Finite()),
+    focus: float = option("Depth z on which the eye focuses, mm.", 0.0, Finite()),
+    model: Model = LENS_MODEL,
+    no_crosstalk: bool = option("Draw rays that see a neighbour's elemental image black.", False),
+    rotation_error: float = option("Rotation of the array, degrees.", 0.0, Finite()),
+    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), Vector(2)),
+    gap_error: float = option("Change of the gap, mm.", 0.0, Finite()),
+    pitch_scale: float = option("Factor on the array's pitch.", 1.0, Finite()),
+    sweep: tuple[float, float] | None = option(
+        "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2), metavar="X0,X1"
+    ),
+    frames: int = option("Views of a sweep.", 21, click.IntRange(2, 1000)),
+    sheet: str | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
+    force: bool = option("Accept an image that was made for another display.", False),
+    seed: int = SEED,
+    device: str = DEVICE,
 ) -> None:
     """Compute what an eye sees through the lenslets.
 
@@ -128,16 +82,14 @@ def command(
         "give a smaller --width or fewer --frames",
     )
     image = IntegralImage.load(image_path, display, force)
-    views = []
-    with progress_bar("observe", quiet=as_json) as progress:
-        for one in eyes:
-            view = api.observe(
+    with progress_bar("observe") as progress:
+        views = [
+            api.observe(
                 image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
                 crosstalk=not no_crosstalk, seed=seed, device=device,
-            )  # fmt: skip
-            views.append(view)
-            if progress is not None:
-                progress(len(views), len(eyes))
+            )
+            for one in counted(eyes, progress)
+        ]  # fmt: skip
     if sweep is None:
         views[0].metadata["view_of"] = Path(image_path).name
         views[0].save(path)
@@ -161,8 +113,5 @@ def command(
     if dark > 0.02:
         log(f"note: up to {100 * dark:.1f} % of the rays end beside the panel, so the view has a dark border")
 
-    def text() -> None:
-        share = np.mean([view.status_share["crosstalk"] for view in views])
-        click.echo(f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")
-
-    emit(result, as_json, text)
+    share = np.mean([view.status_share["crosstalk"] for view in views])
+    emit(result, f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
 EXIT_INTERRUPTED = 130
+Item = TypeVar("Item")
 
 
 def log(message: str) -> None:
@@ -19,12 +20,15 @@ def log(message: str) -> None:
     click.echo(message, err=True)
 
 
-def emit(result: Mapping[str, Any], as_json: bool, text: str | Iterable[str] | Callable[[], None]) -> None:
-    """Print a result: one JSON object, or its text (one string, lines, or a function that prints it)."""
-    if as_json:
+def as_json() -> bool:
+    """Tell whether the command that runs has --json."""
+    return bool(click.get_current_context().params["as_json"])
+
+
+def emit(result: Mapping[str, Any], text: str | Iterable[str]) -> None:
+    """Print a result: with --json as one object, else as its text (one string or lines)."""
+    if as_json():
         click.echo(json.dumps(_finite(result)))
-    elif callable(text):
-        text()
     else:
         click.echo(text if isinstance(text, str) else "\n".join(text))
 
@@ -41,13 +45,10 @@ def _finite(value: Any) -> Any:
 
 
 @contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Provide a callback (done, total) that draws a bar with the remaining time on stderr.
-
-    None if quiet, or if nobody watches.
-    """
-    if quiet or not sys.stderr.isatty():
-        yield None
+def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
+    """Provide a callback (done, total) that draws a bar with the remaining time, on a terminal and without --json."""
+    if as_json() or not sys.stderr.isatty():
+        yield lambda done, total: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
@@ -57,3 +58,10 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def counted(items: Collection[Item], progress: Callable[[int, int], None]) -> Iterator[Item]:
+    """Yield the items, and tell how many are done."""
+    for done, item in enumerate(items, 1):
+        yield item
+        progress(done, len(items))

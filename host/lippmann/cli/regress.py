@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import click
-
-from lippmann.cli.options.common import Finite, display_option, fraction_bits_option, json_option, model_option
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DISPLAY, LENS_MODEL, Finite, word_length
 from lippmann.cli.output import emit
 from lippmann.display import load_display
 from lippmann.errors import input_error
@@ -17,30 +16,19 @@ from lippmann.optics.rays import Model
 FOUND_WRONG = 4
 
 
-@click.command("regress")
-@display_option
-@click.option("--rays", "rays_path", required=True, metavar="FILE", help="Rays to judge: .npz, .csv or .mem.")
-@click.option("--inputs", "inputs_path", metavar="FILE", help="Inputs of a .mem; by default inputs.mem beside it.")
-@model_option
-@fraction_bits_option("a .csv or .mem")
-@click.option(
-    "--tolerance-urad", type=Finite(), default=2.0, show_default=True,
-    help="Tolerance of directions in an .npz, beside the effect of rounding the inputs to float32.",
-)  # fmt: skip
-@click.option(
-    "--tolerance-nm", type=Finite(), default=50.0, show_default=True,
-    help="Tolerance of points in an .npz, beside the effect of that rounding.",
-)  # fmt: skip
-@json_option
+@make_command("regress")
 def command(
-    display_path: str,
-    rays_path: str,
-    inputs_path: str | None,
-    model: Model,
-    fraction_bits: int,
-    tolerance_urad: float,
-    tolerance_nm: float,
-    as_json: bool,
+    display_path: str = DISPLAY,
+    rays_path: str = option("Rays to judge: .npz, .csv or .mem.", flag="--rays", metavar="FILE"),
+    inputs_path: str | None = option(
+        "Inputs of a .mem; by default inputs.mem beside it.", None, flag="--inputs", metavar="FILE"
+    ),
+    model: Model = LENS_MODEL,
+    fraction_bits: int = word_length("a .csv or .mem"),
+    tolerance_urad: float = option(
+        "Tolerance of directions in an .npz, beside the effect of rounding the inputs to float32.", 2.0, Finite()
+    ),
+    tolerance_nm: float = option("Tolerance of points in an .npz, beside the effect of that rounding.", 50.0, Finite()),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
@@ -74,5 +62,5 @@ def command(
     else:
         lines.append(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")
         lines.append(f"stage: {verdict.stage}; {verdict.fault or 'no single fault explains them'}")
-    emit({**dataclasses.asdict(verdict), **shown}, as_json, lines)
+    emit({**dataclasses.asdict(verdict), **shown}, lines)
     return 0 if verdict.right else FOUND_WRONG

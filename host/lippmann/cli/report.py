@@ -6,32 +6,26 @@ import dataclasses
 import time
 from pathlib import Path
 
-import click
-
 from lippmann.cli.bench import shipped_scenes
-from lippmann.cli.options.common import device_option, json_option, seed_option
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import input_error
 from lippmann.images import check_output
 from lippmann.variant import start_mitsuba
 
 
-@click.command("report")
-@click.option(
-    "-o",
-    "output",
-    default="out/report",
-    show_default=True,
-    metavar="FOLDER",
-    help="Output folder; created when missing.",
-)
-@click.option("--against", metavar="FOLDER", help="Folder of the run to compare with.  [default: the folder of -o]")
-@click.option("--scenes", default="scenes", show_default=True, help="The project's folder of scenes.")
-@click.option("--quick", is_flag=True, help="A trial: few measurements, no simulation.")
-@seed_option
-@device_option
-@json_option
-def command(output: str, against: str | None, scenes: str, quick: bool, seed: int, device: str, as_json: bool) -> None:
+@make_command("report")
+def command(
+    output: str = option("Output folder; created when missing.", "out/report", flag="-o", metavar="FOLDER"),
+    against: str | None = option(
+        "Folder of the run to compare with.  [default: the folder of -o]", None, metavar="FOLDER"
+    ),
+    scenes: str = SCENES,
+    quick: bool = option("A trial: few measurements, no simulation.", False),
+    seed: int = SEED,
+    device: str = DEVICE,
+) -> None:
     """Measure speed and error of everything, and write a report.
 
     It covers engines, models, word lengths and the renderer, and lists what changed since an earlier run. The files are
@@ -69,17 +63,15 @@ def command(output: str, against: str | None, scenes: str, quick: bool, seed: in
         "comparison": {**dataclasses.asdict(found), "moved": moves},
     }
 
-    def text() -> None:
-        click.echo(f"{folder / PAGE}.html, .md: {seconds:.0f} s, load {page.origin['load']}")
-        then = f"the run of {found.before.get('date')}"
-        if not found.before:
-            click.echo("no run before to compare with")
-        elif found.differs:
-            click.echo(f"not compared with {then}: another {' and '.join(found.differs)}")
-        else:
-            click.echo(f"{len(found.moved)} of {found.compared} figures moved by more than the noise since {then}")
-        for move in found.moved:
-            change = f"{move.before.median:.4g} to {move.now.median:.4g}"
-            click.echo(f"  {move.table}: {move.row}: {move.figure} {change}")
-
-    emit(result, as_json, text)
+    lines = [f"{folder / PAGE}.html, .md: {seconds:.0f} s, load {page.origin['load']}"]
+    then = f"the run of {found.before.get('date')}"
+    if not found.before:
+        lines.append("no run before to compare with")
+    elif found.differs:
+        lines.append(f"not compared with {then}: another {' and '.join(found.differs)}")
+    else:
+        lines.append(f"{len(found.moved)} of {found.compared} figures moved by more than the noise since {then}")
+    for move in found.moved:
+        change = f"{move.before.median:.4g} to {move.now.median:.4g}"
+        lines.append(f"  {move.table}: {move.row}: {move.figure} {change}")
+    emit(result, lines)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from typing import Any, get_args
-
-import click
+from typing import Any
 
 from lippmann.board.board import Board
 from lippmann.board.frames import load_frame
 from lippmann.board.stream import Sent, send_frame
-from lippmann.cli.options.common import Finite, json_option
-from lippmann.cli.options.port import baud_option, check_board, chosen_port, port_option
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import Finite
+from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Transfer, load_display
 from lippmann.errors import NoBoardError
@@ -21,37 +20,27 @@ from lippmann.errors import NoBoardError
 RETRY_S = 0.5
 
 
-@click.command("stream")
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE...")
-@port_option
-@baud_option
-@click.option(
-    "--display",
-    "display_path",
-    metavar="FILE",
-    help="The board's display file; its curve and bits must be the image's.",
-)
-@click.option(
-    "--transfer", type=click.Choice(get_args(Transfer)),
-    help="The panel's curve; must be the image's. Default: the image's, or srgb if it names none.",
-)  # fmt: skip
-@click.option("--force", is_flag=True, help="Stream an image that was rendered for another display, or names none.")
-@click.option(
-    "--resume", "resume_s", type=Finite(0.0), default=0.0, metavar="SECONDS",
-    help="When the connection is lost, wait for the board and continue with the tiles that it lacks.",
-)  # fmt: skip
-@click.option("--verify", is_flag=True, help="Compare the CRC-32 of the scanned-out frame with the image's.")
-@json_option
+@make_command("stream")
 def command(
-    images: tuple[str, ...],
-    port: str | None,
-    baud: int,
-    display_path: str | None,
-    transfer: Transfer | None,
-    force: bool,
-    resume_s: float,
-    verify: bool,
-    as_json: bool,
+    images: tuple[str, ...] = argument("IMAGE...", kind=str, nargs=-1),
+    port: str | None = PORT,
+    baud: int = BAUD,
+    display_path: str | None = option(
+        "The board's display file; its curve and bits must be the image's.", None, flag="--display", metavar="FILE"
+    ),
+    transfer: Transfer | None = option(
+        "The panel's curve; must be the image's. Default: the image's, or srgb if it names none.", None
+    ),
+    force: bool = option("Stream an image that was rendered for another display, or names none.", False),
+    resume_s: float = option(
+        "When the connection is lost, wait for the board and continue with the tiles that it lacks.",
+        0.0,
+        Finite(0.0),
+        flag="--resume",
+        metavar="SECONDS",
+        show_default=False,
+    ),
+    verify: bool = option("Compare the CRC-32 of the scanned-out frame with the image's.", False),
 ) -> None:
     """Stream images to the panel of a board.
 
@@ -78,7 +67,7 @@ def command(
         for image, frame in zip(images, frames, strict=True):
             sent = Sent()
             arrived = -1
-            with progress_bar(f"streaming {image}", as_json) as progress:
+            with progress_bar(f"streaming {image}") as progress:
                 while True:
                     try:
                         send_frame(board, frame, progress, sent=sent)
@@ -102,7 +91,7 @@ def command(
     finally:
         board.close()
 
-    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, as_json, map(_line, results))
+    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, map(_line, results))
 
 
 def _opened(url: str, baud: int, seconds: float) -> Board:

@@ -13,22 +13,17 @@ import numpy as np
 import numpy.typing as npt
 from click.core import ParameterSource
 
-from lippmann.cli.options.common import (
-    device_option,
-    display_option,
-    fraction_bits_option,
-    json_option,
-    model_option,
-    seed_option,
-)
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.errors import input_error
 from lippmann.images import check_output, replacing
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import ENGINES, Engine, Floats, Model, Status
+from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sampling import square_to_cell
+from lippmann.rendering.sources import Aperture
 
 #: Most rays of one call: they fit in memory.
 MAX_RAYS = 100_000_000
@@ -36,41 +31,22 @@ MAX_RAYS = 100_000_000
 ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm")
 
 
-@click.command("trace")
-@display_option
-@click.option(
-    "--engine", type=click.Choice(ENGINES), default="golden", show_default=True, help="Implementation of the ray trace."
-)
-@model_option
-@click.option(
-    "--pixels", required=True, metavar="N|FILE",
-    help="N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
-    "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
-)  # fmt: skip
-@click.option(
-    "--aperture", type=click.Choice(["chief", "full"]), default="chief", show_default=True,
-    help="Chief rays, or random points over the lenslet's cell.",
-)  # fmt: skip
-@fraction_bits_option("the engines twin and rtl")
-@click.option("--wavelength", "wavelength_nm", type=float, help="nm; the array must name its glass.")
-@seed_option
-@device_option
-@click.option("-o", "output", required=True, metavar="RAYS.npz")
-@json_option
-@click.pass_context
+@make_command("trace")
 def command(
-    ctx: click.Context,
-    display_path: str,
-    engine: Engine,
-    model: Model,
-    pixels: str,
-    aperture: str,
-    fraction_bits: int,
-    wavelength_nm: float | None,
-    seed: int,
-    device: str,
-    output: str,
-    as_json: bool,
+    display_path: str = DISPLAY,
+    engine: Engine = option("Implementation of the ray trace.", "golden"),
+    model: Model = LENS_MODEL,
+    pixels: str = option(
+        "N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
+        "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
+        metavar="N|FILE",
+    ),
+    aperture: Aperture = option("Chief rays, or random points over the lenslet's cell.", "chief"),
+    fraction_bits: int = word_length("the engines twin and rtl"),
+    wavelength_nm: float | None = option("nm; the array must name its glass.", None, flag="--wavelength"),
+    seed: int = SEED,
+    device: str = DEVICE,
+    output: str = option(None, flag="-o", metavar="RAYS.npz"),
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
@@ -80,6 +56,7 @@ def command(
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --engine fast --pixels 1000 -o rays.npz
     """
+    ctx = click.get_current_context()
     if engine in ("golden", "fast") and ctx.get_parameter_source("fraction_bits") == ParameterSource.COMMANDLINE:
         raise click.UsageError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
     if engine != "fast" and device == "cuda":
@@ -114,7 +91,7 @@ def command(
         "rays": len(pixel), "seed": seed, "seconds": seconds, "status": status,
     }  # fmt: skip
     shares = ", ".join(f"{name} {n}" for name, n in status.items() if n)
-    emit(result, as_json, f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
+    emit(result, f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:

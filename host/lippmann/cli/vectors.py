@@ -7,36 +7,23 @@ from pathlib import Path
 
 import click
 
-from lippmann.cli.options.common import display_option, fraction_bits_option, json_option, model_option, seed_option
-from lippmann.cli.output import emit, log
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.output import as_json, emit, log
 from lippmann.display import load_display
 from lippmann.optics.rays import Model
 from lippmann.provenance import provenance
 
 
-@click.command("vectors")
-@display_option
-@click.option(
-    "--case", default="all", show_default=True, help="Name of a hard case, or all; an unknown name lists them."
-)
-@model_option
-@fraction_bits_option("the fixed-point files")
-@click.option(
-    "--count", type=click.IntRange(1, 10_000), default=24, show_default=True,
-    help="Approximate number of rays in each set.",
-)  # fmt: skip
-@seed_option
-@click.option("-o", "output", required=True, metavar="FOLDER", help="New output folder.")
-@json_option
+@make_command("vectors")
 def command(
-    display_path: str,
-    case: str,
-    model: Model,
-    fraction_bits: int,
-    count: int,
-    seed: int,
-    output: str,
-    as_json: bool,
+    display_path: str = DISPLAY,
+    case: str = option("Name of a hard case, or all; an unknown name lists them.", "all"),
+    model: Model = LENS_MODEL,
+    fraction_bits: int = word_length("the fixed-point files"),
+    count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
+    seed: int = SEED,
+    output: str = option("New output folder.", flag="-o", metavar="FOLDER"),
 ) -> None:
     """Write test vectors: rays that are hard to compute.
 
@@ -52,7 +39,7 @@ def command(
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
     origin = provenance(said, ("numpy", "mpmath"))
-    note = (lambda _: None) if as_json else log
+    note = (lambda _: None) if as_json() else log
     entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin, note)
     result = {
         "output": output,
@@ -62,4 +49,4 @@ def command(
         "refused": {entry["set"]: entry["refused"] for entry in entries if entry["refused"]},
     }
     text = f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words"
-    emit(result, as_json, text)
+    emit(result, text)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import signal
 import sys
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
 
 import click
 
 from lippmann import api, interrupts
-from lippmann.cli.options.common import Vector, device_option, display_option, json_option, seed_option
-from lippmann.cli.options.placement import placement_of, placement_options
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
+from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError
@@ -24,41 +25,31 @@ from lippmann.viewer.page import Direct, check_direct
 from lippmann.viewer.serve import page_server
 
 
-@click.command("view")
-@click.argument("image_path", metavar="IMAGE")
-@display_option
-@click.option("-o", "output", metavar="PAGE.html", help="The page.  [default: beside the image, named after it]")
-@click.option(
-    "--direct",
-    "direct_paths",
-    type=(Vector(3), str),
-    multiple=True,
-    metavar="X,Y,Z PICTURE",
-    help="A direct render of the scene from that eye, through the panel's window; may be repeated.",
-)
-@click.option("--scene", "scene_path", metavar="SCENE", help="Render direct views of this scene from a grid of eyes.")
-@placement_options
-@click.option("--title", help="Heading of the page.  [default: the image's name]")
-@click.option("--serve", is_flag=True, help="Serve the page on loopback until Ctrl-C, instead of writing it.")
-@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="Port of --serve; 0: any free port.")
-@click.option("--force", is_flag=True, help="Accept an image that was made for another display.")
-@seed_option
-@device_option
-@json_option
+@make_command("view")
 def command(
-    image_path: str,
-    display_path: str,
-    output: str | None,
-    direct_paths: tuple[tuple[tuple[float, float, float], str], ...],
-    scene_path: str | None,
-    title: str | None,
-    serve: bool,
-    tcp_port: int,
-    force: bool,
-    seed: int,
-    device: str,
-    as_json: bool,
-    moved: dict[str, Any],
+    image_path: str = argument("IMAGE"),
+    display_path: str = DISPLAY,
+    output: str | None = option(
+        "The page.  [default: beside the image, named after it]", None, flag="-o", metavar="PAGE.html"
+    ),
+    direct_paths: tuple[tuple[Point, str], ...] = option(
+        "A direct render of the scene from that eye, through the panel's window; may be repeated.",
+        (),
+        (Vector(3), str),
+        flag="--direct",
+        multiple=True,
+        metavar="X,Y,Z PICTURE",
+    ),
+    scene_path: str | None = option(
+        "Render direct views of this scene from a grid of eyes.", None, flag="--scene", metavar="SCENE"
+    ),
+    moved: Moved = MOVED,
+    title: str | None = option("Heading of the page.  [default: the image's name]", None),
+    serve: bool = option("Serve the page on loopback until Ctrl-C, instead of writing it.", False),
+    tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535), show_default=False),
+    force: bool = option("Accept an image that was made for another display.", False),
+    seed: int = SEED,
+    device: str = DEVICE,
 ) -> None:
     """Make a browser page that shows an integral image.
 
@@ -70,15 +61,15 @@ def command(
         raise InputError("--serve keeps the page in memory; leave out -o or --serve")
     if tcp_port and not serve:
         raise InputError("--tcp-port belongs to --serve; give both or neither")
-    if moved and scene_path is None:
-        raise InputError(f"--{next(iter(moved))} belongs to --scene; give both or neither")
+    if moved.given and scene_path is None:
+        raise InputError(f"--{next(iter(moved.given))} belongs to --scene; give both or neither")
     path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), api.PAGE_SUFFIXES)
     display = load_display(display_path)
     scene = None if scene_path is None else check_scene_file(scene_path)
     image = IntegralImage.load(image_path, display, force)
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
-    with progress_bar("direct views", quiet=as_json or scene is None) as progress:
-        placement = None if scene is None else placement_of(scene, moved)
+    with nullcontext() if scene is None else progress_bar("direct views") as progress:
+        placement = None if scene is None else moved.placement(scene)
         page = api.view_page(
             image, scene, directs, title=title or Path(image_path).stem, placement=placement, seed=seed, device=device,
             progress=progress,
@@ -86,18 +77,15 @@ def command(
     count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
     result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}
     if path is None:
-        _serve(page, tcp_port, result, as_json)
+        _serve(page, tcp_port, result)
         return
     with replacing(path) as partial:
         partial.write_bytes(page)
-
-    def text() -> None:
-        click.echo(f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser")
-
-    emit({"output": str(path), **result}, as_json, text)
+    text = f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser"
+    emit({"output": str(path), **result}, text)
 
 
-def _read_direct(eye: tuple[float, float, float], path: str, display: Display) -> Direct:
+def _read_direct(eye: Point, path: str, display: Display) -> Direct:
     """Read a direct render; errors name its file."""
     position = Eye(eye).position_mm
     direct = Direct(position, read_picture(path).radiance)
@@ -108,12 +96,12 @@ def _read_direct(eye: tuple[float, float, float], path: str, display: Display) -
     return direct
 
 
-def _serve(page: bytes, tcp_port: int, result: dict[str, object], as_json: bool) -> None:
+def _serve(page: bytes, tcp_port: int, result: dict[str, object]) -> None:
     """Serve until Ctrl-C or SIGTERM."""
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     with page_server(page, tcp_port) as server:
         url = f"http://{server.server_address[0]!s}:{server.server_address[1]}/"
-        emit({"url": url, **result}, as_json, lambda: click.echo(f"{url} (Ctrl-C ends it)"))
+        emit({"url": url, **result}, f"{url} (Ctrl-C ends it)")
         sys.stdout.flush()
         try:
             server.serve_forever(poll_interval=0.1)

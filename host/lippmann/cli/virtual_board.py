@@ -15,10 +15,11 @@ from typing import Any
 import click
 
 from lippmann import interrupts
-from lippmann.cli.options.common import display_option, fraction_bits_option, json_option
+from lippmann.cli.frame import make_command, option
+from lippmann.cli.options.common import DISPLAY, word_length
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
-from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, input_error
+from lippmann.errors import DeviceError, InputError, LippmannError, input_error
 from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
@@ -28,40 +29,26 @@ CHECK_S = 0.1
 #: Longest time to write the last captured frames, after the simulator has ended, s.
 CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
-ERRORS: dict[int, type[LippmannError]] = {
-    kind.exit_code: kind for kind in (DeviceError, InputError, MissingLibraryError)
-}
+ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 PATH = click.Path(path_type=Path, readable=False)
 
 
-@click.command("start")
-@display_option
-@click.option("--line", type=click.Choice(["tcp", "pty"]), default="tcp", show_default=True, help="Kind of port.")
-@click.option("--tcp-port", type=click.IntRange(0, 65535), default=0, help="TCP port on loopback; 0: a free one.")
-@click.option("--baud", type=click.IntRange(1), help="Simulate a UART of this rate; default: a line without a rate.")
-@fraction_bits_option("its optics", COMPACT)
-@click.option("--capture", type=PATH, metavar="FOLDER", help="Write every new frame that is scanned out, as PNG.")
-@click.option(
-    "--ready", type=PATH, metavar="FILE", help="Write the board's URL to this JSON file, while the board runs."
-)
-@click.option("--trace", type=PATH, metavar="FILE.fst", help="Write waveforms of the clocks --trace-clocks.")
-@click.option("--background", is_flag=True, help="Return when the board is ready, and let it run; needs --ready.")
-@click.option("--trace-clocks", type=(click.IntRange(0), click.IntRange(1)), default=(0, 1_000_000), show_default=True)
-@json_option
-@click.pass_context
+@make_command("start")
 def start_command(
-    ctx: click.Context,
-    display_path: str,
-    line: virtual_board.Port,
-    tcp_port: int,
-    baud: int | None,
-    fraction_bits: int,
-    capture: Path | None,
-    ready: Path | None,
-    trace: Path | None,
-    trace_clocks: tuple[int, int],
-    background: bool,
-    as_json: bool,
+    display_path: str = DISPLAY,
+    line: virtual_board.Port = option("Kind of port.", "tcp"),
+    tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
+    baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
+    fraction_bits: int = word_length("its optics", COMPACT),
+    capture: Path | None = option("Write every new frame that is scanned out, as PNG.", None, PATH, metavar="FOLDER"),
+    ready: Path | None = option(
+        "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
+    ),
+    trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
+    background: bool = option("Return when the board is ready, and let it run; needs --ready.", False),
+    trace_clocks: tuple[int, int] = option(
+        None, (0, 1_000_000), (click.IntRange(0), click.IntRange(1)), show_default=True
+    ),
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
@@ -82,7 +69,7 @@ def start_command(
     if background:
         if not ready:
             raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
-        _in_background(ctx, ready, as_json)
+        _in_background(ready)
         return
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
@@ -103,7 +90,7 @@ def start_command(
             if ready:
                 with replacing(ready) as partial:
                     partial.write_text(json.dumps(result) + "\n")
-            emit(result, as_json, f"{display.name}: {board.url} (Ctrl-C ends it)")
+            emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             while board.process.poll() is None:
                 if capture:
@@ -119,26 +106,28 @@ def start_command(
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
     """Refuse missing or read-only folders, and the ready file of a running board."""
-    for option, place in (
+    for name, place in (
         ("--capture", capture),
         ("--ready", ready and ready.parent),
         ("--trace", trace and trace.parent),
     ):
         if place and not place.is_dir():
-            raise input_error(option, f"no folder {place}", "make it first")
+            raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
-            raise input_error(option, f"{place} cannot be written to", "choose another folder or change permissions")
-    if ready and (other := _running(ready)) is not None:
-        raise input_error("--ready", f"{ready} belongs to a board that runs ({other[1]})", "end it, or name a new file")
+            raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")
+    if ready and (other := _running(ready)):
+        raise input_error(
+            "--ready", f"{ready} belongs to a board that runs ({other['url']})", "end it, or name a new file"
+        )
 
 
-def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
+def _in_background(ready: Path) -> None:
     """Run the same command without --background in a session of its own; return when its ready file exists."""
     ready.unlink(missing_ok=True)
-    output = _log_of(ready)
+    output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words(ctx)]
+    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
     with output.open("wb") as both:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
     try:
@@ -154,22 +143,18 @@ def _in_background(ctx: click.Context, ready: Path, as_json: bool) -> None:
         output.unlink()
         raise
     result = json.loads(ready.read_text())
-    emit(result, as_json, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
+    emit(result, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
 
 
-def _option_words(ctx: click.Context) -> list[str]:
-    """Return a command's parsed options as words; with --json, so that an error is the last line of the log."""
+def _option_words() -> list[str]:
+    """Return the command's parsed options as words; with --json, so that an error is the last line of the log."""
+    ctx = click.get_current_context()
     words = []
-    for option in ctx.command.params:
-        value = ctx.params.get(option.name or "")
+    for parameter in ctx.command.params:
+        value = ctx.params.get(parameter.name or "")
         if value is not None and not isinstance(value, bool):
-            words += [option.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
+            words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
     return [*words, "--json"]
-
-
-def _log_of(ready: Path) -> Path:
-    """Return the log file of a board in the background."""
-    return Path(f"{ready}.log")
 
 
 def _failure(output: Path) -> LippmannError | None:
@@ -183,58 +168,55 @@ def _failure(output: Path) -> LippmannError | None:
 
 def _remove_ready(ready: Path) -> None:
     """Remove this process's ready file."""
-    if (content := _content(ready)) is not None and content[0] == os.getpid():
+    if _content(ready).get("pid") == os.getpid():
         ready.unlink(missing_ok=True)
 
 
-def _content(ready: Path) -> tuple[int, str] | None:
-    """Return the process and the URL in a ready file; None when it is not one."""
+def _content(ready: Path) -> dict[str, Any]:
+    """Return `url` and `pid` of a ready file; nothing when it is not one."""
     try:
         content = json.loads(ready.read_text())
-        return int(content["pid"]), str(content["url"])
+        return {"url": str(content["url"]), "pid": int(content["pid"])}
     except (OSError, ValueError, KeyError, TypeError):
-        return None
+        return {}
 
 
-def _running(ready: Path) -> tuple[int, str] | None:
-    """Return the process and the URL in a ready file, when the process runs this command."""
+def _running(ready: Path) -> dict[str, Any]:
+    """Return `url` and `pid` of a ready file, when the process runs this command; else nothing."""
     content = _content(ready)
     try:
-        words = Path(f"/proc/{content[0]}/cmdline").read_bytes().split(b"\0") if content else []
+        words = Path(f"/proc/{content.get('pid')}/cmdline").read_bytes().split(b"\0")
     except OSError:
-        return None
-    return content if b"board" in words and b"start" in words else None
+        return {}
+    return content if b"board" in words and b"start" in words else {}
 
 
-@click.command("stop")
-@click.option("--ready", type=PATH, required=True, metavar="FILE", help="The --ready file of the board's start.")
-@json_option
-def stop_command(ready: Path, as_json: bool) -> None:
+@make_command("stop")
+def stop_command(ready: Path = option("The --ready file of the board's start.", kind=PATH, metavar="FILE")) -> None:
     """End a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json
     """
-    output, content = _log_of(ready), _content(ready)
+    output, content = Path(f"{ready}.log"), _content(ready)
     failure = _failure(output)
-    if content is None and failure is None:
+    if not content and failure is None:
         raise input_error(str(ready), "names no board", "give the --ready file of `lippmann board start`")
-    running = _running(ready)
-    if running is None:
-        if content is not None:
+    if not _running(ready):
+        if content:
             ready.unlink(missing_ok=True)
         if failure is None:
             raise DeviceError(f"{ready}: its board had ended already, without a message; the file is removed")
         raise type(failure)(f"its board had ended already: {failure} (exit code {failure.exit_code})")
-    pid, url = running
+    url, pid = content["url"], content["pid"]
     os.kill(pid, signal.SIGINT)
     # The board first waits for its simulator, then writes its last frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _running(ready) is not None:
+    while _running(ready):
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)
     if (failure := _failure(output)) is not None:
         raise failure
     output.unlink(missing_ok=True)
-    emit({"url": url, "pid": pid}, as_json, f"{url}: ended")
+    emit(content, f"{url}: ended")

@@ -269,7 +269,7 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -
     return Page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context, TEMPLATES)
 
 
-@measurement(page="peers", needs_device=True)
+@measurement(page="peers")
 def peers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Compare picture and time with POV-Ray. POV-Ray's pictures are kept in out/peers and not rendered again.
 

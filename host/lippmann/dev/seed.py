@@ -17,12 +17,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import click
 import numpy as np
 
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
+from lippmann.cli.frame import option
 from lippmann.display import MM_PER_INCH, Display
 from lippmann.measure.figures import row_of
 from lippmann.measure.renderer import with_pitch
@@ -240,19 +240,17 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
     return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
 
 
-@measurement(
-    click.option("--quick", is_flag=True, help="A trial: the windows are too small to measure anything."),
-    page="seed",
-    needs_device=True,
-)
-def seed(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+@measurement(page="seed")
+def seed(
+    bench: Bench,
+    quick: bool = option("A trial: the windows are too small to measure anything.", False),
+) -> tuple[Mapping[str, Any], Page]:
     """Repeat the founding paper's benchmark with Lippmann and with POV-Ray.
 
     Example: lippmann bench seed --quick
     """
     POVRAY.path()
     rows: list[Timed] = []
-    quick = bool(bench.options["quick"])
     with TemporaryDirectory() as work:
         for row in bench_seed(bench.scenes, Path(work), QUICK if quick else Sweep()):
             bench.collect([row])

@@ -49,7 +49,7 @@ COUNTED = """
 """
 
 
-@measurement(needs_device=True)
+@measurement()
 def view(bench: Bench) -> tuple[Mapping[str, Any], None]:
     """Measure viewer pages in Chromium without a GPU: time until the first view, frames a second.
 

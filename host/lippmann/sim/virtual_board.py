@@ -29,7 +29,7 @@ from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
-Port = Literal["pty", "tcp"]
+Port = Literal["tcp", "pty"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000

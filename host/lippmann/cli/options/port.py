@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 import click
 
 from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
-from lippmann.cli.options.common import json_option, together
+from lippmann.cli.frame import group, option
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.link.port import DEFAULT_BAUD
 
-port_option = click.option(
-    "--port",
+PORT = option(
+    "The board's port: a device, a pty, or socket://HOST:PORT. Default: the one USB serial adapter on which a board "
+    "answers.",
+    None,
     metavar="URL",
-    help="The board's port: a device, a pty, or socket://HOST:PORT. Default: the one USB serial adapter on which a "
-    "board answers.",
 )
-baud_option = click.option(
-    "--baud", type=click.IntRange(1), default=DEFAULT_BAUD, show_default=True, help="Baud rate of a serial port."
-)
-#: The options of a command that uses a board.
-board_options = together(port_option, baud_option, json_option)
+BAUD = option("Baud rate of a serial port.", DEFAULT_BAUD, click.IntRange(1))
 
 
 def chosen_port(port: str | None, baud: int) -> str:
@@ -37,9 +34,15 @@ def chosen_port(port: str | None, baud: int) -> str:
     return find_board(baud=baud, allowed=_confirmed).url if port is None else port
 
 
-def opened_board(port: str | None, baud: int) -> Board:
-    """Open the board at `port`, or the only board found. Raises as `chosen_port` and `Board.open`."""
-    return Board.open(chosen_port(port, baud), baud)
+OpenBoard = Callable[[], Board]
+
+
+def _opened(*, port: str | None = PORT, baud: int = BAUD) -> OpenBoard:
+    return lambda: Board.open(chosen_port(port, baud), baud)
+
+
+#: Opens the board that --port and --baud name, or the only board found. Raises as `chosen_port` and `Board.open`.
+OPEN_BOARD = group(_opened)
 
 
 def _confirmed(urls: list[str]) -> bool:

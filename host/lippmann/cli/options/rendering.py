@@ -1,70 +1,79 @@
-"""The options of rendering, which several commands share."""
+"""The options of rendering and of the scene's placement, which several commands share."""
 
 from __future__ import annotations
 
-import functools
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 
-import click
-
-from lippmann.cli.options.common import Command, fraction_bits_option, together
-from lippmann.optics.rays import ENGINES
-from lippmann.rendering.integral import MODEL_OPTIONS, RenderOptions
+from lippmann.cli.frame import group, option
+from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
+from lippmann.fixed.words import WIDEST
+from lippmann.optics.rays import Engine
+from lippmann.rendering.integral import ModelOption, RenderOptions
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.sources import APERTURES
+from lippmann.rendering.scene import placement_beside
+from lippmann.rendering.sources import Aperture
 from lippmann.select.model import TOLERANCE
 
-_SAMPLES = click.option("--samples", default=4, show_default=True, help="Samples for each pixel, 1 to 65536.")
-_INTEGRATOR = (
-    click.option(
-        "--integrator", default="lights", show_default=True,
-        help="lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.",
-    ),
-    click.option("--max-depth", default=4, show_default=True, help="Surfaces that a ray may meet, 1 to 1000."),
-    click.option("--memory-mb", type=float, help="Memory limit.  [default: four fifths of the free memory]"),
-)  # fmt: skip
-_RENDER = together(
-    click.option(
-        "--model", type=click.Choice(MODEL_OPTIONS), default="auto", show_default=True,
-        help="Lens model; auto chooses the cheapest within the tolerance.",
-    ),
-    click.option(
-        "--tolerance", default=TOLERANCE, show_default=True,
-        help="Error that auto allows, pixels of the reconstructed view; above 0.",
-    ),
-    click.option(
-        "--engine", type=click.Choice(ENGINES), default="fast", show_default=True,
-        help="Traces the rays through the lenslets; rtl shows what the FPGA would show.",
-    ),
-    fraction_bits_option("the engines twin and rtl", None),
-    _SAMPLES,
-    click.option(
-        "--aperture", type=click.Choice(APERTURES), default="chief", show_default=True,
-        help="Chief rays, or rays over the whole lenslet.",
-    ),
-    *_INTEGRATOR,
-)  # fmt: skip
-#: The options of a capture, which a command gets by their names.
-capture_options = together(
-    _SAMPLES,
-    click.option(
-        "--aperture",
-        type=click.Choice(APERTURES),
-        help="For a pickup: rays over the whole lenslet, or chief rays.  [default: full]",
-    ),
-    *_INTEGRATOR,
-)
+SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
+INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")
+MAX_DEPTH = option("Surfaces that a ray may meet, 1 to 1000.", 4)
+MEMORY_MB = option("Memory limit.  [default: four fifths of the free memory]", None)
 
 
-def render_options(command: Command) -> Command:
-    """Give a command the options of a render, which it gets as `options`, a `RenderOptions`; it must have --seed."""
+def _render_options(
+    seed: int,
+    model: ModelOption = option("Lens model; auto chooses the cheapest within the tolerance.", "auto"),
+    tolerance: float = option("Error that auto allows, pixels of the reconstructed view; above 0.", TOLERANCE),
+    engine: Engine = option("Traces the rays through the lenslets; rtl shows what the FPGA would show.", "fast"),
+    fraction_bits: int | None = option(
+        f"Word length of the engines twin and rtl.  [default: {WIDEST}]", None, FRACTION_BITS
+    ),
+    samples: int = SAMPLES,
+    aperture: Aperture = option("Chief rays, or rays over the whole lenslet.", "chief"),
+    integrator: str = INTEGRATOR,
+    max_depth: int = MAX_DEPTH,
+    memory_mb: float | None = MEMORY_MB,
+) -> RenderOptions:
+    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
+    return RenderOptions(model, tolerance, engine, fraction_bits, settings)
 
-    @functools.wraps(command)
-    def with_options(
-        *, model: Any, tolerance: float, engine: Any, fraction_bits: int | None, samples: int, aperture: Any,
-        integrator: str, max_depth: int, memory_mb: float | None, seed: int, **others: Any,
-    ) -> Any:  # fmt: skip
-        settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
-        return command(options=RenderOptions(model, tolerance, engine, fraction_bits, settings), **others)
 
-    return _RENDER(with_options)
+#: The options of a render; the command has --seed too.
+RENDERING = group(_render_options)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The changes of a scene's placement that a command's options ask for."""
+
+    scale: float | None = option("mm for each scene unit.", None)
+    rotate: Point | None = option("Degrees about x, then y, then z.", None, Vector(3))
+    offset: Point | None = option("Position of the scene's origin, mm.", None, Vector(3))
+    depth: float | None = option("Moves the scene towards the viewer, mm.", None)
+    near: float | None = option("Depth z where primary rays start, mm.", None)
+    far: float | None = option("Farthest depth of interest, mm.", None)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The options that are given, by name."""
+        return {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
+
+    def placement(self, scene_path: Path) -> Placement:
+        """Return the placement beside the scene, changed by the options."""
+        placement = placement_beside(scene_path)
+        if not self.given.keys().isdisjoint(("scale", "rotate", "offset", "depth")):
+            # The depths in the file are valid for the file's own placement only.
+            placement = replace(placement, near_mm=None, far_mm=None)
+        offset = placement.offset_mm if self.offset is None else self.offset
+        if self.depth is not None:
+            offset = (offset[0], offset[1], offset[2] + self.depth)
+        names = {"scale": "scale", "rotate": "rotation_deg", "near": "near_mm", "far": "far_mm"}
+        changed = {names[name]: value for name, value in self.given.items() if name in names}
+        return replace(placement, offset_mm=offset, **changed)
+
+
+#: The options of a scene's placement, as a `Moved`.
+MOVED = group(Moved)

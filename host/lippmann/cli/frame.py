@@ -1,0 +1,108 @@
+"""The frame of a command: a function whose parameters have their options and arguments as defaults.
+
+The type of an option and its flag are those of the parameter, unless they are given. A parameter with a `group` of
+options gets what the group's function returns. A parameter of such a function without a default gets the value of the
+command's parameter of that name.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import click
+
+Function = Callable[..., Any]
+REQUIRED = inspect.Parameter.empty
+
+
+@dataclass(frozen=True)
+class Declared:
+    """An option or argument: the flag (None: an argument; "": the parameter's name) and what click needs more."""
+
+    flag: str | None
+    attributes: Mapping[str, Any]
+
+    def parameter(self, name: str, kind: Any) -> click.Parameter:
+        """Return click's parameter; `kind` is its type in Python."""
+        if NoneType in get_args(kind):
+            kind = get_args(kind)[0]
+        attributes = dict(self.attributes)
+        if attributes["type"] is None:
+            attributes["type"] = click.Choice(get_args(kind)) if get_origin(kind) is Literal else kind
+        if self.flag is None:
+            return click.Argument((name,), **attributes)
+        flag = self.flag or f"--{name.replace('_', '-')}"
+        return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
+
+
+@dataclass(frozen=True)
+class Group:
+    """The options of a function or class, whose result is the value."""
+
+    source: Function
+
+
+def option(help_text: str | None, default: Any = REQUIRED, kind: Any = None, flag: str = "", **others: Any) -> Any:
+    """Declare an option; `kind` is click's type, `others` are further arguments of `click.Option`."""
+    shown = not (default is None or default is REQUIRED or isinstance(default, bool | tuple))
+    return Declared(flag, {"help": help_text, "show_default": shown, **_given(default, kind), **others})
+
+
+def argument(metavar: str | None = None, default: Any = REQUIRED, kind: Any = None, **others: Any) -> Any:
+    """Declare an argument."""
+    return Declared(None, {"metavar": metavar, **_given(default, kind), **others})
+
+
+def group(source: Function) -> Any:
+    """Declare the options of a function or class."""
+    return Group(source)
+
+
+def _given(default: Any, kind: Any) -> dict[str, Any]:
+    return {"type": kind, "required": True} if default is REQUIRED else {"type": kind, "default": default}
+
+
+def make_command(name: str, into: click.Group | None = None) -> Callable[[Function], click.Command]:
+    """Return a decorator that makes a command, with --json, of a function; its docstring is the help."""
+
+    def decorate(function: Function) -> click.Command:
+        made = click.Command(
+            name,
+            callback=lambda **values: _call(function, values),
+            params=[*parameters(function), json_option()],
+            help=function.__doc__,
+        )
+        if into is not None:
+            into.add_command(made)
+        return made
+
+    return decorate
+
+
+def json_option() -> click.Parameter:
+    """Return the option that each command has; see `lippmann.cli.output`."""
+    return click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
+
+
+def parameters(function: Function) -> Iterator[click.Parameter]:
+    """Yield the options and arguments that a function declares, in the order of its parameters."""
+    hints = get_type_hints(function)
+    for name, default in _defaults(function).items():
+        if isinstance(default, Declared):
+            yield default.parameter(name, hints[name])
+        elif isinstance(default, Group):
+            yield from parameters(default.source)
+
+
+def _call(function: Function, values: Mapping[str, Any]) -> Any:
+    """Call a function with the values of its options."""
+    defaults = _defaults(function).items()
+    return function(**{name: _call(d.source, values) if isinstance(d, Group) else values[name] for name, d in defaults})
+
+
+def _defaults(function: Function) -> dict[str, Any]:
+    return {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
