@@ -33,12 +33,13 @@ from lippmann.optics.system import System
 from lippmann.select.model import (
     TOLERANCE,
     Choice,
-    cell_corners,
     choose_model,
+    corners_mm,
     located,
     model_error_px,
+    on_panel,
     panel_size,
-    pixels_in_cells,
+    pixels_from_cells,
     probe,
     reconstructed_pixel_mm,
     spread_mm,
@@ -167,9 +168,10 @@ def _spread(display: Display) -> Floats:
     """Return pixel coordinates (N, 2) all over the panel, and in the corners of the cells there."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
-    corners = INSIDE * cell_corners(display.array.grid, display.array.pitch_mm)
+    corners = INSIDE * corners_mm(display.array)
     local = corners[numbers % len(corners)] * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]
-    return np.concatenate([everywhere, pixels_in_cells(display, located(display, everywhere)[0], local)])
+    in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
+    return np.concatenate([everywhere, on_panel(display, in_corners)])
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
