@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.conditioning import search
 from lippmann.display import Display
@@ -23,8 +22,6 @@ from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats, Model, Rays, Status
 from lippmann.optics.system import System
 from lippmann.select.model import located, pixels_from_cells
-
-Bools = npt.NDArray[np.bool_]
 
 #: Rays traced at a time.
 CHUNK = 250_000
@@ -104,16 +101,16 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
     low, high = random.integers(-reach, reach + 1, (2, 2, count))
     pixel = pixels_of_words(display, u, v)
 
-    def fates_of(aim: Ints) -> Ints:
-        return fates(display, build.model, pixel, aims_of_words(display, *aim, fraction_bits=build.fraction_bits))
+    def fates_of(a: Ints, b: Ints) -> Ints:
+        return fates(display, build.model, pixel, aims_of_words(display, a, b, build.fraction_bits))
 
-    wanted = fates_of(low)
+    wanted = fates_of(*low)
     for _ in range(build.fraction_bits + 2):
         middle = (low + high) >> 1
-        like_low = (fates_of(middle) == wanted).all(axis=1)
+        like_low = (fates_of(*middle) == wanted).all(axis=1)
         low = np.where(like_low, middle, low)
         high = np.where(like_low, high, middle)
-    differ = (fates_of(high) != wanted).any(axis=1)
+    differ = (fates_of(*high) != wanted).any(axis=1)
     return Words(*np.tile([u[differ], v[differ]], 2), *np.concatenate([low[:, differ], high[:, differ]], axis=1))
 
 
@@ -148,7 +145,7 @@ def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[In
     return a, b
 
 
-def too_slanted(display: Display, build: Build, words: Words) -> Bools:
+def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
 
     The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at.

@@ -27,7 +27,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.rays import Floats, Rays
+from lippmann.optics.rays import Floats
 from lippmann.optics.sampling import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.select.model import (
@@ -150,7 +150,9 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
             rays = trace_fixed(display, pixels, None, model, bits)
         except InputError:  # the registers cannot hold this display
             return float("inf")
-        return build_error_px(display, rays, model, depth_range_mm)
+        exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
+        rounding = model_error_px(display, unrounded, rays, depth_range_mm)
+        return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding
 
     least = float("inf")
     for model in get_args(HardwareModel):
@@ -180,10 +182,3 @@ def away_from_borders(display: Display, pixels: Floats) -> Floats:
     across = np.abs(located(display, pixels)[1] @ axes.T).max(axis=1)
     inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
     return inside
-
-
-def build_error_px(display: Display, rays: Rays, model: HardwareModel, depth_range_mm: tuple[float, float]) -> float:
-    """Return the largest distance of a build's rays from the exact ones, with the margin for untested roundings."""
-    exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
-    rounding = model_error_px(display, unrounded, rays, depth_range_mm)
-    return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding
