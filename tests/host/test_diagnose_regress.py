@@ -40,7 +40,7 @@ def rays_for(display, count=600):
 def judged(display, arrays):
     fields = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
     fields["status"] = fields["status"][:, None]
-    return judge(Foreign(fields.pop("pixel"), fields.pop("aperture_mm"), fields), display, "exact")
+    return judge(Foreign(Out("foreign", display, fields.pop("pixel"), fields.pop("aperture_mm")), fields))
 
 
 def traced(display, pixels, aims, **how):
@@ -376,7 +376,7 @@ def written(tmp_path):
 
 def test_right_words(written, capsys):
     case, judge_words = written
-    code, said = judge_words(ray_pipeline(*case.words, case.registers, case.build), capsys)
+    code, said = judge_words(case.traced(), capsys)
     assert (code, said["wrong"], said["stage"]) == (0, 0, None)
 
 
@@ -384,7 +384,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
     """The last rounding of the direction left out: floor(x) for floor(x + 1/2)."""
     case, judge_words = written
     monkeypatch.setattr(leave_dome, "guarded", lambda x: x >> 3)
-    out = ray_pipeline(*case.words, case.registers, case.build)
+    out = case.traced()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
     assert code == 4
@@ -395,7 +395,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
 def test_wrapped_word(written, capsys, monkeypatch):
     case, judge_words = written
     monkeypatch.setattr(leave_dome, "saturate", wrapped)
-    out = ray_pipeline(*case.words, case.registers, case.build)
+    out = case.traced()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
     assert code == 4
@@ -414,7 +414,7 @@ def test_wrong_register(written, capsys):
 def test_a_word_that_is_off_by_a_constant(written, capsys):
     """z alone: lenslets are right to the bit, and no variant may give them."""
     case, judge_words = written
-    out = ray_pipeline(*case.words, case.registers, case.build)
+    out = case.traced()
     code, said = judge_words(out._replace(z=out.z + 256), capsys)
     assert (code, said["stage"]) == (4, "dome")
     assert said["fault"].startswith("a constant added")
@@ -451,7 +451,7 @@ SLIPS = {
 def test_slips_of_words_are_named(slip, written, capsys):
     case, judge_words = written
     made, stage, says = SLIPS[slip]
-    code, said = judge_words(made(ray_pipeline(*case.words, case.registers, case.build)), capsys)
+    code, said = judge_words(made(case.traced()), capsys)
     assert (code, said["stage"]) == (4, stage)
     assert said["fault"].startswith(says) or says in said["fault"]
 
@@ -461,7 +461,7 @@ def test_tie_rule_of_words(tmp_path, capsys):
     (rays,) = hard_sets(display_of("square", "panel", pixel_pitch=0.0625), "cell-ties", SEED, 36)
     case, why = fixed_words(rays, 16)
     assert case is not None, why
-    out = ray_pipeline(*case.words, case.registers, case.build)
+    out = case.traced()
     tie = (rays.pixels[case.kept, 0] - 200.0) / 16.0 % 1.0 == 0.5
     assert 10 < tie.sum() < len(tie)
     (tmp_path / "display.toml").write_text(display_text(rays.display))
@@ -477,7 +477,7 @@ def test_a_word_far_off_is_not_called_wrapped():
     """2^62 is no word of 18 bits gone round; one that is off by 2^18 is, either way."""
     display = display_for("square")
     case = words_for(display)
-    out = ray_pipeline(*case.words, case.registers, case.build)
+    out = case.traced()
     for added, wraps in ((1 << 62, False), (1 << 18, True), (-(1 << 18), True), (1 << 19, False)):
         dx = out.dx.copy()
         dx[3] += added

@@ -129,7 +129,8 @@ def test_rays_near_the_critical_angle_and_on_edges():
     a, b = words.a, words.b
     assert np.abs(a[:half] - a[half:]).max() <= 1
     assert np.abs(b[:half] - b[half:]).max() <= 1
-    fates = word_sets.fates(display, named.build, *words)
+    aims = word_sets.aims_of(display, named.build, words)
+    fates = word_sets.fates(display, named.build.model, pixels_of_words(display, words.u, words.v), aims)
     assert (fates[:half] != fates[half:]).any(axis=1).all()
     # Total internal reflection is among them.
     assert (fates[:, 0] == Status.INTERNAL_REFLECTION).sum() > 100

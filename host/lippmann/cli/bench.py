@@ -227,8 +227,8 @@ def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     from lippmann.conditioning import formulas
     from lippmann.measure.hard import measure
 
-    found = (*measure(bench.scenes, bench.seed, bench.device, log), formulas.measure(bench.seed))
-    real, fixed, gains = ([row_of(row) for row in rows] for rows in found)
+    real, fixed = measure(bench.scenes, bench.seed, bench.device, log)
+    gains = [row_of(gain) for gain in formulas.measure(bench.seed)]
     rows = {"hard_cases": real, "hard_cases_fixed": fixed, "hard_cases_formulas": gains}
     return rows, benches.hard_page(bench.origin, real, fixed, gains)
 

@@ -47,7 +47,7 @@ def command(
     display = load_display(display_path)
     inputs = None if inputs_path is None else Path(inputs_path)
     foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
-    verdict = judge(foreign, display, model, tolerance_urad, tolerance_nm)
+    verdict = judge(foreign, tolerance_urad, tolerance_nm)
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
     lines = []
     for entry in verdict.compared:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import wraps
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from lippmann.conditioning.search import Floats, onset, pixels_at, random_aims, 
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
+from lippmann.optics.panel import PanelFrame
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
-from lippmann.optics.rays import Status
+from lippmann.optics.rays import Model, Status
+from lippmann.select.model import corners_mm, located
 
 #: Distances of rays around an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
@@ -35,6 +38,7 @@ class Out:
     display: Display
     pixels: Floats
     aperture: Floats | None
+    model: Model = "exact"
 
     @property
     def inputs(self) -> tuple[Floats, ...]:
@@ -45,6 +49,23 @@ class Out:
     def aims(self) -> Floats:
         """Aperture points (N, 2), mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
+
+    def some(self, chosen: Any) -> Out:
+        """Return some of the rays."""
+        aperture = None if self.aperture is None else self.aperture[chosen]
+        return replace(self, pixels=self.pixels[chosen], aperture=aperture)
+
+    def steps(self) -> dict[str, Floats]:
+        """Return golden's intermediate values, by which a design is compared step by step.
+
+        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet of the cell that contains it,
+        whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
+        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
+        """
+        panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
+        home, start = located(self.display, self.pixels)
+        near = start + self.display.gap_mm / self.display.aperture_distance_mm * (self.aims - start)
+        return {"panel_mm": panel, "home": home, "start_mm": start, "near_mm": near}
 
 
 @dataclass(frozen=True)
@@ -61,62 +82,42 @@ class Back:
         """Origins and directions."""
         return self.origin_mm, self.direction
 
+    def some(self, chosen: Any) -> Back:
+        """Return some of the rays."""
+        return replace(self, origin_mm=self.origin_mm[chosen], direction=self.direction[chosen])
+
 
 Sets = Iterator[Out | Back]
 Generator = Callable[[Display, np.random.Generator, int], Sets]
 Displays = Callable[[Display], Mapping[str, Display]]
 
 
-class Case(NamedTuple):
-    """A generator of sets, and what it tests, in one paragraph."""
-
-    make: Generator
-    why: str
-
-
-#: All cases by name, in the order of this file.
-CASES: dict[str, Case] = {}
-
-
-def _add(function: Generator | Displays, make: Generator) -> str:
-    """Add a case with the name and the docstring of a function."""
-    name = function.__name__.replace("_", "-")
-    CASES[name] = Case(make, " ".join((function.__doc__ or "").split()))
-    return name
+#: All cases by name, in the order of this file; the docstring of each says what it tests.
+CASES: dict[str, Generator] = {}
 
 
 def _case(make: Generator) -> Generator:
-    _add(make, make)
+    """Add a case with the name of a generator."""
+    CASES[make.__name__.replace("_", "-")] = make
     return make
 
 
-def _of_displays(displays: Displays) -> Displays:
+def _of_displays(displays: Displays) -> Generator:
     """Add a case with a set for each display: rays from anywhere on the panel to anywhere in their cells."""
 
+    @wraps(displays)
     def make(display: Display, random: np.random.Generator, count: int) -> Sets:
-        made = displays(display)
+        made, case = displays(display), displays.__name__.replace("_", "-")
         each = count if len(made) <= MANY_DISPLAYS else max(4, count // 3)
         for variant, other in made.items():
             pixels = random_pixels(other, random, each)
-            yield Out(f"{name}/{variant}", other, pixels, random_aims(other, random, each))
+            yield Out(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
 
-    name = _add(displays, make)
-    return displays
+    return _case(make)
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets of a case, or of all.
-
-    Parameters
-    ----------
-    display
-        The display to start from.
-    name
-        The case's name, or "all".
-    seed
-        The seed of the random numbers.
-    count
-        The approximate number of rays in a set.
+    """Yield the sets of a case, or of "all", for a display and the displays made from it; about `count` rays in each.
 
     Raises
     ------
@@ -127,7 +128,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
     for number, (each, case) in enumerate(CASES.items()):
         if name in ("all", each):
-            yield from case.make(display, np.random.default_rng([seed, number]), count)
+            yield from case(display, np.random.default_rng([seed, number]), count)
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
@@ -168,16 +169,10 @@ def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets
     yield Out("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 
-def _corners(display: Display) -> Floats:
-    """Return the corners of a cell, counter-clockwise, mm."""
-    angles = np.radians([45, 135, 225, 315] if display.array.grid == "square" else [30, 90, 150, 210, 270, 330])
-    return display.array.half_diagonal_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
 @_case
 def cell_edges(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Pixels and aims on the edges of cells, and a few roundings beside: each ray has exactly one lenslet."""
-    corners = _corners(display)
+    corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), 2 * count), random.random((2 * count, 1))
     points = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
     yield from _on_border("cell-edges", display, random, points, (1, -2))
@@ -186,7 +181,7 @@ def cell_edges(display: Display, random: np.random.Generator, count: int) -> Set
 @_case
 def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
-    corners = _corners(display)
+    corners = corners_mm(display.array)
     points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
 

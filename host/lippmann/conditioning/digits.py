@@ -13,8 +13,6 @@ No engine with the same number format can promise more.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -22,21 +20,20 @@ import mpmath
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.search import Bools, Floats
-from lippmann.display import Display
 from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.pixel_rays import pixels_from_rays, rays_from_pixels
-from lippmann.optics.rays import Model
+from lippmann.optics.rays import Hits, Rays
 from lippmann.optics.system import System
 
 #: A private context: nobody can lower the precision by touching mpmath.mp.
 mp = mpmath.mp.clone()
 mp.dps = 50
 
-Ints = npt.NDArray[np.int64]
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
@@ -44,7 +41,6 @@ Digits = Any
 STEP = mp.mpf(10) ** -24
 
 _number = np.frompyfunc(mp.mpf, 1, 1)
-_floor = np.frompyfunc(mp.floor, 1, 1)
 _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 
@@ -58,7 +54,7 @@ class FiftyDigits(NumpyBackend):
 
     def __init__(self) -> None:
         super().__init__()
-        self.floor, self.sqrt = _floor, _root
+        self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
 
     def real(self, x: Arr) -> Arr:
         """Take a number of any kind at its exact value."""
@@ -67,29 +63,34 @@ class FiftyDigits(NumpyBackend):
     double = real
 
 
-def exact_numbers(display: Display) -> dict[str, Digits]:
-    """Return the exact values of the display's numbers that a rounding can move, mm and degrees."""
-    panel, array = display.panel, display.array
-    names = ("pitch_mm", "radius_mm", "index", "thickness_mm")
-    return {
-        "pixel_pitch_mm": mp.mpf(panel.pixel_pitch_mm),
-        **{name: mp.mpf(getattr(array, name)) for name in names},
-        "gap_mm": mp.mpf(display.gap_mm),
-        "rotation_deg": mp.mpf(array.rotation_deg),
-        "offset_x_mm": mp.mpf(array.offset_mm[0]),
-        "offset_y_mm": mp.mpf(array.offset_mm[1]),
+def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
+    """Return the exact values of what rays depend on: the columns of their arrays, (N,), then the display's numbers.
+
+    The columns are `u`, `v` of the pixels and `a`, `b` of the aperture points, if any; of rays from the world `x`, `y`,
+    `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
+    """
+    panel, array = rays.display.panel, rays.display.array
+    columns = exact_array(np.concatenate(rays.inputs, axis=1)).T
+    names = ("u", "v", "a", "b") if isinstance(rays, Out) else ("x", "y", "z", "dx", "dy", "dz")
+    numbers = {
+        "pixel_pitch_mm": panel.pixel_pitch_mm,
+        **{name: getattr(array, name) for name in ("pitch_mm", "radius_mm", "index", "thickness_mm")},
+        "gap_mm": rays.display.gap_mm,
+        "rotation_deg": array.rotation_deg,
+        "offset_x_mm": array.offset_mm[0],
+        "offset_y_mm": array.offset_mm[1],
     }
+    return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
 
 
-def exact_system(display: Display, **moved: Digits) -> System:
-    """Return the system for the optics in mpf, with other values of some of its `exact_numbers`.
+def _system(rays: Out | Back, n: SimpleNamespace) -> System:
+    """Return the system for the optics in mpf, with the numbers `n` of `exact_inputs`.
 
     docs/reference/optics.md gives each formula.
     """
+    grid, to_panel = rays.display.array.grid, rays.display.array.plano_side == "panel"
+    width, height = rays.display.panel.width_px, rays.display.panel.height_px
     # The optics declare float, and compute with any type of number.
-    n = SimpleNamespace(**exact_numbers(display) | moved)
-    grid, to_panel = display.array.grid, display.array.plano_side == "panel"
-    width, height = display.panel.width_px, display.panel.height_px
     lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
     rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
@@ -110,137 +111,86 @@ def exact_system(display: Display, **moved: Digits) -> System:
     )
 
 
-class TrueRays(NamedTuple):
-    """Rays in 50 digits: `direction` (N, 3), `local_mm` (N, 3), `centre_mm` (N, 2) arrays of mpf, panel's axes."""
+def true_rays(rays: Out, **moved: Digits) -> Rays:
+    """Trace rays from the panel in 50 digits; the points and directions of the result are arrays of mpf.
 
-    direction: Digits
-    local_mm: Digits
-    centre_mm: Digits
-    lenslet: Ints
-    status: Ints
-
-
-class TrueHits(NamedTuple):
-    """Rays from the world on the panel in 50 digits: `pixel` (N, 2) array of mpf."""
-
-    pixel: Digits
-    lenslet: Ints
-    status: Ints
-
-
-#: Rays in 50 digits, either way.
-Truth = TrueRays | TrueHits
-
-
-def true_rays(
-    display: Display,
-    pixels: Digits,
-    aperture: Digits | None = None,
-    model: Model = "exact",
-    **moved: Digits,
-) -> TrueRays:
-    """Trace rays as `lippmann.optics.pixel_rays.trace` does, in 50 digits.
-
-    Parameters
-    ----------
-    display
-        The display.
-    pixels
-        (N, 2) pixel coordinates, floats or mpf.
-    aperture
-        (N, 2) aperture points, mm, likewise; None for chief rays.
-    model
-        Lens model.
-    moved
-        Other values of some of the display's `exact_numbers`.
+    `moved` are other values of some of the rays' `exact_inputs`.
     """
-    u, v = exact_array(pixels).T
-    points = None if aperture is None else tuple(exact_array(aperture).T)
-    out = rays_from_pixels(FiftyDigits(), exact_system(display, **moved), u, v, points, model)
+    n = SimpleNamespace(**exact_inputs(rays) | moved)
+    points = None if rays.aperture is None else (n.a, n.b)
+    out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
     ray = out.ray
-    return TrueRays(
-        np.stack([ray.dx, ray.dy, ray.dz], axis=1),
-        np.stack(np.broadcast_arrays(ray.x, ray.y, ray.z), axis=1),
-        np.stack([out.centre_x, out.centre_y], axis=1),
-        np.stack([out.i, out.j], axis=1),
-        np.broadcast_to(out.status, len(pixels)).astype(np.int64),
+    return Rays(
+        pixel=rays.pixels,
+        lenslet=np.stack([out.i, out.j], axis=1),
+        centre_mm=np.stack([out.centre_x, out.centre_y], axis=1),
+        local_mm=np.stack(np.broadcast_arrays(ray.x, ray.y, ray.z), axis=1),
+        direction=np.stack([ray.dx, ray.dy, ray.dz], axis=1),
+        status=np.broadcast_to(out.status, len(rays.pixels)).astype(np.uint8),
     )
 
 
-def true_hits(display: Display, origin_mm: Digits, direction: Digits, **moved: Digits) -> TrueHits:
-    """Trace rays from the world as `lippmann.optics.pixel_rays.trace_to_panel` does, exact model, in 50 digits.
+def true_hits(rays: Back, **moved: Digits) -> Hits:
+    """Trace rays from the world in 50 digits, as `true_rays` does.
 
-    Directions are scaled to length 1, which a float64 triple cannot have exactly. `moved` as for `true_rays`.
+    Directions are scaled to length 1, which a float64 triple cannot have exactly.
     """
-    direction = exact_array(direction)
-    unit = direction / _root((direction * direction).sum(axis=1))[:, None]
-    origin = tuple(exact_array(origin_mm).T)
-    hits = pixels_from_rays(FiftyDigits(), exact_system(display, **moved), origin, tuple(unit.T), "exact")
-    return TrueHits(
-        np.stack([hits.u, hits.v], axis=1), np.stack([hits.i, hits.j], axis=1), np.asarray(hits.status, np.int64)
-    )
+    n = SimpleNamespace(**exact_inputs(rays) | moved)
+    length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
+    unit = n.dx / length, n.dy / length, n.dz / length
+    hits = pixels_from_rays(FiftyDigits(), _system(rays, n), (n.x, n.y, n.z), unit, "exact")
+    lenslet = np.stack([hits.i, hits.j], axis=1)
+    return Hits(np.stack([hits.u, hits.v], axis=1), lenslet, np.asarray(hits.status, np.uint8))
+
+
+def truth(rays: Out | Back, **moved: Digits) -> Rays | Hits:
+    """Trace rays of either way in 50 digits."""
+    return true_rays(rays, **moved) if isinstance(rays, Out) else true_hits(rays, **moved)
+
+
+def _length(vectors: Digits) -> Digits:
+    return _root((vectors * vectors).sum(axis=1))
 
 
 def size(vectors: Digits) -> Floats:
     """Return the length of each row of an array of mpf, (N,) float64."""
-    squares = (vectors * vectors).sum(axis=1)
-    return np.asarray(_root(squares), np.float64)
+    return np.asarray(_length(vectors), np.float64)
 
 
-class _Input(NamedTuple):
-    """One number that rays depend on, a column of an array or a number of the display.
-
-    `values` are (N,) or one number; `array` is the index of its array, None for the display; `traced` traces the rays
-    with the input moved by a step, mpf or (N,).
-    """
-
-    values: Any
-    array: int | None
-    traced: Callable[[Any], Any]
+def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
+    """Return how far rays are from true ones, (N,) mpf each: turns in radians, shifts in mm; for hits, pixels twice."""
+    if isinstance(rays, Hits):
+        pixels = _length(rays.pixel - true.pixel)
+        return pixels, pixels
+    assert isinstance(true, Rays)
+    return _length(rays.direction - true.direction), _length(rays.local_mm - true.local_mm)
 
 
-def _inputs(display: Display, true: Truth, arrays: Sequence[Floats]) -> Iterator[_Input]:
-    """Yield the inputs of the rays, without the display's numbers that are 0."""
-    trace: Callable[..., Truth] = true_rays if isinstance(true, TrueRays) else true_hits
-
-    def moved_column(which: int, k: int, step: Any) -> Truth:
-        exact = [exact_array(values) for values in arrays]
-        exact[which][:, k] += step
-        return trace(display, *exact)
-
-    for which, values in enumerate(arrays):
-        for k, column in enumerate(values.T):
-            yield _Input(column, which, partial(moved_column, which, k))
-    for name, value in exact_numbers(display).items():
-        if value:
-
-            def moved_number(step: Any, name: str = name, value: Any = value) -> Truth:
-                return trace(display, *arrays, **{name: value + step})
-
-            yield _Input(float(value), None, moved_number)
-
-
-def _other_fate(rays: Truth, true: Truth) -> Bools:
+def _other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
     """Tell which rays have another status or lenslet."""
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
-def _slopes(given: _Input, true: Truth) -> list[Floats]:
-    """Return how far the arrays of mpf of the rays move, each row's length (N,), for a unit of an input.
+def _movable(rays: Out | Back) -> list[tuple[str, Digits, Floats]]:
+    """Return name, value and float64 of the inputs of rays, without the display's numbers that are 0."""
+    inputs = exact_inputs(rays).items()
+    return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
+
+
+def _slopes(rays: Out | Back, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
+    """Return how far rays move (see `apart`) for a unit of an input.
 
     Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
     """
-    step = STEP if given.array is not None else STEP * abs(mp.mpf(given.values))
-    rays, names = given.traced(step), ("direction", "local_mm") if isinstance(true, TrueRays) else ("pixel",)
-    other = _other_fate(rays, true)
-    apart = [getattr(rays, name) - getattr(true, name) for name in names]
+    step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
+    ahead = truth(rays, **{name: value + step})
+    other, slopes = _other_fate(ahead, true), apart(ahead, true)
     if other.any():
-        back = given.traced(-step)
+        back = truth(rays, **{name: value - step})
         lost = other & _other_fate(back, true)
-        for name, moved in zip(names, apart, strict=True):
-            moved[other] = (getattr(back, name) - getattr(true, name))[other]
-            moved[lost] = mp.mpf(0)
-    return [size(moved / step) for moved in apart]
+        behind = apart(back, true)
+        slopes = tuple(np.where(lost, mp.mpf(0), np.where(other, b, a)) for a, b in zip(slopes, behind, strict=True))
+    return [np.asarray(slope / step, np.float64) for slope in slopes]
 
 
 class Condition(NamedTuple):
@@ -260,39 +210,33 @@ class Condition(NamedTuple):
     start: Floats
 
 
-def condition(display: Display, true: Truth, arrays: Sequence[Floats]) -> Condition:
-    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place.
-
-    `arrays` are what the rays were traced from: pixels, and aperture points if any; for rays from the world, origins
-    and directions.
-    """
-    array, pixel_mm = display.array, display.panel.pixel_pitch_mm
+def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
+    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
+    array, pixel_mm = rays.display.array, rays.display.panel.pixel_pitch_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
-    start = np.zeros(len(turn))
-    if isinstance(true, TrueHits):
+    start, unit_mm = np.zeros(len(turn)), 1.0
+    if isinstance(true, Hits):
         shift = pixel_mm * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
-    for given in _inputs(display, true, arrays):
-        unit = np.where(given.values == 0.0, 0.0, np.spacing(np.abs(given.values)))
-        slopes = _slopes(given, true)
-        if isinstance(true, TrueHits):
-            shift += slopes[0] * pixel_mm * unit
-            continue
-        turn += slopes[0] * unit
-        shift += slopes[1] * unit
-        if given.array is not None:
-            start += slopes[0] * (1.0 / pixel_mm, 1.0)[given.array]
-    return Condition(shift / array.pitch_mm if isinstance(true, TrueHits) else turn, shift, start)
+        unit_mm = pixel_mm
+    for name, value, rounded in _movable(rays):
+        unit = np.where(rounded == 0.0, 0.0, np.spacing(np.abs(rounded)))
+        turned, shifted = _slopes(rays, true, name, value)
+        turn += turned * unit
+        shift += shifted * unit_mm * unit
+        start += turned * {"u": 1.0 / pixel_mm, "v": 1.0 / pixel_mm, "a": 1.0, "b": 1.0}.get(name, 0.0)
+    return Condition(shift / array.pitch_mm if isinstance(true, Hits) else turn, shift, start)
 
 
-def on_edge(display: Display, true: Truth, arrays: Sequence[Floats], ulps: int) -> Bools:
+def on_edge(rays: Out | Back, ulps: int) -> Bools:
     """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place.
 
-    `arrays` as for `condition`; the last place is a float64's.
+    The last place is a float64's.
     """
+    true = truth(rays)
     edge = np.zeros(len(true.status), bool)
-    for given in _inputs(display, true, arrays):
-        step = exact_array(np.spacing(np.abs(given.values))) * ulps
-        for moved in (step, -step):
-            edge |= _other_fate(given.traced(moved), true)
+    for name, value, rounded in _movable(rays):
+        step = exact_array(np.spacing(np.abs(rounded))) * ulps
+        for moved in (value + step, value - step):
+            edge |= _other_fate(truth(rays, **{name: moved}), true)
     return edge

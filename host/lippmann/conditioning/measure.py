@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lippmann.conditioning import digits
 from lippmann.conditioning.cases import Back, Out
-from lippmann.conditioning.digits import Condition, TrueHits, TrueRays, Truth
+from lippmann.conditioning.digits import Condition
 from lippmann.conditioning.search import Bools
 from lippmann.engines import Pipeline, trace, trace_to_panel
 from lippmann.errors import InputError
@@ -19,7 +20,7 @@ from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_wo
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import Ints
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Engine, Hits, Model, Rays, gets_through
+from lippmann.optics.rays import Engine, Hits, Rays, gets_through
 
 #: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
 #: fate: units of the last place of one input (of a float32 for the fast engine).
@@ -35,9 +36,12 @@ FAST_UM = 2.0
 OVERFLOW = 0.01
 
 
-@dataclass(frozen=True)
-class Row:
-    """One set of rays through one engine.
+#: Columns by name.
+Row = dict[str, Any]
+
+
+def measure(rays: Out | Back, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
+    """Measure golden or fast, or both, on a set; returns a row for each.
 
     `rays` were traced; `through` of them leave (or arrive) in the engine and in the truth. `worst` is the largest error
     in `unit`, which must stay within `bound`, over the `conditioned` rays. `status_differs` counts rays with another
@@ -45,59 +49,30 @@ class Row:
     `condition` is the largest turn for one unit in the last place of every input, divided by that unit near 1. `kept`
     tells whether the bound holds.
     """
-
-    set: str
-    grid: str
-    plano_side: str
-    engine: str
-    rays: int
-    through: int
-    conditioned: int
-    worst: float
-    unit: str
-    bound: float
-    status_differs: int
-    outside_band: int
-    not_a_number: int
-    condition: float
-    kept: bool
+    true = digits.truth(rays)
+    unit = digits.condition(rays, true)
+    return [_measured(rays, true, unit, engine, device) for engine in engines]
 
 
-@dataclass(frozen=True)
-class Known:
-    """A set of rays with its truth and condition, computed once for all engines."""
-
-    set: Out | Back
-    true: Truth
-    condition: Condition
+def _names(rays: Out | Back) -> Row:
+    return {"set": rays.name, "grid": rays.display.array.grid, "plano_side": rays.display.array.plano_side}
 
 
-def truth_of(rays: Out | Back) -> Known:
-    """Trace a set in 50 digits."""
-    trace: Callable[..., Truth] = digits.true_rays if isinstance(rays, Out) else digits.true_hits
-    true = trace(rays.display, *rays.inputs)
-    return Known(rays, true, digits.condition(rays.display, true, rays.inputs))
-
-
-def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
-    """Measure golden or fast on a set."""
-    rays, true, unit = known.set, known.true, known.condition
+def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engine, device: str) -> Row:
+    display, array = rays.display, rays.display.array
     got: Rays | Hits
-    if isinstance(rays, Out) and isinstance(true, TrueRays):
-        got = trace(rays.display, rays.pixels, rays.aperture, engine=engine, device=device)
+    if isinstance(rays, Out):
+        got = trace(display, rays.pixels, rays.aperture, engine=engine, device=device)
         values = [got.direction, got.local_mm]
-        turn = digits.size(digits.exact_array(got.direction) - true.direction)
-        shift = digits.size(digits.exact_array(got.local_mm) - true.local_mm)
+        turn, shift = (np.asarray(error, np.float64) for error in digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
         # One rounding of a float32 half a pitch from the lenslet's centre.
-        rounding = float(np.spacing(np.float32(0.5 * rays.display.array.pitch_mm)))
+        rounding = float(np.spacing(np.float32(0.5 * array.pitch_mm)))
         fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
     else:
-        assert isinstance(rays, Back)
-        assert isinstance(true, TrueHits)
-        got = trace_to_panel(rays.display, rays.origin_mm, rays.direction, engine=engine, device=device)
+        got = trace_to_panel(display, rays.origin_mm, rays.direction, engine=engine, device=device)
         values = [got.pixel]
-        shift = digits.size(digits.exact_array(got.pixel) - true.pixel) * rays.display.panel.pixel_pitch_mm
+        shift = np.asarray(digits.apart(got, true)[1], np.float64) * display.panel.pixel_pitch_mm
         relative = shift / unit.shift_mm
         fast = shift * 1e3, unit.shift_mm * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM, "micrometre", FAST_UM
     same = np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))
@@ -108,30 +83,22 @@ def measure(known: Known, engine: Engine, device: str = "llvm") -> Row:
         error, conditioned, name, bound = fast
         counted, ulps = through & conditioned, EDGE_ULPS * FLOAT32_ULP
     worst = float(error[counted].max(initial=0.0))
-    other = ~same
-    outside = 0
-    if other.any():
-        some = type(true)(*(column[other] for column in true))
-        outside = int((~digits.on_edge(rays.display, some, [values[other] for values in rays.inputs], ulps)).sum())
+    outside = 0 if same.all() else int((~digits.on_edge(rays.some(~same), ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
-    array = rays.display.array
-    return Row(
-        set=rays.name,
-        grid=array.grid,
-        plano_side=array.plano_side,
-        engine=engine,
-        rays=len(same),
-        through=int(through.sum()),
-        conditioned=int(counted.sum()),
-        worst=worst,
-        unit=name,
-        bound=bound,
-        status_differs=int(other.sum()),
-        outside_band=outside,
-        not_a_number=lost,
-        condition=float(unit.turn.max(initial=0.0) / np.spacing(1.0)),
-        kept=worst <= bound and not outside and not lost,
-    )
+    return _names(rays) | {
+        "engine": engine,
+        "rays": len(same),
+        "through": int(through.sum()),
+        "conditioned": int(counted.sum()),
+        "worst": worst,
+        "unit": name,
+        "bound": bound,
+        "status_differs": int((~same).sum()),
+        "outside_band": outside,
+        "not_a_number": lost,
+        "condition": float(unit.turn.max(initial=0.0) / np.spacing(1.0)),
+        "kept": worst <= bound and not outside and not lost,
+    }
 
 
 # --- fixed point ------------------------------------------------------------------------------------------------
@@ -146,17 +113,18 @@ class FixedCase:
     registers: Configuration
     kept: Bools
 
+    def traced(self, pipeline: Pipeline = ray_pipeline) -> FixedRays:
+        """Trace the rays with the twin, or with another pipeline."""
+        return pipeline(*self.words, self.registers, self.build)
 
-def fixed_words(
-    rays: Out, fraction_bits: int, max_cell_steps: int | None = None, model: Model = "exact"
-) -> tuple[FixedCase | None, str]:
+
+def fixed_words(rays: Out, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when no ray fits, and the reason of the last refusal.
 
     Aims beyond the word length are left out; if the registers refuse the rest, aims outside their own cell as well.
     """
-    display, array = rays.display, rays.display.array
-    aims = rays.aims
-    build = Build.of(display, model, fraction_bits, True, max_cell_steps)
+    display, array, aims = rays.display, rays.display.array, rays.aims
+    build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
     near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""
@@ -165,7 +133,7 @@ def fixed_words(
             continue
         reach = float(np.hypot(*aims[kept].T).max())
         try:
-            registers = configuration(display, build, model, reach)
+            registers = configuration(display, build, rays.model, reach)
             u, v = words_of_pixels(display, rays.pixels[kept])
         except InputError as error:
             why = str(error)
@@ -175,9 +143,8 @@ def fixed_words(
     return None, why
 
 
-@dataclass(frozen=True)
-class FixedRow:
-    """One set of rays in fixed point.
+def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
+    """Measure the twin on a set, and the RTL against it when its pipeline is given.
 
     `refused` rays are not traced: they exceed the formats or the registers, and the host reports it (`why`). `flagged`
     rays have a status of failure; `through` rays leave through golden's lenslet, at most `worst_urad` and `worst_nm`
@@ -185,56 +152,32 @@ class FixedRow:
     away: a word wrapped without a flag. `words_differ` counts words of the RTL that differ from the twin's (None: not
     simulated).
     """
-
-    set: str
-    grid: str
-    plano_side: str
-    fraction_bits: int
-    rays: int
-    refused: int
-    flagged: int
-    through: int
-    worst_urad: float
-    worst_nm: float
-    overflowed: int
-    words_differ: int | None
-    why: str
-
-
-def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) -> FixedRow:
-    """Measure the twin on a set, and the RTL against it when its pipeline is given."""
-    array = rays.display.array
+    display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)
-    refused = len(rays.pixels) if case is None else int((~case.kept).sum())
-    head = (rays.name, array.grid, array.plano_side, fraction_bits, len(rays.pixels), refused)
+    refused = count if case is None else int((~case.kept).sum())
+    row = _names(rays) | {"fraction_bits": fraction_bits, "rays": count, "refused": refused, "flagged": 0, "through": 0}
+    row |= {"worst_urad": 0.0, "worst_nm": 0.0, "overflowed": 0, "words_differ": None, "why": why}
     if case is None:
-        return FixedRow(*head, 0, 0, 0.0, 0.0, 0, None, why)
-    words, build, registers = case.words, case.build, case.registers
-    out = ray_pipeline(*words, registers, build)
-    differ = None
-    if rtl is not None:
-        differ = words_differ(rtl(*words, registers, build), out)
-    u, v, a, b = words
-    pixels, aims = pixels_of_words(rays.display, u, v), aims_of_words(rays.display, a, b, fraction_bits)
-    got = rays_of_words(rays.display, pixels, out, fraction_bits)
-    golden = trace(rays.display, pixels, aims)
-    active = gets_through(got.status) & gets_through(golden.status)
-    same = active & (got.lenslet == golden.lenslet).all(axis=1)
+        return row
+    out = case.traced()
+    u, v, a, b = case.words
+    pixels, aims = pixels_of_words(display, u, v), aims_of_words(display, a, b, fraction_bits)
+    got, golden = rays_of_words(display, pixels, out, fraction_bits), trace(display, pixels, aims)
+    passed = gets_through(got.status)
+    same = passed & gets_through(golden.status) & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
     # A rounding may turn a ray near total reflection far; its length stays 1, and its point stays where it was.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
-    overflowed = gets_through(got.status) & (escaped | (same & (shift > OVERFLOW * array.radius_mm)))
-    return FixedRow(
-        *head,
-        int((~gets_through(got.status)).sum()),
-        int(same.sum()),
-        float(turn[same].max(initial=0.0) * 1e6),
-        float(shift[same].max(initial=0.0) * 1e6),
-        int(overflowed.sum()),
-        differ,
-        why,
-    )
+    overflowed = passed & (escaped | (same & (shift > OVERFLOW * display.array.radius_mm)))
+    return row | {
+        "flagged": int((~passed).sum()),
+        "through": int(same.sum()),
+        "worst_urad": float(turn[same].max(initial=0.0) * 1e6),
+        "worst_nm": float(shift[same].max(initial=0.0) * 1e6),
+        "overflowed": int(overflowed.sum()),
+        "words_differ": None if rtl is None else words_differ(case.traced(rtl), out),
+    }
 
 
 def words_differ(one: FixedRays, other: FixedRays) -> int:

@@ -11,6 +11,7 @@ from lippmann.display import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
+from lippmann.select.model import panel_size, pixels_from_cells
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -21,8 +22,7 @@ HALVINGS = 64
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
     """Return points anywhere on the panel, (count, 2)."""
-    size = np.array([display.panel.width_px, display.panel.height_px], np.float64)
-    return np.asarray(random.uniform(0.0, size, (count, 2)), np.float64)
+    return np.asarray(random.uniform(0.0, panel_size(display), (count, 2)))
 
 
 def random_aims(display: Display, random: np.random.Generator, count: int, reach: float = 1.0) -> Floats:
@@ -40,28 +40,15 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     The second array (N, 2) is the centre of each point's own cell, from that lenslet's centre, mm: the origin of the
     aims of these pixels.
     """
-    system = System.of(display)
-    i, j, _, _ = system.lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
-    own = np.stack(system.lattice.centre(i, j), axis=1)
-    cx, cy = system.lattice.centre(float(lenslet[0]), float(lenslet[1]))
-    at = system.frame.panel_from_array(local_mm[:, 0] + cx, local_mm[:, 1] + cy)
-    return np.stack(system.frame.pixel_from_panel(*at), axis=1), own
+    lattice = System.of(display).lattice
+    i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
+    return pixels_from_cells(display, lenslet, local_mm), np.stack(lattice.centre(i, j), axis=1)
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Find where rays gain a property, on the way from aims `inner` to `outer`.
+    """Return the last aims (N, 2), to a rounding, without a property, on the way from aims `inner` to `outer`, (N, 2).
 
-    Parameters
-    ----------
-    inner, outer
-        (N, 2) each; `has` is false of `inner` and true of `outer`.
-    has
-        Tells which of N aims have the property.
-
-    Returns
-    -------
-    aims
-        (N, 2), the last ones without the property, to a rounding.
+    `has` tells which of N aims have the property: none of `inner`, all of `outer`.
     """
     low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(HALVINGS):

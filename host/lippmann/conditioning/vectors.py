@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from lippmann.conditioning.cases import CASES, Back, Out, hard_sets
-from lippmann.conditioning.digits import condition, true_rays
-from lippmann.conditioning.measure import fixed_words, truth_of
-from lippmann.conditioning.steps import steps
+from lippmann.conditioning.digits import condition, true_hits, true_rays
+from lippmann.conditioning.measure import fixed_words
 from lippmann.display import Display, display_text
 from lippmann.errors import input_error
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
 from lippmann.optics.rays import Model
 
@@ -98,16 +97,16 @@ def text_of(path: Path) -> str:
     InputError
         When it is not text.
     """
-    why = "is not text"
+    remedy = "give a file of words as lippmann vectors writes them"
     try:
-        text = path.read_text()
-        if "\0" not in text:
-            return text
+        text = path.read_bytes().decode()
     except UnicodeDecodeError:
-        pass
+        text = "\0"
     except OSError as error:
-        why = f"cannot be read ({error.strerror})"
-    raise input_error(str(path), why, "give a file of words as lippmann vectors writes them")
+        raise input_error(str(path), f"cannot be read ({error.strerror})", remedy) from None
+    if "\0" in text:
+        raise input_error(str(path), "is not text", remedy)
+    return text
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
@@ -149,22 +148,10 @@ def write_vectors(
     origin: dict[str, str],
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
-    """Write the sets of a case, or of "all", into a new folder; returns what `vectors.json` lists.
+    """Write the sets of a case, or of "all", into a new or empty folder; returns what `vectors.json` lists.
 
-    Parameters
-    ----------
-    folder
-        The output: a new or an empty folder. It appears whole or not at all.
-    display, case, seed, count
-        As `hard_sets` takes them.
-    model
-        Lens model of the expected rays. Rays from the world are written for `exact` alone.
-    fraction_bits
-        F of the words.
-    origin
-        Provenance, written into `vectors.json`.
-    progress
-        Called with the name of each set.
+    The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `origin` is the
+    provenance in `vectors.json`; `progress` is called with the name of each set.
 
     Raises
     ------
@@ -197,24 +184,26 @@ def _write_set(top: Path, rays: Out | Back, model: Model, fraction_bits: int) ->
     place.mkdir()
     (place / "display.toml").write_text(display_text(rays.display))
     entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
-    arrays: dict[str, Any]
     if isinstance(rays, Back):
-        known = truth_of(rays)
-        arrays = {FROM_WORLD: np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction}
-        _save(place, **arrays, **known.true._asdict(), shift_unit_mm=known.condition.shift_mm)
+        hits = true_hits(rays)
+        shift = condition(rays, hits).shift_mm
+        arrays = {FROM_WORLD: np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction, **vars(hits)}
+        _save(place, **arrays, shift_unit_mm=shift)
         return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
-    true = true_rays(rays.display, rays.pixels, rays.aims, model)
-    arrays = {**steps(rays.display, rays.pixels, rays.aims)}
+    rays = dataclasses.replace(rays, aperture=rays.aims, model=model)
+    true = true_rays(rays)
+    arrays = {"pixel": rays.pixels, "aperture_mm": rays.aperture}
+    arrays |= {name: getattr(true, name) for name in ("direction", "local_mm", "centre_mm", "lenslet", "status")}
+    arrays |= rays.steps()
     if model == "exact":
-        unit = condition(rays.display, true, (rays.pixels, rays.aims))
+        unit = condition(rays, true)
         arrays |= {"turn_unit": unit.turn, "shift_unit_mm": unit.shift_mm}
-    arrays["origin_mm"] = true.local_mm + np.column_stack([true.centre_mm, np.zeros(len(rays.pixels))])
-    _save(place, pixel=rays.pixels, aperture_mm=rays.aims, **true._asdict(), **arrays)
-    fixed, why = fixed_words(rays, fraction_bits, model=model)
+    _save(place, **arrays, origin_mm=true.origin_mm)
+    fixed, why = fixed_words(rays, fraction_bits)
     entry |= {"way": "out", "rays": len(rays.pixels), "words": 0, "refused": why}
     if fixed is None:
         return entry
-    out = ray_pipeline(*fixed.words, fixed.registers, fixed.build)
+    out = fixed.traced()
     heading = ",".join((*INPUTS, *OUTPUTS))
     np.savetxt(place / "words.csv", np.stack([*fixed.words, *out], 1), "%d", ",", header=heading, comments="")
     mask = (1 << REGISTER_BITS) - 1
@@ -256,7 +245,7 @@ def _write_header(
             "expected.mem": [described[word] for word in OUTPUTS],
             "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
         },
-        "cases": {name: case.why for name, case in CASES.items()},
+        "cases": {name: " ".join((case.__doc__ or "").split()) for name, case in CASES.items()},
         "sets": entries,
     }
     (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from lippmann.conditioning import search
 from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -21,8 +21,7 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats, Model, Rays, Status
 from lippmann.optics.system import System
-
-Bools = npt.NDArray[np.bool_]
+from lippmann.select.model import located, pixels_from_cells
 
 #: Rays traced at a time.
 CHUNK = 250_000
@@ -62,7 +61,6 @@ def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterato
 def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
     """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
     random = np.random.default_rng(seed)
-    system = System.of(display)
     corners = _corners(build.grid)
 
     def on_edges(n: int) -> Floats:
@@ -71,20 +69,16 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
         points: Floats = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
         return points
 
-    i, j, _, _ = _located(display, pixels_of_words(display, *random_pixels(display, random, count)))
-    cx, cy = system.lattice.centre(i, j)
+    lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge = on_edges(count) * display.array.pitch_mm
-    at = system.frame.panel_from_array(cx + edge[:, 0], cy + edge[:, 1])
-    u, v = words_of_pixels(display, np.stack(system.frame.pixel_from_panel(*at), axis=1))
-    limit_u = display.panel.width_px << (PIXEL_FRACTION - 1)
-    limit_v = display.panel.height_px << (PIXEL_FRACTION - 1)
-    u = np.clip(u + random.integers(-1, 2, count), -limit_u, limit_u)
-    v = np.clip(v + random.integers(-1, 2, count), -limit_v, limit_v)
+    near = words_of_pixels(display, pixels_from_cells(display, lenslets, edge))
+    limit = np.array([[display.panel.width_px], [display.panel.height_px]]) << (PIXEL_FRACTION - 1)
+    u, v = np.clip(near + random.integers(-1, 2, (2, count)), -limit, limit)
     if not build.aims:
         return Words(u, v, 0 * u, 0 * u)
     aims = np.ldexp(on_edges(count) / (1.0, _row(build)), build.fraction_bits)
-    near = np.floor(aims + 0.5).astype(np.int64) + random.integers(-2, 3, (count, 2))
-    return Words(u, v, near[:, 0], near[:, 1])
+    a, b = (np.floor(aims + 0.5).astype(np.int64) + random.integers(-2, 3, (count, 2))).T
+    return Words(u, v, a, b)
 
 
 def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
@@ -105,22 +99,19 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
     reach = 3 << (build.fraction_bits - 1)
     u, v = random_pixels(display, random, count)
     low, high = random.integers(-reach, reach + 1, (2, 2, count))
-    fate = fates(display, build, u, v, *low)
+    pixel = pixels_of_words(display, u, v)
+
+    def fates_of(a: Ints, b: Ints) -> Ints:
+        return fates(display, build.model, pixel, aims_of_words(display, a, b, build.fraction_bits))
+
+    wanted = fates_of(*low)
     for _ in range(build.fraction_bits + 2):
         middle = (low + high) >> 1
-        like_low = (fates(display, build, u, v, *middle) == fate).all(axis=1)
+        like_low = (fates_of(*middle) == wanted).all(axis=1)
         low = np.where(like_low, middle, low)
         high = np.where(like_low, high, middle)
-    differ = (fates(display, build, u, v, *high) != fate).any(axis=1)
-    both = [np.concatenate([u[differ], u[differ]]), np.concatenate([v[differ], v[differ]])]
-    return Words(*both, *np.concatenate([low[:, differ], high[:, differ]], axis=1))
-
-
-def _located(display: Display, pixel: Floats) -> tuple[Any, Any, Any, Any]:
-    """Return the lenslet (i, j) in whose cell golden sees each pixel, and the pixel from its centre (x, y), mm."""
-    system = System.of(display)
-    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixel.T))
-    return system.lattice.locate(NumpyBackend(), *at)
+    differ = (fates_of(*high) != wanted).any(axis=1)
+    return Words(*np.tile([u[differ], v[differ]], 2), *np.concatenate([low[:, differ], high[:, differ]], axis=1))
 
 
 def _row(build: Build) -> float:
@@ -138,9 +129,7 @@ def _corners(grid: str) -> Floats:
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     """Return random words of pixels, anywhere on the panel."""
-    panel = display.panel
-    pixels = random.uniform((0.0, 0.0), (panel.width_px, panel.height_px), (count, 2))
-    return words_of_pixels(display, pixels)
+    return words_of_pixels(display, search.random_pixels(display, random, count))
 
 
 def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
@@ -156,24 +145,21 @@ def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[In
     return a, b
 
 
-def too_slanted(display: Display, build: Build, words: Words) -> Bools:
+def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
 
     The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
-    _, _, x, y = _located(display, pixels_of_words(display, words.u, words.v))
-    aim_x, aim_y = aims_of_words(display, words.a, words.b, build.fraction_bits).T
+    _, start = located(display, pixels_of_words(display, words.u, words.v))
+    aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
     lattice = System.of(display).lattice
-    i, j, _, _ = lattice.locate(NumpyBackend(), aim_x, aim_y)
-    cx, cy = lattice.centre(i, j)
-    slanted = np.zeros(len(x), np.bool_)
+    i, j, _, _ = lattice.locate(NumpyBackend(), *aim.T)
+    centre = np.stack(lattice.centre(i, j), axis=1)
     # The outermost word may go either way.
-    limit = 2.0 - np.ldexp(1.0, 2 - build.fraction_bits)
-    for away, unit in ((aim_x - x, 1.0), (aim_y - y, _row(build)), (cx - x, 1.0), (cy - y, _row(build))):
-        slanted |= np.abs(away) >= limit * unit * display.array.pitch_mm
-    return slanted
+    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([1.0, _row(build)]) * display.array.pitch_mm
+    return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))
 
 
 def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
@@ -181,8 +167,8 @@ def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
     return aims_of_words(display, words.a, words.b, build.fraction_bits) if build.aims else None
 
 
-def _golden(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
-    """Return golden's fates, (N, 5): status, lenslet left through, lenslet started in."""
+def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
+    """Return golden's fates of rays, (N, 5): status, lenslet left through, lenslet started in."""
     rays = trace(display, pixel, aims, model)
     return np.column_stack([rays.status, rays.lenslet, golden_start(display, pixel)]).astype(np.int64)
 
@@ -198,13 +184,7 @@ def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, 
 
 def golden_start(display: Display, pixel: Floats) -> Ints:
     """Return the lenslet in whose cell golden sees a pixel, (N, 2)."""
-    return np.stack(_located(display, pixel)[:2], axis=1).astype(np.int64)
-
-
-def fates(display: Display, build: Build, u: Ints, v: Ints, a: Ints, b: Ints) -> Ints:
-    """Return golden's fates of rays given in words, (N, 5): status, lenslet left through, lenslet started in."""
-    aims = aims_of_words(display, a, b, build.fraction_bits)
-    return _golden(display, build.model, pixels_of_words(display, u, v), aims)
+    return located(display, pixel)[0].astype(np.int64)
 
 
 def edge_distance_nm(
@@ -220,7 +200,7 @@ def edge_distance_nm(
     pixel = pixels_of_words(display, words.u, words.v)
     aims = aims_of(display, build, words)
     model = model or build.model
-    own = _golden(display, model, pixel, aims)
+    own = fates(display, model, pixel, aims)
     wanted = np.column_stack([twin.status, twin.lenslet, *twin_start(display, build, words.u, words.v)])
     lost = twin.status == int(Status.MISSED)
     distance = np.full(len(pixel), np.inf)
@@ -233,7 +213,7 @@ def edge_distance_nm(
             for on_panel, at_aim in ways:
                 # Rows of pixels go down.
                 moved = pixel + on_panel * step_mm / display.panel.pixel_pitch_mm * way * (1.0, -1.0)
-                fate = _golden(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
+                fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
                 same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
                 distance[same] = np.minimum(distance[same], reach * stated)
     return distance

@@ -9,85 +9,56 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Floats
-from lippmann.conditioning.steps import steps
 from lippmann.display import Display, Grid
 from lippmann.engines import trace
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.rays import MODELS
 from lippmann.optics.system import System
 
 #: The steps of a ray, in its order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays of a foreign file, and the step that computes each.
-STAGE_OF = {
-    "panel_mm": "panel", "home": "lenslet", "start_mm": "lenslet", "near_mm": "aim", "lenslet": "lenslet",
-    "centre_mm": "lenslet", "local_mm": "dome", "origin_mm": "dome", "direction": "exit", "status": "status",
+#: Arrays of a foreign file that may be compared: the step that computes each, and its columns.
+FIELDS = {
+    "panel_mm": ("panel", 2), "home": ("lenslet", 2), "start_mm": ("lenslet", 2), "near_mm": ("aim", 2),
+    "lenslet": ("lenslet", 2), "centre_mm": ("lenslet", 2), "local_mm": ("dome", 3), "origin_mm": ("dome", 3),
+    "direction": ("exit", 3), "status": ("status", 1),
 }  # fmt: skip
 
 #: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
+TIE_RULE = "cells closed on their other side (tie rule)"
+
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
 
 
-@dataclass(frozen=True)
-class Given:
-    """The inputs of N rays: `pixels` (N, 2), `aperture` points (N, 2), mm, None for chief rays."""
-
-    display: Display
-    pixels: Floats
-    aperture: Floats | None
-    model: Model
-
-    @property
-    def aims(self) -> Floats:
-        """(N, 2) aperture points, mm; 0 for chief rays."""
-        return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
-
-    def but(self, **changes: Any) -> Given:
-        """Return the same with other values of some attributes."""
-        return replace(self, **changes)
-
-    def some(self, chosen: Any) -> Given:
-        """Return some of the rays."""
-        return self.but(pixels=self.pixels[chosen], aperture=None if self.aperture is None else self.aperture[chosen])
-
-    def with_display(self, **changes: Any) -> Given:
-        """Return the same rays for another display."""
-        return self.but(display=replace(self.display, **changes))
-
-    def with_array(self, **changes: Any) -> Given:
-        """Return the same rays for another array; a glass becomes a plain index."""
-        return self.with_display(array=replace(self.display.array, **{"glass": None, **changes}))
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A fault: its name, the step that it is in, and the rays that it gives.
+class Variant(NamedTuple):
+    """A fault: the step that it is in, its name, and the rays that it gives.
 
     `silent` are arrays that it does not predict.
     """
 
-    name: str
     stage: str
-    predict: Callable[[Given], Arrays]
+    name: str
+    predict: Callable[[Out], Arrays]
     silent: tuple[str, ...] = ()
 
 
-def golden(given: Given) -> Arrays:
+def golden(given: Out) -> Arrays:
     """Return golden's rays and steps, by the names of a file's arrays."""
     rays = trace(given.display, given.pixels, given.aperture, given.model)
     return {
@@ -97,28 +68,43 @@ def golden(given: Given) -> Arrays:
         "origin_mm": rays.origin_mm,
         "direction": rays.direction,
         "status": rays.status.astype(np.float64)[:, None],
-        **steps(given.display, given.pixels, given.aims),
+        **given.steps(),
     }
 
 
-def _before(stage: str, name: str, change: Callable[[Given], Given], silent: tuple[str, ...] = ()) -> Variant:
+def _before(stage: str, name: str, change: Callable[[Out], Out], *silent: str) -> Variant:
     """Return the variant that traces changed inputs."""
-    return Variant(name, stage, lambda given: golden(change(given)), silent)
+    return Variant(stage, name, lambda given: golden(change(given)), silent)
 
 
 def _after(stage: str, name: str, change: Callable[[Arrays], Arrays]) -> Variant:
     """Return the variant that changes some arrays of golden's rays."""
 
-    def predict(given: Given) -> Arrays:
+    def predict(given: Out) -> Arrays:
         rays = golden(given)
         return rays | change(rays)
 
-    return Variant(name, stage, predict)
+    return Variant(stage, name, predict)
 
 
-def _with(stage: str, name: str, **changes: Any) -> Variant:
-    """Return the variant with other numbers of the array."""
-    return _before(stage, name, lambda given: given.with_array(**changes))
+def _with(stage: str, name: str, number: str, value: Any) -> Variant:
+    """Return the variant with another number of the display."""
+    return _before(stage, name, partial(_with_number, number, value))
+
+
+def _with_number(name: str, value: Any, given: Out) -> Out:
+    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index."""
+    display = given.display
+    part, _, key = name.rpartition(".")
+    key, _, entry = key.partition("[")
+    if entry:
+        value = tuple(value if f"{k}]" == entry else old for k, old in enumerate(display.array.offset_mm))
+    changes: dict[str, Any] = {key: value}
+    if part == "panel":
+        changes = {part: replace(display.panel, **changes)}
+    elif part == "array":
+        changes = {part: replace(display.array, **{"glass": None, **changes})}
+    return replace(given, display=replace(display, **changes))
 
 
 def variants(display: Display) -> Iterator[Variant]:
@@ -145,20 +131,20 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
     }
 
     def moved(name: str, move: Callable[[Floats], Floats]) -> Variant:
-        return _before("panel", name, lambda g: g.but(pixels=move(g.pixels)))
+        return _before("panel", name, lambda g: replace(g, pixels=move(g.pixels)))
 
     yield from map(moved, moves, moves.values())
     x, y = array.offset_mm
     if (x, y) != (0.0, 0.0):
-        yield _with("panel", "offset_mm left out", offset_mm=(0.0, 0.0))
-        yield _with("panel", "sign of offset_mm", offset_mm=(-x, -y))
-        yield _with("panel", "axes of offset_mm swapped", offset_mm=(y, x))
+        yield _with("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0))
+        yield _with("panel", "sign of offset_mm", "array.offset_mm", (-x, -y))
+        yield _with("panel", "axes of offset_mm swapped", "array.offset_mm", (y, x))
     turn = array.rotation_deg
     if turn:
-        yield _with("panel", "sense of rotation_deg", rotation_deg=-turn)
-        yield _with("panel", "rotation_deg left out", rotation_deg=0.0)
-        yield _with("panel", "rotation_deg taken for radians", rotation_deg=math.degrees(turn))
-        yield _with("panel", "rotation_deg made radians twice", rotation_deg=math.radians(turn))
+        yield _with("panel", "sense of rotation_deg", "array.rotation_deg", -turn)
+        yield _with("panel", "rotation_deg left out", "array.rotation_deg", 0.0)
+        yield _with("panel", "rotation_deg taken for radians", "array.rotation_deg", math.degrees(turn))
+        yield _with("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
@@ -177,15 +163,11 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         step = np.array([di, dj], np.float64)
         yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, moved=True)
         yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__)
-        yield Variant(
-            f"neighbour's lenslet traced: ({di:+d}, {dj:+d})",
-            "lenslet",
-            partial(_through_neighbour, step),
-            ("status", "start_mm", "near_mm"),
-        )
+        name, silent = f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", ("status", "start_mm", "near_mm")
+        yield Variant("lenslet", name, partial(_through_neighbour, step), silent)
     other: Grid = "hex" if array.grid == "square" else "square"
     if array.radius_mm >= replace(array, grid=other).half_diagonal_mm:
-        yield _with("lenslet", f"{other} grid for {array.grid}", grid=other)
+        yield _with("lenslet", f"{other} grid for {array.grid}", "array.grid", other)
     yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
         yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
@@ -196,14 +178,9 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
             "hexagonal rows moved the other way",
             lambda r: _placed(system, r["local_mm"], r["lenslet"] - r["lenslet"][:, 1:] * (1, 0)),
         )
-        yield _before(
-            "lenslet",
-            "hexagonal rows along y for x",
-            lambda g: g.with_array(rotation_deg=g.display.array.rotation_deg + 90.0),
-            ("lenslet", "home"),
-        )
-    name = "cells closed on their other side (tie rule)"
-    yield _before("lenslet", name, lambda g: g.but(pixels=_other_ties(g)), ("panel_mm",))
+        along_y = partial(_with_number, "array.rotation_deg", array.rotation_deg + 90.0)
+        yield _before("lenslet", "hexagonal rows along y for x", along_y, "lenslet", "home")
+    yield _before("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), "panel_mm")
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
@@ -213,7 +190,7 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
-def _through_neighbour(step: Floats, given: Given) -> Arrays:
+def _through_neighbour(step: Floats, given: Out) -> Arrays:
     """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
     system = System.of(given.display)
     frame, b = system.frame, NumpyBackend()
@@ -235,7 +212,7 @@ def _through_neighbour(step: Floats, given: Given) -> Arrays:
     }
 
 
-def _other_ties(given: Given) -> Floats:
+def _other_ties(given: Out) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
     pitch = given.display.array.pitch_mm
     tie = np.isclose(golden(given)["start_mm"], -0.5 * pitch, rtol=1e-12, atol=0.0)
@@ -246,12 +223,12 @@ def _other_ties(given: Given) -> Floats:
 def _aim_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong aperture points."""
 
-    def aimed(name: str, aim: Callable[[Given], Floats]) -> Variant:
-        return _before("aim", name, lambda g: g.but(aperture=aim(g)))
+    def aimed(name: str, aim: Callable[[Out], Floats]) -> Variant:
+        return _before("aim", name, lambda g: replace(g, aperture=aim(g)))
 
-    def toward(share: float, g: Given) -> Floats:
+    def toward(share: float, g: Out) -> Floats:
         """Return aims at a share of the way from the start to the aperture point, or beyond it."""
-        start = steps(g.display, g.pixels, g.aims)["start_mm"]
+        start = g.steps()["start_mm"]
         return np.asarray(start + (g.aims - start) * share)
 
     yield aimed("aperture points not used", lambda g: np.zeros_like(g.aims))
@@ -279,11 +256,11 @@ def _dome_variants(display: Display) -> Iterator[Variant]:
     array = display.array
     n, R, T = array.index, array.radius_mm, array.thickness_mm
     for model in MODELS:
-        yield _before("first face", f"rays of the model {model}", partial(Given.but, model=model))
+        yield _before("first face", f"rays of the model {model}", partial(replace, model=model))
     flipped = "viewer" if array.plano_side == "panel" else "panel"
-    yield _with("first face", "plano_side turned over", plano_side=flipped)
-    yield _before("first face", "gap_mm left out", lambda g: g.with_display(gap_mm=0.0))
-    yield _before("first face", "thickness added to gap_mm", lambda g: g.with_display(gap_mm=g.display.gap_mm + T))
+    yield _with("first face", "plano_side turned over", "array.plano_side", flipped)
+    yield _with("first face", "gap_mm left out", "gap_mm", 0.0)
+    yield _with("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T)
     for name, radius in (
         ("focal length taken for the radius", array.focal_length_mm),
         ("radius taken for the focal length", R * (n - 1.0)),
@@ -291,7 +268,7 @@ def _dome_variants(display: Display) -> Iterator[Variant]:
         ("radius taken for the diameter", 2.0 * R),
     ):
         if radius >= array.half_diagonal_mm:
-            yield _with("dome", name, radius_mm=radius)
+            yield _with("dome", name, "array.radius_mm", radius)
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
@@ -359,7 +336,7 @@ REFINEMENTS = 48
 COARSEST, FINEST = 4, 22
 
 
-def fitted(given: Given, values: Arrays) -> Iterator[Variant]:
+def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
     """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
 
     For each number of the display, the value that explains the directions best.
@@ -372,7 +349,7 @@ def fitted(given: Given, values: Arrays) -> Iterator[Variant]:
         added = np.where(np.abs(added) > 0.05 * np.abs(added).max(), added, 0.0)
         said = ", ".join(f"{value:+.3g}{unit} in {axis}" for value, axis in zip(added, "xyz", strict=True) if value)
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
-        yield _added(STAGE_OF[name], f"a constant added to the {what}: {said}", moved, added)
+        yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
     for name in FITTED:
         yield from _number(name, given, values["direction"])
@@ -389,7 +366,7 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
             return
 
 
-def _number(name: str, given: Given, direction: Floats) -> Iterator[Variant]:
+def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
     display = given.display
     path, _, entry = name.partition("[")
@@ -412,24 +389,12 @@ def _number(name: str, given: Given, direction: Floats) -> Iterator[Variant]:
         looked += [value + math.degrees(turn) for turn in _near(display)]
     elif name in ("array.pitch_mm", "panel.pixel_pitch_mm"):
         looked += [value + share * unit for share in _near(display)]
-    best, width = min((loss(v), v) for v in looked)[1], 0.02 * abs(unit)
+    best, width = min(sorted(looked), key=loss), 0.02 * abs(unit)
     for _ in range(REFINEMENTS):
-        best = min((loss(v), v) for v in (best - width, best, best + width))[1]
+        best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
-        yield _before(FITTED[name], f"{name} is {best:.6g} for {value:.6g}", partial(_with_number, name, best))
-
-
-def _with_number(name: str, number: float, given: Given) -> Given:
-    """Return the same rays for another number of `FITTED`."""
-    part, _, key = name.rpartition(".")
-    value: Any = number
-    if "[" in key:
-        key, entry = key[:-3], int(key[-2])
-        value = tuple(number if k == entry else old for k, old in enumerate(given.display.array.offset_mm))
-    if part == "panel":
-        return given.with_display(panel=replace(given.display.panel, **{key: value}))
-    return given.with_array(**{key: value}) if part else given.with_display(**{key: value})
+        yield _with(FITTED[name], f"{name} is {best:.6g} for {value:.6g}", name, best)
 
 
 def _near(display: Display) -> Floats:

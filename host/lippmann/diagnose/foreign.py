@@ -5,49 +5,39 @@ from __future__ import annotations
 import csv
 import zipfile
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from lippmann.conditioning.cases import Out
+from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Floats
 from lippmann.conditioning.vectors import FROM_WORLD, INPUTS, OUTPUTS, STATUS_BITS, text_of, widths, words_of_memory
+from lippmann.diagnose.faults import FIELDS
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
-#: Arrays of the inputs, with their columns.
-INPUT_ARRAYS = {"pixel": 2, "aperture_mm": 2}
-#: Arrays that may be compared, with their columns.
-FIELDS = {
-    "panel_mm": 2, "home": 2, "start_mm": 2, "near_mm": 2, "lenslet": 2, "centre_mm": 2, "local_mm": 3,
-    "origin_mm": 3, "direction": 3, "status": 1,
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Words:
-    """Rays in the RTL's words, with the build and the registers that should give them."""
-
-    build: Build
-    registers: Configuration
-    inputs: tuple[Ints, Ints, Ints, Ints]
-    outputs: FixedRays
+#: Arrays of the inputs, two columns each.
+INPUT_ARRAYS = ("pixel", "aperture_mm")
 
 
 @dataclass(frozen=True)
 class Foreign:
-    """N rays to be judged: pixels and aperture points, and those arrays of `FIELDS` that the file has."""
+    """N rays to be judged: `given` is what they should be of; `fields` are those arrays of `FIELDS` that the file has.
 
-    pixels: Floats
-    aperture: Floats | None
-    fields: dict[str, Floats] = field(default_factory=dict)
-    words: Words | None = None
+    `words` are the case in the RTL's words, if the file has words, and the words of the rays.
+    """
+
+    given: Out
+    fields: dict[str, Floats]
+    words: tuple[FixedCase, FixedRays] | None = None
 
 
 def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None) -> Foreign:
@@ -64,7 +54,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
         raise input_error(str(path), "no such file", "give a .npz, .csv or .mem file of rays")
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        return _of_arrays(path)
+        return _of_arrays(path, display, model)
     build = Build.of(display, model, fraction_bits, True)
     if suffix == ".csv":
         columns = _csv_columns(path)
@@ -73,10 +63,8 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
         beside = inputs or path.with_name("inputs.mem")
         if not beside.is_file():
             raise input_error(str(beside), "no such file", "name the file of the inputs with --inputs")
-        words = [
-            *words_of_memory(beside, widths(INPUTS, fraction_bits)),
-            *words_of_memory(path, widths(OUTPUTS, fraction_bits)),
-        ]
+        files = ((beside, INPUTS), (path, OUTPUTS))
+        words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
     else:
         raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
@@ -118,19 +106,19 @@ def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: B
     u, v, a, b = (columns[name] for name in INPUTS)
     out = FixedRays(*(columns[name] for name in OUTPUTS))
     f = build.fraction_bits
-    pixels, aims = pixels_of_words(display, u, v), aims_of_words(display, a, b, f)
-    registers = configuration(display, build, model, float(np.hypot(*aims.T).max()))
-    rays = rays_of_words(display, pixels, out, f)
+    given = Out("foreign", display, pixels_of_words(display, u, v), aims_of_words(display, a, b, f), model)
+    registers = configuration(display, build, model, float(np.hypot(*given.aims.T).max()))
+    rays = rays_of_words(display, given.pixels, out, f)
     fields = {
         "lenslet": rays.lenslet.astype(np.float64),
         "local_mm": rays.local_mm,
         "direction": rays.direction,
-        "status": out.status.astype(np.float64)[:, None],
+        "status": rays.status.astype(np.float64)[:, None],
     }
-    return Foreign(pixels, aims, fields, Words(build, registers, (u, v, a, b), out))
+    return Foreign(given, fields, (FixedCase(build, (u, v, a, b), registers, np.ones(len(u), bool)), out))
 
 
-def _of_arrays(path: Path) -> Foreign:
+def _of_arrays(path: Path, display: Display, model: Model) -> Foreign:
     try:
         with np.load(path) as file:
             if FROM_WORLD in file.files:
@@ -152,10 +140,11 @@ def _of_arrays(path: Path) -> Foreign:
     if not n:
         raise input_error(str(path), "holds no rays", "give at least one")
     for name, array in arrays.items():
-        shape = (n, INPUT_ARRAYS.get(name) or FIELDS[name])
+        shape = (n, 2 if name in INPUT_ARRAYS else FIELDS[name][1])
         if (array[:, None] if array.ndim == 1 else array).shape != shape:
             raise input_error(str(path), f"{name} has shape {array.shape}", f"give {shape}")
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
             raise input_error(str(path), f"{name} holds values that are not finite", "remove them")
         arrays[name] = array.reshape(shape)
-    return Foreign(arrays.pop("pixel"), arrays.pop("aperture_mm", None), arrays)
+    given = Out("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
+    return Foreign(given, arrays)

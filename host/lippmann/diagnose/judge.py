@@ -8,22 +8,22 @@ bit for bit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.conditioning.cases import Out
+from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
-from lippmann.diagnose.faults import STAGE_OF, STAGES, Arrays, Given, Variant, fitted, golden, variants
-from lippmann.diagnose.foreign import Foreign, Words
-from lippmann.display import Display
+from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
+from lippmann.diagnose.foreign import Foreign
 from lippmann.fixed.build import Build
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
-from lippmann.optics.rays import Model
 
 #: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300
@@ -40,7 +40,6 @@ ROUNDING_WORDS = 8
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 #: Arrays of integers.
 WHOLE = ("home", "lenslet", "status")
-TIE_RULE = "cells closed on their other side (tie rule)"
 
 
 @dataclass(frozen=True)
@@ -87,23 +86,15 @@ class Verdict:
 _Finding = tuple[str | None, str | None, float]
 
 
-def judge(
-    foreign: Foreign, display: Display, model: Model, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0
-) -> Verdict:
+def judge(foreign: Foreign, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0) -> Verdict:
     """Judge foreign rays.
 
-    Parameters
-    ----------
-    foreign
-        The rays.
-    display, model
-        What they should be of.
-    tolerance_urad, tolerance_nm
-        How far directions and points may be off, beside the effect of rounding the inputs. Words must be equal.
+    `tolerance_urad` and `tolerance_nm` are how far directions and points may be off, beside the effect of rounding the
+    inputs. Words must be equal.
     """
-    given = Given(display, foreign.pixels, foreign.aperture, model)
     if foreign.words is not None:
-        return _judge_words(foreign, foreign.words, given)
+        return _judge_words(foreign, *foreign.words)
+    given = foreign.given
     seen = _compare(foreign.fields, given, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
@@ -131,7 +122,7 @@ class _Comparison:
     `edge` (N,) marks rays whose status or lenslet changes within them.
     """
 
-    given: Given
+    given: Out
     fields: Arrays
     golden: Arrays
     limits: Arrays
@@ -175,23 +166,21 @@ class _Comparison:
         limit = self.limits[name][judged] * scale
         limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
         wrong = int(self.wrong_by[name].sum())
-        return Compared(name, STAGE_OF[name], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
+        return Compared(name, FIELDS[name][0], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-def _compare(
-    fields: Arrays, given: Given, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats
-) -> _Comparison:
+def _compare(fields: Arrays, given: Out, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
     """Compare arrays with golden's, within `turn` (radians) and `shift_mm`.
 
     Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
     """
     rays, n = golden(given), len(given.pixels)
-    aimed = given.but(aperture=given.aims)
+    aimed = replace(given, aperture=given.aims)
     most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
     for step in np.concatenate([np.eye(2), -np.eye(2)]):
         pixels = given.pixels + step * panel_mm / given.display.panel.pixel_pitch_mm
-        for moved in (aimed.but(pixels=pixels), aimed.but(aperture=given.aims + step * aim_mm)):
+        for moved in (replace(aimed, pixels=pixels), replace(aimed, aperture=given.aims + step * aim_mm)):
             other = golden(moved)
             edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
             for name, far in most.items():
@@ -203,7 +192,7 @@ def _compare(
     return _Comparison(given, fields, rays, limits, edge)
 
 
-def _roundings(given: Given) -> tuple[Floats, Floats]:
+def _roundings(given: Out) -> tuple[Floats, Floats]:
     """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
 
     One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
@@ -233,7 +222,7 @@ def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
 def _diagnosed(seen: _Comparison) -> _Finding:
     """Return stage, fault and share explained of rays that are wrong."""
     bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
-    first = min((STAGE_OF[name] for name in bad), key=STAGES.index)
+    first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     if first == "status":
         return first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
     if _wrapped(seen):
@@ -361,9 +350,9 @@ SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "d
 SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
 
 
-def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
-    twin = ray_pipeline(*words.inputs, words.registers, words.build)
-    far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, words.outputs, twin, strict=True)}
+def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays) -> Verdict:
+    twin = case.traced()
+    far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, got, twin, strict=True)}
     wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
     compared = []
     for name, apart in far.items():
@@ -373,15 +362,14 @@ def _judge_words(foreign: Foreign, words: Words, given: Given) -> Verdict:
     finding: _Finding = (None, None, 0.0)
     if wrong.any():
         first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
-        finding = _diagnosed_words(foreign, words, given, twin, wrong, first)
+        finding = _diagnosed_words(foreign, case.build, got, twin, wrong, first)
     return _verdict(np.zeros_like(wrong), wrong, finding, tuple(compared))
 
 
 def _diagnosed_words(
-    foreign: Foreign, words: Words, given: Given, twin: FixedRays, wrong: Bools, first: str
+    foreign: Foreign, build: Build, got: FixedRays, twin: FixedRays, wrong: Bools, first: str
 ) -> _Finding:
     """Return stage, fault and share explained of words that differ from the twin's."""
-    got, build = words.outputs, words.build
     if first == "status":
         return first, _codes(got.status[:, None], twin.status[:, None], wrong), 1.0
     lenslets: Bools = (got.i != twin.i) | (got.j != twin.j)
@@ -390,10 +378,9 @@ def _diagnosed_words(
     if slip:
         return *slip, 1.0
     unit = 2.0 ** -(build.fraction_bits + 1)
-    place = WORD_UNITS * unit * given.display.array.radius_mm
-    moved = np.full_like(given.pixels, place)
-    fields = {name: values for name, values in foreign.fields.items() if name != "origin_mm"}
-    seen = _compare(fields, given, WORD_UNITS * unit, place, moved, moved)
+    place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
+    moved = np.full_like(foreign.given.pixels, place)
+    seen = _compare(foreign.fields, foreign.given, WORD_UNITS * unit, place, moved, moved)
     ties = lenslets & (seen.edge | seen.ties)
     if (ties == wrong).all():
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0

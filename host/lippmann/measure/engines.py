@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.conditioning.digits import TrueRays, exact_array, size, true_rays
+from lippmann.conditioning.cases import Out
+from lippmann.conditioning.digits import exact_array, size, true_rays
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -39,7 +40,7 @@ TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=2
 TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
 
 
-def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
+def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
     """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
 
     Returns
@@ -54,7 +55,7 @@ def errors(truth: Rays | TrueRays, rays: Rays, depths_mm: tuple[float, float]) -
     alive = same & gets_through(rays.status)
     true_local, true_way = truth.local_mm[alive], truth.direction[alive]
     local, way = rays.local_mm[alive], rays.direction[alive]
-    if isinstance(truth, TrueRays):
+    if true_way.dtype == object:
         local, way = exact_array(local), exact_array(way)
 
     def lengths(vectors: Any) -> Floats:
@@ -106,9 +107,9 @@ class Sample:
         """Trace them with an engine."""
         return trace(self.display, self.pixels, self.aperture, model, engine, device)
 
-    def digits(self, model: Model) -> TrueRays:
+    def digits(self, model: Model) -> Rays:
         """Trace them in 50 digits."""
-        return true_rays(self.display, self.pixels, self.aperture, model)
+        return true_rays(Out("sample", self.display, self.pixels, self.aperture, model))
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:

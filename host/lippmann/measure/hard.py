@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lippmann.conditioning.cases import Out, changed, hard_sets
-from lippmann.conditioning.measure import FixedRow, Row, measure_fixed, truth_of
-from lippmann.conditioning.measure import measure as measure_engine
+from lippmann.conditioning.measure import Row, measure_fixed
+from lippmann.conditioning.measure import measure as measure_engines
 from lippmann.display import load_display
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.rays import Engine
@@ -17,7 +17,7 @@ from lippmann.sim.harness import rtl_pipeline
 REAL: tuple[Engine, ...] = ("golden", "fast")
 
 
-def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) -> tuple[list[Row], list[FixedRow]]:
+def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) -> tuple[list[Row], list[Row]]:
     """Compare golden and fast with 50 digits, the twin with golden, and the RTL (F = 23) with the twin.
 
     The displays are the founding paper's, as they ship and with the plano side to the viewer.
@@ -28,8 +28,7 @@ def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) ->
     for display in (one for pair in zip(shipped, turned, strict=True) for one in pair):
         log(f"{display.name}, plano side to the {display.array.plano_side} ...")
         for rays in hard_sets(display, "all", seed):
-            known = truth_of(rays)
-            real += [measure_engine(known, engine, device) for engine in REAL]
+            real += measure_engines(rays, REAL, device)
             if isinstance(rays, Out):
                 fixed.append(measure_fixed(rays, COMPACT))
                 fixed.append(measure_fixed(rays, WIDEST, rtl_pipeline))

@@ -27,18 +27,19 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.rays import Floats, Rays
+from lippmann.optics.rays import Floats
 from lippmann.optics.sampling import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.select.model import (
     TOLERANCE,
     Choice,
-    cell_corners,
     choose_model,
+    corners_mm,
     located,
     model_error_px,
+    on_panel,
     panel_size,
-    pixels_in_cells,
+    pixels_from_cells,
     probe,
     reconstructed_pixel_mm,
     spread_mm,
@@ -149,7 +150,9 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
             rays = trace_fixed(display, pixels, None, model, bits)
         except InputError:  # the registers cannot hold this display
             return float("inf")
-        return build_error_px(display, rays, model, depth_range_mm)
+        exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
+        rounding = model_error_px(display, unrounded, rays, depth_range_mm)
+        return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding
 
     least = float("inf")
     for model in get_args(HardwareModel):
@@ -167,9 +170,10 @@ def _spread(display: Display) -> Floats:
     """Return pixel coordinates (N, 2) all over the panel, and in the corners of the cells there."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
-    corners = INSIDE * cell_corners(display.array.grid, display.array.pitch_mm)
+    corners = INSIDE * corners_mm(display.array)
     local = corners[numbers % len(corners)] * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]
-    return np.concatenate([everywhere, pixels_in_cells(display, located(display, everywhere)[0], local)])
+    in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
+    return np.concatenate([everywhere, on_panel(display, in_corners)])
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
@@ -178,10 +182,3 @@ def away_from_borders(display: Display, pixels: Floats) -> Floats:
     across = np.abs(located(display, pixels)[1] @ axes.T).max(axis=1)
     inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
     return inside
-
-
-def build_error_px(display: Display, rays: Rays, model: HardwareModel, depth_range_mm: tuple[float, float]) -> float:
-    """Return the largest distance of a build's rays from the exact ones, with the margin for untested roundings."""
-    exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
-    rounding = model_error_px(display, unrounded, rays, depth_range_mm)
-    return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from lippmann.display import Display, Grid
+from lippmann.display import Array, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
@@ -103,11 +104,12 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
     array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)
     cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
-    corners = cell_corners(array.grid, array.pitch_mm)
+    corners = corners_mm(array)
     # Points over the cell's bounding square; those outside a hexagon belong to neighbours, which does no harm.
     side = np.linspace(-0.49, 0.49, PROBE_POINTS) * array.pitch_mm
     local = np.concatenate([np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), inside * corners])
-    pixels = pixels_in_cells(display, np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1)))
+    everywhere = pixels_from_cells(display, np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1)))
+    pixels = on_panel(display, everywhere)
     if len(pixels) == 0:
         pixels = 0.5 * size[None]
     if aperture == "chief":
@@ -132,21 +134,23 @@ def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
 
-def pixels_in_cells(display: Display, lenslets: Floats, local_mm: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) of points measured from lenslets' centres; those on the panel only."""
+def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
+    """Return the pixel coordinates (N, 2) of points (N, 2), mm from the centres of lenslets, (N, 2) or (2,)."""
     system = System.of(display)
-    cx, cy = system.lattice.centre(*lenslets.T)
+    cx, cy = system.lattice.centre(*np.transpose(lenslets))
     at = system.frame.panel_from_array(cx + local_mm[:, 0], cy + local_mm[:, 1])
-    pixels = np.stack(system.frame.pixel_from_panel(*at), axis=1)
+    return np.stack(system.frame.pixel_from_panel(*at), axis=1)
+
+
+def on_panel(display: Display, pixels: Floats) -> Floats:
+    """Return those of the pixel coordinates (N, 2) that lie on the panel."""
     return pixels[((pixels >= 0.0) & (pixels < panel_size(display))).all(axis=1)]
 
 
-def cell_corners(grid: Grid, pitch_mm: float) -> Floats:
-    """Return the corners of a lenslet's cell in turn, (4, 2) or (6, 2) mm, from its centre."""
-    sides = 4 if grid == "square" else 6
-    angles = (2.0 * np.arange(sides) + 1.0) * np.pi / sides
-    radius = 0.5 * pitch_mm / np.cos(np.pi / sides)
-    return np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
+def corners_mm(array: Array) -> Floats:
+    """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
+    angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
+    return array.half_diagonal_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
