@@ -45,7 +45,8 @@ def find_board(
     """Return the one board that answers.
 
     A search writes to ports, and a device that is not a board may act on the bytes. So it writes to known USB adapters
-    (`lippmann.link.port.ADAPTER_VENDORS`), and to other ports only with permission.
+    (`lippmann.link.port.ADAPTER_VENDORS`), and to other ports only with permission. Raises DeviceError when no board or
+    more than one answers.
 
     Parameters
     ----------
@@ -53,11 +54,6 @@ def find_board(
         Ports to try; None: this machine's.
     allowed
         Called with this machine's other ports when no board answers on a known adapter; returns whether to try them.
-
-    Raises
-    ------
-    DeviceError
-        When no board or more than one answers.
     """
     known = adapter_ports() if urls is None else list(urls)
     rest = [url for url in ports() if url not in known] if urls is None else []
@@ -78,11 +74,5 @@ def find_board(
 
 
 def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: float = SEARCH_PATIENCE_S) -> int | None:
-    """Return the first baud rate at which a board answers at a port, or None.
-
-    Raises
-    ------
-    InputError
-        For an invalid URL.
-    """
+    """Return the first baud rate at which a board answers at a port, or None; raise InputError for an invalid URL."""
     return next((baud for baud in bauds if find_boards([url], baud, patience_s)[0]), None)

@@ -154,7 +154,7 @@ def _images(folder: Path, film: Film, display: Display) -> Iterator[IntegralImag
 def _write_panel(folder: Path, film: Film, display: Display, path: str) -> None:
     """Write the panel's values as a video."""
     panel = display.panel
-    frames = (panel_values(image.radiance, panel) for image in _images(folder, film, display))
+    frames = (panel_values(image.radiance, panel.transfer, panel.bits) for image in _images(folder, film, display))
     write_video(path, frames, panel.width_px, panel.height_px, film.frames_per_second)
 
 

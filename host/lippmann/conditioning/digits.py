@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.display import Display
-from lippmann.optics.backend import Arr, NumpyBackend
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -59,12 +59,7 @@ class FiftyDigits(NumpyBackend):
     def __init__(self) -> None:
         super().__init__()
         self.floor, self.sqrt = _floor, _root
-
-    def real(self, x: Arr) -> Arr:
-        """Take a number of any kind at its exact value."""
-        return exact_array(x)
-
-    double = real
+        self.real = self.double = exact_array  # a number of any kind, at its exact value
 
 
 def exact_numbers(display: Display) -> dict[str, Digits]:

@@ -118,9 +118,7 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
 
 def _located(display: Display, pixel: Floats) -> tuple[Any, Any, Any, Any]:
     """Return the lenslet (i, j) in whose cell golden sees each pixel, and the pixel from its centre (x, y), mm."""
-    system = System.of(display)
-    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixel.T))
-    return system.lattice.locate(NumpyBackend(), *at)
+    return System.of(display).locate(NumpyBackend(), *pixel.T)
 
 
 def _row(build: Build) -> float:

@@ -74,7 +74,7 @@ def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bit
     length = unit * display.array.radius_mm
     x, y = frame.turn(rays.x * length, rays.y * length)
     dx, dy = frame.turn(rays.dx * unit, rays.dy * unit)
-    centre = frame.panel_from_array(*system.lattice.centre(rays.i.astype(np.float64), rays.j.astype(np.float64)))
+    centre = system.centre(rays.i.astype(np.float64), rays.j.astype(np.float64))
     return Rays(
         pixel=pixel,
         lenslet=np.stack([rays.i, rays.j], axis=1),

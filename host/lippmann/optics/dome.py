@@ -42,18 +42,9 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """Where a ray meets the height field.
+    """Where a ray meets the height field: the ray there, local to the lenslet met, and its cosine |d . N| to the dome.
 
-    Attributes
-    ----------
-    ray
-        Lens-local to the lenslet met, its point on the dome.
-    di, dj
-        Lenslet met, counted from the one that the incoming ray was local to; whole numbers in the real format.
-    cosine
-        |d . N| at the dome.
-    missed
-        No dome met.
+    That lenslet is (di, dj) steps, whole numbers in the real format, from the one that the incoming ray was local to.
     """
 
     ray: Ray
@@ -87,19 +78,10 @@ def _cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray,
 
 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
-    """Find where rays first meet the height field.
+    """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
 
-    Parameters
-    ----------
-    b
-        Backend.
-    dome
-        The domes.
-    ray
-        Lens-local to a lenslet; its point lies in that lenslet's cell, at the rims' plane or lower when it comes
-        through the glass (`upward`), at the vertices' plane or higher when it comes through the air.
-    upward
-        Whether the ray comes from below, through the glass.
+    A ray is lens-local to the lenslet in whose cell its point lies, at the rims' plane or lower when it comes through
+    the glass, at the vertices' plane or higher when it comes through the air.
     """
     hit, _, at, cosine = _cap(b, dome, ray, upward)
     zero = 0.0 * ray.x

@@ -11,16 +11,7 @@ from lippmann.optics.backend import Arr, Backend
 
 
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
-    """Refract rays at a plane z = constant through their points.
-
-    Parameters
-    ----------
-    b
-        Backend.
-    ray
-        Rays with their points on the plane.
-    ratio
-        n1 / n2, index before over index behind.
+    """Refract rays at a plane z = constant through their points; `ratio` is n1 / n2, index before over index behind.
 
     Returns
     -------

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lippmann.display import Display
 from lippmann.optics.aim import Ray
-from lippmann.optics.backend import Arr
+from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -57,6 +57,14 @@ class System:
     def last_face_mm(self) -> float:
         """Height z of the plane that a ray to the viewer crosses last: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
+
+    def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
+        """Return the lenslet (i, j) of pixel coordinates, and their point from its centre, array's axes, mm."""
+        return self.lattice.locate(b, *self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v)))
+
+    def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
+        """Return the centre of lenslet (i, j), panel frame, mm."""
+        return self.frame.panel_from_array(*self.lattice.centre(i, j))
 
 
 class Exit(NamedTuple):

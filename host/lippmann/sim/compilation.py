@@ -83,10 +83,11 @@ def verilated(
 ) -> None:
     """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
 
+    Raises MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler
+    refuses.
+
     Parameters
     ----------
-    output
-        File to write; Verilator's files go to a folder beside it, which is removed.
     top, parameters
         Top module and what its parameters are set to.
     sources
@@ -95,13 +96,6 @@ def verilated(
         C++ files. They see the model's class as `Vtop`, in Vtop.h.
     options, flags, link
         For Verilator, the compiler and the linker.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When Verilator or the compiler refuses: its first error.
     """
     with tempfile.TemporaryDirectory(dir=output.parent) as folder:
         work = Path(folder)

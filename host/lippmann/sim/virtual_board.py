@@ -56,11 +56,6 @@ KNOWN_TIMINGS = {(640, 480): Timing(16, 96, 48, 10, 2, 33), (1920, 1080): Timing
 REDUCED = Timing(48, 32, 80, 3, 8, 30)
 
 
-def timing(width: int, height: int) -> Timing:
-    """Return the video timing of a panel."""
-    return KNOWN_TIMINGS.get((width, height), REDUCED)
-
-
 class CaptureError(LippmannError):
     """A scanned-out frame could not be written."""
 
@@ -81,12 +76,8 @@ class RunningBoard:
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, bytes and frames.
 
-        Raises
-        ------
-        DeviceError
-            When it failed, or did not end within `STOP_SECONDS` and was killed.
-        CaptureError
-            When it could not write a frame.
+        Raises DeviceError when it failed, or did not end within `STOP_SECONDS` and was killed, and CaptureError when it
+        could not write a frame.
         """
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
@@ -135,10 +126,11 @@ def start(
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
+    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a baud rate that
+    does not fit the clock.
+
     Parameters
     ----------
-    display
-        The display; its panel sets the frame size, its array the optics.
     port, tcp_port
         A pty, or TCP on loopback with this port number (0: a free one).
     baud
@@ -155,13 +147,6 @@ def start(
         JSON file with the URL, which exists while the board runs.
     trace, trace_clocks
         File for waveforms (.fst), and its first and last clock.
-
-    Raises
-    ------
-    DeviceError
-        When the board ends at once, such as for a port that is in use.
-    InputError
-        For a baud rate that does not fit the clock.
     """
     step = 0 if baud is None else step_of(baud, clock_hz)
     program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
@@ -214,10 +199,7 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
 def keep_as_png(folder: Path, display: Display) -> list[Path]:
     """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
 
-    Raises
-    ------
-    CaptureError
-        When a file cannot be written; its captured frame stays.
+    Raises CaptureError when a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
@@ -249,8 +231,8 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         "Width": panel.width_px,
         "Height": panel.height_px,
     }
-    edges = timing(panel.width_px, panel.height_px)._asdict()
-    numbers |= {name.title().replace("_", ""): value for name, value in edges.items()}  # h_front: HFront
+    timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
+    numbers |= {name.title().replace("_", ""): value for name, value in timing._asdict().items()}  # h_front: HFront
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
