@@ -15,10 +15,7 @@ from lippmann.optics.system import System
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
-    Raises
-    ------
-    InputError
-        For pixels farther from the panel's centre than the words can hold.
+    Raises InputError for pixels farther from the panel's centre than the words can hold.
     """
     scale = 1 << PIXEL_FRACTION
     u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
@@ -41,10 +38,7 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows.
 
-    Raises
-    ------
-    InputError
-        For points farther than one and a half pitches from the centre, which the words may not hold.
+    Raises InputError for points farther than one and a half pitches from the centre, which the words may not hold.
     """
     array = display.array
     scaled = aperture_mm / np.array([array.pitch_mm, array.row_pitch_mm])

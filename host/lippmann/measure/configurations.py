@@ -15,7 +15,7 @@ from lippmann.display import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
-from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
+from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.images import Radiance, psnr_db
 from lippmann.measure.engines import Sample, errors
 from lippmann.measure.figures import Figures, Measured, read_csv
@@ -87,11 +87,11 @@ def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Call
         build, display = named.build, named.displays(scenes)[0]
         aperture: Aperture = "full" if build.aims else "chief"
         sample = Sample.of(display, aperture, plan.rays, seed)
-        words = (named.model, build.fraction_bits)
+        words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
         found = errors(sample.traced("exact"), twin, pictures(display).scene.depth_range_mm)
-        picture = pictures(display).integral(named.model, "twin", build.fraction_bits, aperture)
-        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (named.model, "exact"))
+        picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
+        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
         size = sizes.of.get(named.name)
         keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
         rows.append(

@@ -1,8 +1,4 @@
-"""The named configurations: builds of the RTL that are placed and routed, and whose error is published.
-
-Not to be confused with a display's register values, `lippmann.fixed.configuration`: the build decides the hardware, the
-registers the display that it traces.
-"""
+"""The named configurations: builds of the RTL that are placed and routed, and whose error is published."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from pathlib import Path
 
 from lippmann.display import Display, Grid, load_display
 from lippmann.errors import InputError
-from lippmann.fixed.build import Build, HardwareModel
+from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST
 
 #: Shipped displays (scenes/displays) of each grid.
@@ -21,7 +17,7 @@ DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "
 
 @dataclass(frozen=True)
 class Named:
-    """A named configuration: a build with a name.
+    """A build with a name.
 
     `promise_urad` and `promise_nm` bound its error against golden, in direction (times min(1, 2 cos theta_t)) and in
     exit point; None makes no promise.
@@ -31,11 +27,6 @@ class Named:
     build: Build
     promise_urad: float | None = None
     promise_nm: float | None = None
-
-    @property
-    def model(self) -> HardwareModel:
-        """The lens model."""
-        return self.build.model
 
     def displays(self, scenes: Path) -> list[Display]:
         """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
