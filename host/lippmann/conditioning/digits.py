@@ -83,15 +83,13 @@ def exact_system(display: Display, **moved: Digits) -> System:
     """
     # The optics declare float, and compute with any type of number.
     n = SimpleNamespace(**exact_numbers(display) | moved)
-    grid, to_panel = display.array.grid, display.array.plano_side == "panel"
-    width, height = display.panel.width_px, display.panel.height_px
+    panel, grid, to_panel = display.panel, display.array.grid, display.array.plano_side == "panel"
     lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
     rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
-    half = mp.mpf(width) / 2, mp.mpf(height) / 2
     return System(
-        frame=PanelFrame(n.pixel_pitch_mm, *half, offset, mp.cospi(turn), mp.sinpi(turn)),
+        frame=PanelFrame(n.pixel_pitch_mm, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn)),
         lattice=lattice,
         dome=Dome(lattice, n.radius_mm, sag),
         index=n.index,
@@ -100,8 +98,6 @@ def exact_system(display: Display, **moved: Digits) -> System:
         aperture_distance_mm=n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag),
         focal_length_mm=n.radius_mm / (n.index - 1),
         plano_to_panel=to_panel,
-        width_px=width,
-        height_px=height,
     )
 
 

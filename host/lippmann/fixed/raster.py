@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.errors import InputError
-from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits, wrapped
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
 from lippmann.toml import documented, key
 
@@ -77,8 +76,8 @@ class RasterRays(NamedTuple):
     v: Ints
     a: Ints
     b: Ints
-    first: npt.NDArray[np.bool_]
-    last: npt.NDArray[np.bool_]
+    first: Bools
+    last: Bools
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:

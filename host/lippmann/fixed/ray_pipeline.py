@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.aim import aim
 from lippmann.fixed.blend import blend
@@ -22,7 +21,7 @@ from lippmann.fixed.meet_dome import Meeting, meet_dome
 from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.unit_slope import unit_slope
-from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
+from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Status
 
 
@@ -84,7 +83,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
 
 def _through_lenslet(
     i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
-) -> tuple[FixedRays, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+) -> tuple[FixedRays, Bools, Bools]:
     """Trace rays of the exact model through both faces: from their lenslet, point (radii) and direction in the air.
 
     Return them, with the status left at ok, and masks of those that missed and those that are reflected.

@@ -110,8 +110,9 @@ def measure(scenes: Path, plan: Plan, seed: int, sizes: PlacedFigures, log: Call
 def _simulated(chosen: list[Named], scenes: Path, plan: Plan, seed: int) -> dict[str, dict[str, Measured | None]]:
     """Return simulated rates, and the words in which simulation and twin differ."""
     runs = {
-        c.name: Simulation.of(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays, c.model)
+        c.name: Simulation.of(c.displays(scenes)[0], build, seed, plan.timed_rays, build.model)
         for c in chosen
+        for build in [replace(c.build, cross_cells=True)]
     }
     rates = rates_of(runs, plan.rounds)
     return {

@@ -123,13 +123,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     """Refract rays at the sphere through their points.
 
     Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and cos^2 t = 1 - r^2 (1 - cos^2 i).
-
-    Returns
-    -------
-    ray
-        The refracted rays; those totally reflected keep their direction.
-    square
-        Squared cosine behind the dome; not positive where the ray is totally reflected.
+    Return as `refract_flat` does.
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)

@@ -82,7 +82,7 @@ def pixels_from_rays(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(landing.x), cy + b.double(landing.y))
     u, v = frame.pixel_from_panel(px, py)
-    on_panel = (u >= 0.0) & (u < system.width_px) & (v >= 0.0) & (v < system.height_px)
+    on_panel = (u >= 0.0) & (u < frame.width_px) & (v >= 0.0) & (v < frame.height_px)
     arrived = gets_through(landing.status)
     status = b.where(arrived & ~on_panel, int(Status.BLOCKED), landing.status)
     status = b.where(heads_there, status, int(Status.MISSED))

@@ -30,8 +30,6 @@ class System:
     aperture_distance_mm: float
     focal_length_mm: float
     plano_to_panel: bool
-    width_px: int
-    height_px: int
     concave: bool = False
 
     @classmethod
@@ -49,8 +47,6 @@ class System:
             aperture_distance_mm=display.aperture_distance_mm,
             focal_length_mm=array.focal_length_mm,
             plano_to_panel=array.plano_side == "panel",
-            width_px=display.panel.width_px,
-            height_px=display.panel.height_px,
         )
 
     @property
