@@ -102,16 +102,8 @@ class TileTable(NamedTuple):
 class Board:
     """A board with a panel, real or virtual, and the open line to it; a `with` block closes the line.
 
-    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer.
-
-    Attributes
-    ----------
-    line
-        The line; closed with the connection.
-    info
-        The board's latest reply to HELLO.
-    patience_s
-        Longest silence before a request fails, s.
+    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for
+    `patience_s` seconds. `info` is its latest reply to HELLO.
 
     Examples
     --------
@@ -264,7 +256,8 @@ class Board:
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
 
-        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right.
+        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right. Return the tiles, bytes
+        and seconds that the transfer took.
 
         Parameters
         ----------
@@ -274,10 +267,6 @@ class Board:
             Called with (tiles done, tiles of the frame).
         force
             Show an image for another display of the same size in pixels.
-
-        Returns
-        -------
-        Tiles, bytes and seconds that the transfer took.
 
         Raises
         ------

@@ -44,16 +44,8 @@ def run_on_virtual_board(
 ) -> Loop:
     """Start a virtual board for a display, compare a region's rays, stream a frame, and keep the scanned-out frame.
 
-    Raises as `virtual_board.start`, `check_rays` and `send_frame` do.
-
-    Parameters
-    ----------
-    frame
-        (height, width, 3) uint8, panel values.
-    columns, rows
-        First and last of the region whose rays are compared.
-    say
-        Called with a sentence before each long step.
+    `frame` holds panel values, (height, width, 3) uint8; `columns` and `rows` are first and last of the region. `say`
+    is called with a sentence before each long step. Raises as `virtual_board.start`, `check_rays` and `send_frame`.
     """
     with tempfile.TemporaryDirectory() as folder:
         say("starting the virtual board (compiled once, half a minute) ...")

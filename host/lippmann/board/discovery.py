@@ -44,16 +44,10 @@ def find_board(
 ) -> Found:
     """Return the one board that answers.
 
-    A search writes to ports, and a device that is not a board may act on the bytes. So it writes to known USB adapters
-    (`lippmann.link.port.ADAPTER_VENDORS`), and to other ports only with permission. Raises DeviceError when no board or
-    more than one answers.
-
-    Parameters
-    ----------
-    urls
-        Ports to try; None: this machine's.
-    allowed
-        Called with this machine's other ports when no board answers on a known adapter; returns whether to try them.
+    A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
+    known USB adapters (`lippmann.link.port.ADAPTER_VENDORS`), and to this machine's other ports only when no board
+    answers there and `allowed`, called with them, returns True. Raises DeviceError when no board or more than one
+    answers.
     """
     known = adapter_ports() if urls is None else list(urls)
     rest = [url for url in ports() if url not in known] if urls is None else []

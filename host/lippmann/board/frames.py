@@ -65,27 +65,13 @@ def load_frame(
 ) -> Pixels:
     """Read an image file as a frame (height, width, 3) uint8 for a panel.
 
-    The file's metadata name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or supply what
-    the file does not name. The defaults are sRGB and 8 bits. A PNG without metadata holds sRGB values.
+    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
+    bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
+    A PNG without metadata holds sRGB values. `note` is called with a sentence about values that are assumed.
 
-    Parameters
-    ----------
-    path
-        .exr or .tif with linear radiance, .png with panel values.
-    target
-        Identity and size of the board's display.
-    transfer, panel
-        The panel's properties from `--transfer` and `--display`.
-    force
-        Accept an image of another display, or one that names none.
-    note
-        Called with a sentence about values that are assumed.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, broken, not an image, or made for another display, size, transfer curve or number of
-        bits. The header is checked before pixels are read.
+    Raises InputError when the file is missing, broken, not an image, or made for another size, transfer curve or number
+    of bits; without `force` also when it was made for another display, or names none. The header is checked before
+    pixels are read.
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -6,9 +6,9 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
@@ -83,15 +83,12 @@ def send_frame(
 ) -> Sent:
     """Send a frame to the board and show it on the panel.
 
-    Tiles that the board holds are not sent: after a lost connection, call again with the same frame. The call fails
-    when no reply comes, or no tile arrives, for `board.patience_s`.
+    The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
+    connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
+    `board.patience_s`.
 
     Parameters
     ----------
-    frame
-        (height, width, 3) uint8, the panel's size.
-    progress
-        Called as tiles arrive.
     window_bytes
         Most bytes that are sent and not yet acknowledged.
     sent
@@ -167,14 +164,13 @@ def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progres
     )
 
 
-@dataclass
-class _Flight:
+class _Flight(NamedTuple):
     """A TILE packet without a reply yet: its tile, data, length on the line, and time of sending."""
 
     tile: int
     coded: Coded
     length: int
-    time: float = field(default_factory=time.monotonic)
+    time: float
 
 
 @dataclass
@@ -256,7 +252,7 @@ class _Sender:
         self.sent.resends += tile in self.sent.known
         self.sent.known.add(tile)
         taken = self.board.line.send(packet, min(SEND_S, self.board.patience_s))
-        self._flights[seq] = _Flight(tile, coded, len(packet))
+        self._flights[seq] = _Flight(tile, coded, len(packet), time.monotonic())
         self._bytes += len(packet)
         return taken
 

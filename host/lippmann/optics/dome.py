@@ -104,19 +104,16 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
             b.where(settled, here.x, here.x - to_x),
             b.where(settled, here.y, here.y - to_y),
             *here[2:],
-            b.where(settled, at.x, rest[6]),
-            b.where(settled, at.y, rest[7]),
-            b.where(settled, at.z, rest[8]),
-            b.where(settled, cosine, rest[9]),
+            *at[:3],
+            cosine,
         )
 
     state = (settled, b.integer(zero), zero, zero, *ray, at.x, at.y, at.z, cosine)
     state = b.loop(unsettled, step, state)
     found, _, di, dj, *rest = state
     # A ray that met nothing keeps its last point.
-    point = [b.where(found, rest[6 + k], rest[k]) for k in range(3)]
-    at = Ray(point[0], point[1], point[2], ray.dx, ray.dy, ray.dz)
-    return Crossing(at, di, dj, rest[9], ~found)
+    x, y, z = (b.where(found, rest[6 + k], rest[k]) for k in range(3))
+    return Crossing(Ray(x, y, z, *ray[3:]), di, dj, b.where(found, rest[9], cosine), ~found)
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:

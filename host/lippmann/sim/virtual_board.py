@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -39,21 +39,12 @@ CLOCKS_OF_A_BIT = 8
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 
-class Timing(NamedTuple):
-    """Video timing, pixels and lines: front porch, sync, back porch."""
-
-    h_front: int
-    h_sync: int
-    h_back: int
-    v_front: int
-    v_sync: int
-    v_back: int
-
-
+#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines.
+TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack")
 #: VESA DMT 640 x 480 and CEA-861 1920 x 1080.
-KNOWN_TIMINGS = {(640, 480): Timing(16, 96, 48, 10, 2, 33), (1920, 1080): Timing(88, 44, 148, 4, 5, 36)}
+KNOWN_TIMINGS = {(640, 480): (16, 96, 48, 10, 2, 33), (1920, 1080): (88, 44, 148, 4, 5, 36)}
 #: Other panels: reduced blanking.
-REDUCED = Timing(48, 32, 80, 3, 8, 30)
+REDUCED = (48, 32, 80, 3, 8, 30)
 
 
 class CaptureError(LippmannError):
@@ -230,9 +221,8 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         "ClockHz": clock_hz,
         "Width": panel.width_px,
         "Height": panel.height_px,
+        **dict(zip(TIMING, KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED), strict=True)),
     }
-    timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
-    numbers |= {name.title().replace("_", ""): value for name, value in timing._asdict().items()}  # h_front: HFront
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
