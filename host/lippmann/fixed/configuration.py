@@ -204,20 +204,20 @@ def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
     """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at."""
-    array = display.array
+    array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
     # Distances from the lenslet aimed at, which is not the pixel's own when the aperture point lies outside its cell.
-    pixel, aim = (rho, rho) if reach <= rho * (1.0 + 1e-9) else (2.0 * rho + reach, rho)
-    aim = aim if build.aims else 0.0
+    pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
+    aim = rho if build.aims else 0.0
 
     def names(what: str) -> str:
         """Return the names of the registers in the sum."""
-        alone = not build.aims or (build.model == "exact" and what == "slope")
+        alone = not build.aims or (exact and what == "slope")
         return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
 
-    steepest = abs(slope[0]) * ((rho + reach if build.aims else rho) if build.model == "exact" else pixel)
-    steepest += abs(slope[1]) * aim
+    between = rho + reach if build.aims else rho
+    steepest = abs(slope[0]) * (between if exact else pixel) + abs(slope[1]) * aim
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "

@@ -128,10 +128,6 @@ def start(
         A bit line of this baud rate; None: a byte line.
     host_baud
         Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
-    clock_hz
-        Frequency of the board's clock, from which the baud rate is divided.
-    fraction_bits
-        Word length of its optics.
     capture
         An existing folder for the scanned-out frames.
     ready
