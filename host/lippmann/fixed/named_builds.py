@@ -44,23 +44,18 @@ def turned_over(display: Display) -> Display:
     return dataclasses.replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
 
 
-def _named() -> dict[str, Named]:
-    grids: tuple[Grid, ...] = ("square", "hex")
-    rows = [
-        *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in grids),
-        *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in grids),
-        *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in grids),
-        Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
-        Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
-        Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
-        *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
-        Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
-    ]
-    return {row.name: row for row in rows}
-
-
+_NAMED = (
+    *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in DISPLAYS),
+    *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in DISPLAYS),
+    *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in DISPLAYS),
+    Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
+    Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
+    Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
+    *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
+    Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
+)
 #: The named configurations, by name.
-CONFIGURATIONS = _named()
+CONFIGURATIONS = {named.name: named for named in _NAMED}
 
 
 def chosen(names: tuple[str, ...]) -> list[Named]:

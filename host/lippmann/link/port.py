@@ -104,10 +104,8 @@ def _permission(path: str) -> str:
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
     found = list_ports.comports()
-    return [
-        port.device
-        for port in sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
-    ]
+    found = sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
+    return [port.device for port in found]
 
 
 def adapter_ports() -> list[str]:
