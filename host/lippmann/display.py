@@ -139,10 +139,7 @@ class Display:
     def at_wavelength(self, wavelength_nm: float) -> Display:
         """Return this display with the index that its glass has at a wavelength (nm).
 
-        Raises
-        ------
-        InputError
-            When the array has a plain index and no glass, or for a wavelength out of range.
+        Raises InputError when the array has a plain index and no glass, and for a wavelength out of range.
         """
         if self.array.glass is None:
             raise InputError(
@@ -159,10 +156,7 @@ class Display:
     ) -> Display:
         """Return the display as built: the array turned, moved, lifted and stretched by the given errors.
 
-        Raises
-        ------
-        InputError
-            When nothing that can be built is left, such as a negative gap.
+        Raises InputError when nothing that can be built is left, such as a negative gap.
         """
         array = self.array
         moved = replace(
@@ -183,10 +177,7 @@ class Display:
 def load_display(path: str | Path) -> Display:
     """Read a display file.
 
-    Raises
-    ------
-    InputError
-        Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
+    Raises InputError, with file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
     return _read(toml.load(Path(path), "display"), str(path))
 
@@ -241,11 +232,9 @@ def index_of_keys(keys: Any, where: str) -> float:
 
 def display_text(display: Display) -> str:
     """Return a display as the text of a display file, from which `parse_display` reads the same one."""
-    panel, array = display.panel, display.array
-    tables = {"": {"name": display.name, "gap_mm": display.gap_mm}}
-    tables["panel"] = dataclasses.asdict(panel)
-    tables["array"] = dataclasses.asdict(array)
-    del tables["array"]["glass" if array.glass is None else "index"]
+    top = {"name": display.name, "gap_mm": display.gap_mm}
+    tables = {"": top, "panel": dataclasses.asdict(display.panel), "array": dataclasses.asdict(display.array)}
+    del tables["array"]["glass" if display.array.glass is None else "index"]
     # Numbers, text and lists are written alike in JSON and TOML.
     return "\n".join(
         (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())

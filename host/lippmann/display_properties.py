@@ -71,7 +71,7 @@ def display_properties(display: Display) -> DisplayProperties:
     # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
     across = math.ceil(panel.width_mm / pitch - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
-    half_field_deg = _half_field_deg(display)
+    half_field_deg = math.degrees(math.atan2(0.5 * pitch, distance))
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
@@ -93,12 +93,8 @@ def display_properties(display: Display) -> DisplayProperties:
         angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),
         spatial_resolution_mm=pitch,
         views=math.floor(pitch / panel.pixel_pitch_mm + 1e-9),
-        warnings=tuple(_warnings(display)),
+        warnings=tuple(_warnings(display, half_field_deg)),
     )
-
-
-def _half_field_deg(display: Display) -> float:
-    return math.degrees(math.atan2(0.5 * display.array.pitch_mm, display.aperture_distance_mm))
 
 
 def beats_in_lenslets(display: Display) -> tuple[float, float]:
@@ -126,7 +122,7 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
     return period(math.cos), period(math.sin)
 
 
-def _warnings(display: Display) -> list[str]:
+def _warnings(display: Display, half_field_deg: float) -> list[str]:
     panel, array = display.panel, display.array
     found = []
     ratio = array.pitch_mm / panel.pixel_pitch_mm
@@ -146,11 +142,10 @@ def _warnings(display: Display) -> list[str]:
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
-    half_field = _half_field_deg(display)
-    if half_field < 5.0:
+    if half_field_deg < 5.0:
         found.append(
-            f"crosstalk: eyes more than {half_field:.3g} degrees off a lenslet's axis see its neighbour's elemental "
-            "image; shorten the focal length and the gap"
+            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "
+            "elemental image; shorten the focal length and the gap"
         )
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:

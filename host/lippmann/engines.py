@@ -32,12 +32,7 @@ Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 def backend_of(engine: Engine, device: str = "llvm") -> Backend:
     """Return the array library of an engine.
 
-    Raises
-    ------
-    InputError
-        For an unknown engine.
-    MissingLibraryError
-        When Dr.Jit or the libLLVM that it needs cannot be loaded.
+    Raises InputError for an engine that has none, and MissingLibraryError when Dr.Jit or libLLVM cannot be loaded.
     """
     if engine == "golden":
         return NumpyBackend()
@@ -147,12 +142,8 @@ def trace_fixed(
 ) -> Rays:
     """Trace rays through a fixed-point pipeline: the twin, unless another is given (parameters as in `trace`).
 
-    Pixel coordinates are rounded to 1/16 pixel; `pixel` of the result holds the rounded ones.
-
-    Raises
-    ------
-    InputError
-        For a display, pixels or aperture points that the formats cannot hold.
+    Pixel coordinates are rounded to 1/16 pixel; `pixel` of the result holds the rounded ones. Raises InputError for a
+    display, pixels or aperture points that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())

@@ -32,10 +32,7 @@ SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
 def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
     """Return the refractive index of a glass (a name of `SELLMEIER`, in upper or lower case) at a vacuum wavelength.
 
-    Raises
-    ------
-    InputError
-        For an unknown glass or a wavelength outside the published range.
+    Raises InputError for an unknown glass, and for a wavelength outside the published range.
     """
     by_folded_name = {name.casefold(): terms for name, terms in SELLMEIER.items()}
     terms = by_folded_name.get(glass.casefold())

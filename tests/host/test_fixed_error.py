@@ -18,8 +18,8 @@ from lippmann.display import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, turned_over
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, turned_over
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend

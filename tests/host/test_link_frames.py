@@ -6,7 +6,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from lippmann.board.board import Hello
-from lippmann.board.frames import Target, Tones, image_frame, load_frame
+from lippmann.board.frames import Target, image_frame, load_frame
+from lippmann.display import Panel
 from lippmann.errors import InputError
 from lippmann.images import write_picture
 from lippmann.integral_image import IntegralImage
@@ -17,6 +18,10 @@ SEED = 4506
 IDENTITY = 0x79EE8471D40B2533
 HELLO = Hello(1, IDENTITY, 60, 40, 32, 3200, 50_000_000, 0, 0)
 META = {"identity": f"{IDENTITY:016x}", "display": "paper-square"}
+
+
+def panel_of(transfer, bits):
+    return Panel(60, 40, 0.1, bits=bits, transfer=transfer)
 
 
 def picture(*key, height=40, width=60):
@@ -64,14 +69,14 @@ def test_panels_of_other_depths(tmp_path, bits, levels):
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, 60, dtype=np.float16)[None, :, None], (40, 60, 3)).astype(np.float32)
     path = tmp_path / "ramp.exr"
     write_picture(path, ramp, META)
-    frame = load_frame(path, HELLO, None, Tones("linear", bits))
+    frame = load_frame(path, HELLO, None, panel_of("linear", bits))
     steps = np.rint(np.rint(ramp.astype(np.float64) * (levels - 1)) * 255 / (levels - 1))
     np.testing.assert_array_equal(frame, steps)
     # A PNG of that panel comes to the same; one of 10 bits is rounded twice.
     write_picture(tmp_path / "ramp.png", ramp, META, "linear", bits)
     if bits > 8:
         steps = np.rint(np.rint(ramp.astype(np.float64) * 1023) * 255 / 1023)
-    np.testing.assert_array_equal(load_frame(tmp_path / "ramp.png", HELLO, None, Tones("linear", bits)), steps)
+    np.testing.assert_array_equal(load_frame(tmp_path / "ramp.png", HELLO, None, panel_of("linear", bits)), steps)
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".png"])
@@ -81,10 +86,10 @@ def test_tones_other_than_the_files_are_refused(tmp_path, suffix, key, own, othe
     path = tmp_path / f"x{suffix}"
     tones = {"transfer": "linear", "bits": "6"}
     write_picture(path, picture(), META | tones, "linear", 6)
-    np.testing.assert_array_equal(load_frame(path, HELLO), load_frame(path, HELLO, "linear", Tones("linear", 6)))
+    np.testing.assert_array_equal(load_frame(path, HELLO), load_frame(path, HELLO, "linear", panel_of("linear", 6)))
     wrong = tones | {key: other}
     with pytest.raises(InputError, match=f"{key} is {own} in the file, {other} in --display") as error:
-        load_frame(path, HELLO, None, Tones(wrong["transfer"], int(wrong["bits"])), force=True)
+        load_frame(path, HELLO, None, panel_of(wrong["transfer"], int(wrong["bits"])), force=True)
     assert "\n" not in str(error.value)
     if key == "transfer":
         with pytest.raises(InputError, match="transfer is linear in the file, srgb in --transfer"):
@@ -104,13 +109,13 @@ def test_what_a_file_does_not_name_is_supplied_or_told(tmp_path):
     assert [note.partition(": ")[2] for note in notes] == [
         "srgb and 8 bits are assumed; name the panel with --display FILE"
     ]
-    linear = load_frame(tmp_path / "old.exr", HELLO, None, Tones("linear", 6), note=pytest.fail)
+    linear = load_frame(tmp_path / "old.exr", HELLO, None, panel_of("linear", 6), note=pytest.fail)
     np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
-    for panel in (None, Tones("linear", 8)):
+    for panel in (None, panel_of("linear", 8)):
         frame = load_frame(tmp_path / "old.png", HELLO, None, panel, note=pytest.fail)
         np.testing.assert_array_equal(frame, np.rint(light * 255))
     with pytest.raises(InputError, match="--transfer, linear in --display"):
-        load_frame(tmp_path / "old.exr", HELLO, "srgb", Tones("linear", 6))
+        load_frame(tmp_path / "old.exr", HELLO, "srgb", panel_of("linear", 6))
 
 
 @pytest.mark.parametrize("bits", ["0", "17", "six", "999999"])

@@ -4,7 +4,7 @@ import itertools
 import re
 
 import pytest
-from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.measure.configurations import on_front
 from lippmann.measure.figures import read_stored
 from lippmann.measure.plan import WHOLE

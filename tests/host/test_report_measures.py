@@ -10,7 +10,7 @@ import pytest
 from lippmann.display import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.images import decode
 from lippmann.measure import configurations, engines, processor_load, renderer

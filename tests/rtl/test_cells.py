@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from lippmann.dev.synthesis import REPLACED, elaborate, elaboration, place, run_tool, sources, stages
-from lippmann.fixed.configurations import CONFIGURATIONS
+from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.sim.compilation import SHORT, kept, verilated
 from lippmann.sim.tools import optics_sources, repository, verilator_environment
 from runner import BUILD

@@ -6,7 +6,7 @@ import secrets
 import struct
 import time
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from lippmann.link.packets import MAX_PACKET, REPLY, VERSION, Kind, ReplyStatus,
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
+from lippmann.toml import documented, key
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
@@ -71,38 +72,19 @@ REFUSALS = {
 }
 
 
+@documented
 class Hello(NamedTuple):
-    """A board's reply to HELLO.
+    """A board's reply to HELLO."""
 
-    Attributes
-    ----------
-    version
-        Version of the protocol.
-    identity
-        Identity of the board's display (`Display.identity` as a number).
-    width, height
-        Size of the panel, px.
-    tile
-        Side of a tile, px.
-    max_packet
-        Longest packet that the board accepts, bytes before COBS.
-    clock_hz
-        Frequency of the board's clock.
-    epoch
-        Number of buffer swaps, modulo 2^16.
-    optics
-        Register `build` of the optics block.
-    """
-
-    version: int
-    identity: int
-    width: int
-    height: int
-    tile: int
-    max_packet: int
-    clock_hz: int
-    epoch: int
-    optics: int
+    version: Annotated[int, key("version of the protocol")]
+    identity: Annotated[int, key("identity of the board's display (`Display.identity` as a number)")]
+    width: Annotated[int, key("columns of the panel, px")]
+    height: Annotated[int, key("rows of the panel, px")]
+    tile: Annotated[int, key("side of a tile, px")]
+    max_packet: Annotated[int, key("longest packet that the board accepts, bytes before COBS")]
+    clock_hz: Annotated[int, key("frequency of the board's clock")]
+    epoch: Annotated[int, key("number of buffer swaps, modulo 2^16")]
+    optics: Annotated[int, key("register `build` of the optics block")]
 
     @property
     def grid(self) -> TileGrid:
@@ -120,16 +102,8 @@ class TileTable(NamedTuple):
 class Board:
     """A board with a panel, real or virtual, and the open line to it; a `with` block closes the line.
 
-    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer.
-
-    Attributes
-    ----------
-    line
-        The line; closed with the connection.
-    info
-        The board's latest reply to HELLO.
-    patience_s
-        Longest silence before a request fails, s.
+    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for
+    `patience_s` seconds. `info` is its latest reply to HELLO.
 
     Examples
     --------
@@ -147,16 +121,7 @@ class Board:
 
     @classmethod
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
-        """Open a port and send HELLO to the board there.
-
-        Parameters
-        ----------
-        url
-            A serial device, a pty, or socket://HOST:PORT.
-        baud
-            Bits a second; a socket ignores it.
-        patience_s
-            Longest silence before a request fails, s.
+        """Open a port, a serial device, a pty, or socket://HOST:PORT, and send HELLO to the board there.
 
         Raises
         ------
@@ -185,10 +150,7 @@ class Board:
     def hello(self) -> Hello:
         """Begin a session: send HELLO, check the reply, and keep it in `info`.
 
-        Raises
-        ------
-        DeviceError
-            When nothing answers, or the board has another protocol version or unknown limits.
+        Raises DeviceError for another version of the protocol, and for limits that this host does not support.
         """
         nonce = secrets.randbits(32)
         body = self._ask(Kind.HELLO, HELLO_REQUEST.pack(VERSION, nonce), HELLO_REPLY.size)
@@ -208,24 +170,12 @@ class Board:
         return hello
 
     def must_be(self, before: Hello) -> None:
-        """Check that this board drives the same display as one that answered before.
-
-        Raises
-        ------
-        DeviceError
-            When it drives another display.
-        """
+        """Raise DeviceError when this board drives another display than the one that answered before."""
         if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
             raise self._error("another board answers than before", "stream an image that was rendered for its display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return `count` words from a byte address, a multiple of 4.
-
-        Raises
-        ------
-        InputError
-            For an address without a register.
-        """
+        """Return `count` words from a byte address, a multiple of 4; raise InputError where there is no register."""
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             some = min(MAX_WORDS, count - first)
@@ -236,10 +186,7 @@ class Board:
     def write(self, address: int, words: Sequence[int]) -> None:
         """Write 1 to 64 words from a byte address, exactly once: all of them or none.
 
-        Raises
-        ------
-        InputError
-            For an address without a register, or a wrong number of words.
+        Raises InputError for an address without a register, and for words that do not fit.
         """
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
@@ -309,7 +256,8 @@ class Board:
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
 
-        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right.
+        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right. Return the tiles, bytes
+        and seconds that the transfer took.
 
         Parameters
         ----------
@@ -319,10 +267,6 @@ class Board:
             Called with (tiles done, tiles of the frame).
         force
             Show an image for another display of the same size in pixels.
-
-        Returns
-        -------
-        Tiles, bytes and seconds that the transfer took.
 
         Raises
         ------
@@ -336,10 +280,7 @@ class Board:
     def panel_crc(self) -> int:
         """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.
 
-        Raises
-        ------
-        DeviceError
-            When the board does not answer, or scans out no frame.
+        Raises DeviceError when the board scans out no frame.
         """
         frames = BOARD_REGISTERS["frames"].address
         first = self.read(frames)[0]
@@ -351,13 +292,7 @@ class Board:
         return self.read(BOARD_REGISTERS["shown_crc"].address)[0]
 
     def verify(self, crc: int) -> None:
-        """Compare the CRC-32 of the scanned-out frame with that of the frame that was sent.
-
-        Raises
-        ------
-        DeviceError
-            When they differ, or the board scans out no frame.
-        """
+        """Raise DeviceError when the scanned-out frame has another CRC-32 than the frame that was sent."""
         scanned = self.panel_crc()
         if scanned == crc:
             return

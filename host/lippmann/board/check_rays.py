@@ -35,17 +35,8 @@ class Check:
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
     """Write a display's optics into the board and compare the chief rays of a region's pixels.
 
-    Parameters
-    ----------
-    columns, rows
-        First and last of the region; (0, 0) is the panel's top left pixel.
-
-    Raises
-    ------
-    InputError
-        For a region off the panel, or a display that the board's optics do not support.
-    DeviceError
-        When the board does not answer.
+    `columns` and `rows` are first and last of the region; (0, 0) is the panel's top left pixel. Raises InputError for a
+    region off the panel, and for a display that the board's optics do not support.
     """
     panel = display.panel
     frame = Raster(panel.width_px, panel.height_px, columns, rows)

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -15,35 +16,23 @@ from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display import Display
 from lippmann.sim import virtual_board
+from lippmann.toml import documented, key
 
 #: Longest silence of a virtual board with its video running, s: it shares the machine.
 PATIENCE_S = 300.0
 
 
+@documented
 @dataclass(frozen=True)
 class Loop:
-    """Results of the closed loop.
+    """Results of the closed loop."""
 
-    Attributes
-    ----------
-    check
-        Comparison of a region's rays with the twin's.
-    sent
-        Tiles, bytes and seconds of the transfer.
-    panel_crc
-        CRC-32 of the scanned-out frame, as the board reports it.
-    panel_frame
-        (height, width, 3) uint8, the scanned-out frame.
-    clocks, seconds
-        Simulated clocks, and the time that they took.
-    """
-
-    check: Check
-    sent: Sent
-    panel_crc: int
-    panel_frame: Pixels
-    clocks: int
-    seconds: float
+    check: Annotated[Check, key("comparison of a region's rays with the twin's")]
+    sent: Annotated[Sent, key("tiles, bytes and seconds of the transfer")]
+    panel_crc: Annotated[int, key("CRC-32 of the scanned-out frame, as the board reports it")]
+    panel_frame: Annotated[Pixels, key("(height, width, 3) uint8, the scanned-out frame")]
+    clocks: Annotated[int, key("simulated clocks")]
+    seconds: Annotated[float, key("time that the simulation took")]
 
 
 def run_on_virtual_board(
@@ -56,25 +45,8 @@ def run_on_virtual_board(
 ) -> Loop:
     """Start a virtual board for a display, compare a region's rays, stream a frame, and keep the scanned-out frame.
 
-    Parameters
-    ----------
-    frame
-        (height, width, 3) uint8, panel values.
-    columns, rows
-        First and last of the region whose rays are compared.
-    progress
-        Called with (tiles done, tiles of the frame).
-    say
-        Called with a sentence before each long step.
-
-    Raises
-    ------
-    DeviceError
-        When the board fails, or scans out no frame in time.
-    InputError
-        For a display that the board's optics do not support.
-    MissingLibraryError
-        When a tool is missing.
+    `frame` holds panel values, (height, width, 3) uint8; `columns` and `rows` are first and last of the region. `say`
+    is called with a sentence before each long step. Raises as `virtual_board.start`, `check_rays` and `send_frame`.
     """
     with tempfile.TemporaryDirectory() as folder:
         say("starting the virtual board (compiled once, half a minute) ...")

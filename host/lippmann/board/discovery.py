@@ -44,20 +44,10 @@ def find_board(
 ) -> Found:
     """Return the one board that answers.
 
-    A search writes to ports, and a device that is not a board may act on the bytes. So it writes to known USB adapters
-    (`lippmann.link.port.ADAPTER_VENDORS`), and to other ports only with permission.
-
-    Parameters
-    ----------
-    urls
-        Ports to try; None: this machine's.
-    allowed
-        Called with this machine's other ports when no board answers on a known adapter; returns whether to try them.
-
-    Raises
-    ------
-    DeviceError
-        When no board or more than one answers.
+    A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
+    known USB adapters (`lippmann.link.port.ADAPTER_VENDORS`), and to this machine's other ports only when no board
+    answers there and `allowed`, called with them, returns True. Raises DeviceError when no board or more than one
+    answers.
     """
     known = adapter_ports() if urls is None else list(urls)
     rest = [url for url in ports() if url not in known] if urls is None else []
@@ -78,11 +68,5 @@ def find_board(
 
 
 def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: float = SEARCH_PATIENCE_S) -> int | None:
-    """Return the first baud rate at which a board answers at a port, or None.
-
-    Raises
-    ------
-    InputError
-        For an invalid URL.
-    """
+    """Return the first baud rate at which a board answers at a port, or None; raise InputError for an invalid URL."""
     return next((baud for baud in bauds if find_boards([url], baud, patience_s)[0]), None)

@@ -30,37 +30,19 @@ class Target(NamedTuple):
     height: int
 
 
-class Tones(NamedTuple):
-    """Transfer curve of a panel, and bits per colour."""
-
-    transfer: str = "srgb"
-    bits: int = 8
-
-
-def panel_values(radiance: npt.NDArray[np.float32], panel: Panel | Tones) -> Pixels:
+def panel_values(radiance: npt.NDArray[np.float32], transfer: str, bits: int) -> Pixels:
     """Encode linear radiance (height, width, 3) with a panel's transfer curve and quantise it to the panel's bits.
 
-    Returns
-    -------
-    (height, width, 3) uint8; the 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
+    The 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
     """
-    return encoded_values(radiance, panel.transfer, min(panel.bits, LINK_BITS)).astype(np.uint8)
+    return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
     """Return the frame (height, width, 3) uint8 that an image's display asks for.
 
-    Parameters
-    ----------
-    target
-        Identity and size of the board's display.
-    force
-        Accept an image for another display of the same size.
-
-    Raises
-    ------
-    InputError
-        For an image of another display, size, transfer curve or number of bits.
+    Raises InputError for an image of another display, size, transfer curve or number of bits; with `force`, another
+    display of the same size is accepted.
     """
     display = image.display
     name = f"image for display '{display.name}'"
@@ -68,45 +50,28 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     shape = (target.height, target.width, 3)
     if image.radiance.shape != shape:
         raise input_error(name, f"its shape is {image.radiance.shape}, the panel's is {shape}", "render it again")
-    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(display.panel)))
-    return panel_values(image.radiance, display.panel)
+    tones = _tones_of(display.panel)
+    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", tones))
+    return panel_values(image.radiance, **tones)
 
 
 def load_frame(
     path: str | Path,
     target: Hello | Target,
     transfer: Transfer | None = None,
-    panel: Panel | Tones | None = None,
+    panel: Panel | None = None,
     force: bool = False,
     note: Callable[[str], None] = lambda text: None,
 ) -> Pixels:
-    """Read an image file as a frame for a panel.
+    """Read an image file as a frame (height, width, 3) uint8 for a panel.
 
-    The file's metadata name the panel's transfer curve and bits; `transfer` and `panel` confirm them, or supply what
-    the file does not name. The defaults are sRGB and 8 bits. A PNG without metadata holds sRGB values.
+    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
+    bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
+    A PNG without metadata holds sRGB values. `note` is called with a sentence about values that are assumed.
 
-    Parameters
-    ----------
-    path
-        .exr or .tif with linear radiance, .png with panel values.
-    target
-        Identity and size of the board's display.
-    transfer, panel
-        The panel's properties from `--transfer` and `--display`.
-    force
-        Accept an image of another display, or one that names none.
-    note
-        Called with a sentence about values that are assumed.
-
-    Returns
-    -------
-    (height, width, 3) uint8.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, broken, not an image, or made for another display, size, transfer curve or number of
-        bits. The header is checked before pixels are read.
+    Raises InputError when the file is missing, broken, not an image, or made for another size, transfer curve or number
+    of bits; without `force` also when it was made for another display, or names none. The header is checked before
+    pixels are read.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -122,11 +87,11 @@ def load_frame(
         agreed.update(_agreed(str(path), file, option, display))
 
     picture = read_picture(path, (target.width, target.height), accept)
-    tones = Tones(**agreed)
+    tones: dict[str, Any] = {"transfer": "srgb", "bits": 8} | agreed
     # An encoded file needs no bits: its values are quantised already.
     if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
-        note(f"{path}: {tones.transfer} and {tones.bits} bits are assumed; name the panel with --display FILE")
-    return panel_values(picture.radiance, tones)
+        note(f"{path}: {tones['transfer']} and {tones['bits']} bits are assumed; name the panel with --display FILE")
+    return panel_values(picture.radiance, **tones)
 
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
@@ -138,7 +103,7 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
         raise input_error(name, f"{what}, the board's panel belongs to display {wanted}", remedy)
 
 
-def _tones_of(panel: Panel | Tones) -> dict[str, Any]:
+def _tones_of(panel: Panel) -> dict[str, Any]:
     return {"transfer": panel.transfer, "bits": panel.bits}
 
 

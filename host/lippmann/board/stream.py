@@ -6,9 +6,9 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lippmann.errors import InputError, device_error
 from lippmann.link.packets import BACK, FRONT, REPLY, Kind, Packet, ReplyStatus, packed
 from lippmann.link.port import SEND_S
 from lippmann.link.round_trip import RoundTrip
+from lippmann.toml import documented, key
 
 if TYPE_CHECKING:
     from lippmann.board.board import Board
@@ -33,54 +34,30 @@ TILE_REPLY = struct.Struct("<H")
 Progress = Callable[[int, int], None]
 
 
+@documented
 @dataclass
 class Sent:
     """Tiles, bytes and seconds of a frame's transfer.
 
-    Attributes
-    ----------
-    crc
-        CRC-32 of the frame, as the board confirmed it.
-    epoch
-        The board's epoch that shows this frame.
-    tiles, skipped
-        Tiles of the frame, and those that the board held already.
-    raw, solid, qoi, copied
-        Tiles that arrived, by coding.
-    sends, resends
-        TILE packets sent, and how many of them repeat a tile.
-    rounds
-        1, and 1 more for each time that the frame was completed or started again.
-    unchanged
-        Whether the board showed this frame already.
-    payload_bytes
-        Bytes of the coded tiles that arrived.
-    wire_bytes
-        Bytes written to the line.
-    image_bytes
-        Bytes of the frame's pixels.
-    seconds
-        Time from the first request until the frame was shown, without the time of a lost connection.
-    known, arrived
-        Numbers of the tiles that were sent, and of those that arrived; not dataclass fields.
+    `known` and `arrived` are the numbers of the tiles that were sent, and of those that arrived; not dataclass fields.
     """
 
-    crc: int = 0
-    epoch: int = 0
-    tiles: int = 0
-    skipped: int = 0
-    raw: int = 0
-    solid: int = 0
-    qoi: int = 0
-    copied: int = 0
-    sends: int = 0
-    resends: int = 0
-    rounds: int = 0
-    unchanged: bool = False
-    payload_bytes: int = 0
-    wire_bytes: int = 0
-    image_bytes: int = 0
-    seconds: float = 0.0
+    crc: Annotated[int, key("CRC-32 of the frame, as the board confirmed it")] = 0
+    epoch: Annotated[int, key("the board's epoch that shows this frame")] = 0
+    tiles: Annotated[int, key("tiles of the frame")] = 0
+    skipped: Annotated[int, key("tiles that the board held already")] = 0
+    raw: Annotated[int, key("tiles that arrived raw")] = 0
+    solid: Annotated[int, key("tiles that arrived as one colour")] = 0
+    qoi: Annotated[int, key("tiles that arrived as QOI")] = 0
+    copied: Annotated[int, key("tiles that the board copied from its front buffer")] = 0
+    sends: Annotated[int, key("TILE packets sent")] = 0
+    resends: Annotated[int, key("TILE packets that repeat a tile")] = 0
+    rounds: Annotated[int, key("1, and 1 more for each time that the frame was completed or started again")] = 0
+    unchanged: Annotated[bool, key("whether the board showed this frame already")] = False
+    payload_bytes: Annotated[int, key("bytes of the coded tiles that arrived")] = 0
+    wire_bytes: Annotated[int, key("bytes written to the line")] = 0
+    image_bytes: Annotated[int, key("bytes of the frame's pixels")] = 0
+    seconds: Annotated[float, key("from the first request until the frame was shown, without lost connections")] = 0.0
 
     def __post_init__(self) -> None:
         self.known: set[int] = set()
@@ -106,15 +83,12 @@ def send_frame(
 ) -> Sent:
     """Send a frame to the board and show it on the panel.
 
-    Tiles that the board holds are not sent: after a lost connection, call again with the same frame. The call fails
-    when no reply comes, or no tile arrives, for `board.patience_s`.
+    The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
+    connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
+    `board.patience_s`.
 
     Parameters
     ----------
-    frame
-        (height, width, 3) uint8, the panel's size.
-    progress
-        Called as tiles arrive.
     window_bytes
         Most bytes that are sent and not yet acknowledged.
     sent
@@ -190,14 +164,13 @@ def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progres
     )
 
 
-@dataclass
-class _Flight:
+class _Flight(NamedTuple):
     """A TILE packet without a reply yet: its tile, data, length on the line, and time of sending."""
 
     tile: int
     coded: Coded
     length: int
-    time: float = field(default_factory=time.monotonic)
+    time: float
 
 
 @dataclass
@@ -279,7 +252,7 @@ class _Sender:
         self.sent.resends += tile in self.sent.known
         self.sent.known.add(tile)
         taken = self.board.line.send(packet, min(SEND_S, self.board.patience_s))
-        self._flights[seq] = _Flight(tile, coded, len(packet))
+        self._flights[seq] = _Flight(tile, coded, len(packet), time.monotonic())
         self._bytes += len(packet)
         return taken
 

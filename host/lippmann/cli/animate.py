@@ -100,7 +100,10 @@ def command(
         rendered = write_frames(folder, shots, render, progress)
     seconds = time.perf_counter() - started
     if video is not None:
-        frames = (panel_values(image.radiance, panel) for image in _images(folder, range(film.frames), display))
+        frames = (
+            panel_values(image.radiance, panel.transfer, panel.bits)
+            for image in _images(folder, range(film.frames), display)
+        )
         write_video(video, frames, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and looker is not None:
         with progress_bar("view") as progress:

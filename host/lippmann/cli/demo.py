@@ -63,7 +63,7 @@ def command(
         image = api.render(scene, display, model="exact", device=device, progress=progress)
     image.save(out / "fish.exr")
 
-    frame = panel_values(image.radiance, panel)
+    frame = panel_values(image.radiance, panel.transfer, panel.bits)
     columns, rows = _middle(panel.width_px), _middle(panel.height_px)
     with progress_bar("stream") as progress:
         loop = run_on_virtual_board(display, frame, columns, rows, progress, log)

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.search import Bools, Floats
-from lippmann.optics.backend import Arr, NumpyBackend
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -55,12 +55,7 @@ class FiftyDigits(NumpyBackend):
     def __init__(self) -> None:
         super().__init__()
         self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
-
-    def real(self, x: Arr) -> Arr:
-        """Take a number of any kind at its exact value."""
-        return exact_array(x)
-
-    double = real
+        self.real = self.double = exact_array  # a number of any kind, at its exact value
 
 
 def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
@@ -88,16 +83,14 @@ def _system(rays: Out | Back, n: SimpleNamespace) -> System:
 
     docs/reference/optics.md gives each formula.
     """
-    grid, to_panel = rays.display.array.grid, rays.display.array.plano_side == "panel"
-    width, height = rays.display.panel.width_px, rays.display.panel.height_px
+    panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
     rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
-    half = mp.mpf(width) / 2, mp.mpf(height) / 2
     return System(
-        frame=PanelFrame(n.pixel_pitch_mm, *half, offset, mp.cospi(turn), mp.sinpi(turn)),
+        frame=PanelFrame(n.pixel_pitch_mm, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn)),
         lattice=lattice,
         dome=Dome(lattice, n.radius_mm, sag),
         index=n.index,
@@ -106,8 +99,6 @@ def _system(rays: Out | Back, n: SimpleNamespace) -> System:
         aperture_distance_mm=n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag),
         focal_length_mm=n.radius_mm / (n.index - 1),
         plano_to_panel=to_panel,
-        width_px=width,
-        height_px=height,
     )
 
 

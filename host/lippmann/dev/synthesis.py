@@ -25,7 +25,7 @@ from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
 from lippmann.dev.lint import elaborated
 from lippmann.errors import LippmannError
-from lippmann.fixed.configurations import Named, chosen
+from lippmann.fixed.named_builds import Named, chosen
 from lippmann.images import check_output
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance

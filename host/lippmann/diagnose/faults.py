@@ -185,8 +185,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
     """Return centres and origins of rays from some lenslets (N, 2)."""
-    centre = system.lattice.centre(lenslet[:, 0], lenslet[:, 1])
-    centre_mm = np.stack(system.frame.panel_from_array(*centre), axis=1)
+    centre_mm = np.stack(system.centre(*lenslet.T), axis=1)
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from lippmann.display import Grid
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
+from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped
 
 
 class Aimed(NamedTuple):
@@ -22,8 +19,8 @@ class Aimed(NamedTuple):
     y: Ints
     a: Ints
     b: Ints
-    stray: npt.NDArray[np.bool_]
-    beyond: npt.NDArray[np.bool_]
+    stray: Bools
+    beyond: Bools
 
 
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display import Grid
 from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
 from lippmann.optics.lattice import HALF_SQRT3
 
 
-def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, Ints, npt.NDArray[np.bool_]]:
+def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, Ints, Bools]:
     """Return the step (di, dj), and a mask of the points inside their own cell; near words, `half` is p / (2 R).
 
     Square: the sign of each coordinate that is outside [-half, half). Hexagonal: across the flat with the largest of

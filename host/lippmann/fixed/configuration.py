@@ -1,9 +1,7 @@
 """The register values (`optics_config_t` of rtl/optics/optics_pkg.sv) with which the RTL traces one display.
 
-Two words that look alike: a *configuration* is this set of values, which software writes at run time. The
-*configurations* of `lippmann.fixed.configurations` are builds of the RTL that have a name, such as `widest-square`.
-
-A value that its register cannot hold is refused here, before any ray is traced, with the register's name and range.
+Software writes them at run time; a build (`build.py`) decides what hardware reads them. A value that its register
+cannot hold is refused here, before any ray is traced, with the register's name and range.
 """
 
 from __future__ import annotations
@@ -17,17 +15,8 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.errors import InputError
+from lippmann.fixed import words
 from lippmann.fixed.build import Build
-from lippmann.fixed.words import (
-    FRACTIONS,
-    INDEX_BITS,
-    OFFSET_BITS,
-    OFFSET_FRACTION,
-    PIXEL_BITS,
-    PIXEL_FRACTION,
-    SLOPE_BITS,
-    SLOPE_FRACTION,
-)
 from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
@@ -90,26 +79,22 @@ class _Format(NamedTuple):
     fraction: int
     remedy: str
 
-    def words(self, **values: float) -> dict[str, int]:
+    def registers(self, **values: float) -> dict[str, int]:
         """Return the nearest words of values by register; refuse values for which the register is too narrow."""
-        words = {}
+        found = {}
         for name, value in values.items():
-            words[name] = math.floor(math.ldexp(value, self.fraction) + 0.5)
-            if not -(1 << (self.bits - 1)) <= words[name] < 1 << (self.bits - 1):
+            found[name] = math.floor(math.ldexp(value, self.fraction) + 0.5)
+            if not -(1 << (self.bits - 1)) <= found[name] < 1 << (self.bits - 1):
                 limit = 2.0 ** (self.bits - 1 - self.fraction)
                 raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", self.remedy)
-        return words
+        return found
 
 
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
     """Return the registers with which a build traces a display.
 
     `reach_mm` is the largest distance of an aperture point from its lenslet's centre; left out, the corner of a cell.
-
-    Raises
-    ------
-    InputError
-        When the build does not fit this display, or a register cannot hold a value: its name and range.
+    Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
     """
     array, f = display.array, build.fraction_bits
     p, row, R = array.pitch_mm, array.row_pitch_mm, array.radius_mm
@@ -118,9 +103,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     _check_panel(display)
     slope, point = _sums(display, build, model)
     # Ranges that are narrower than the registers come first: their messages say more.
-    _check_curvature(display, build)
-    if exact:
-        _check_lens(display, build)
+    _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
 
     # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
@@ -134,34 +117,31 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
 
     near, far = f + 2, f + 4
+    columns = _Format(words.SLOPE_BITS, words.SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}")
+    rows = columns._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
+    offsets = _Format(words.OFFSET_BITS, words.OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
     slopes, points = _Format(near, f, _TOO_NEAR), _Format(near, f, _TOO_STEEP)
-    words = {
-        **_Format(SLOPE_BITS, SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}").words(
-            x_from_u=px * c / p, x_from_v=px * s / p
-        ),
-        **_Format(SLOPE_BITS, SLOPE_FRACTION, f"give rows of lenslets more than 4 pixels apart {_PITCHES}").words(
-            y_from_u=-px * s / row, y_from_v=px * c / row
-        ),
-        **_Format(OFFSET_BITS, OFFSET_FRACTION, "bring array.offset_mm nearer to the panel").words(
-            x_offset=zero_x / p, y_offset=zero_y / row
-        ),
-        **slopes.words(slope_x=slope[0] * p, slope_y=slope[0] * row),
-        **slopes.words(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
-        **points.words(point_x=point[0] * p / R, point_y=point[0] * row / R),
-        **points.words(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
-        **points.words(cell_pitch_x=p / R, cell_pitch_y=row / R),
-        **_Format(near, f + 1, _TOO_STEEP).words(cell_half=0.5 * p / R),
-        **_Format(far, f, _TOO_THICK).words(depth=depth),
-        **_Format(f + 9, f + 3, _TOO_THICK).words(depth_rest=1.0 - rounded**2),
-        **_Format(far, f + 1, _TOO_THICK).words(exit_z=array.thickness_mm / R if flat_exit else 0.0),
-        **_Format(near + 1, f, _INDEX).words(index=n),
-        **_Format(far, f, _INDEX).words(index_square=n * n, index_inverse_square=1.0 / n**2),
-        **_Format(near, f + 1, _INDEX).words(index_inverse=1.0 / n),
+    registers = {
+        **columns.registers(x_from_u=px * c / p, x_from_v=px * s / p),
+        **rows.registers(y_from_u=-px * s / row, y_from_v=px * c / row),
+        **offsets.registers(x_offset=zero_x / p, y_offset=zero_y / row),
+        **slopes.registers(slope_x=slope[0] * p, slope_y=slope[0] * row),
+        **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
+        **points.registers(point_x=point[0] * p / R, point_y=point[0] * row / R),
+        **points.registers(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
+        **points.registers(cell_pitch_x=p / R, cell_pitch_y=row / R),
+        **_Format(near, f + 1, _TOO_STEEP).registers(cell_half=0.5 * p / R),
+        **_Format(far, f, _TOO_THICK).registers(depth=depth),
+        **_Format(f + 9, f + 3, _TOO_THICK).registers(depth_rest=1.0 - rounded**2),
+        **_Format(far, f + 1, _TOO_THICK).registers(exit_z=array.thickness_mm / R if flat_exit else 0.0),
+        **_Format(near + 1, f, _INDEX).registers(index=n),
+        **_Format(far, f, _INDEX).registers(index_square=n * n, index_inverse_square=1.0 / n**2),
+        **_Format(near, f + 1, _INDEX).registers(index_inverse=1.0 / n),
     }
-    half = 1 << (OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
-    words["x_offset"] += half
-    words["y_offset"] += half
-    return Configuration(**words)
+    half = 1 << (words.OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
+    registers["x_offset"] += half
+    registers["y_offset"] += half
+    return Configuration(**registers)
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -187,20 +167,18 @@ def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
     wanted = Build.of(display, model, build.fraction_bits, build.aims, build.max_cell_steps)
-    wanted = dataclasses.replace(wanted, cross_cells=build.cross_cells)
-    if wanted != build:
-        names = [field.name for field in dataclasses.fields(Build)]
-        differ = [name for name in names if getattr(wanted, name) != getattr(build, name)]
+    needs, has = dataclasses.asdict(wanted) | {"cross_cells": build.cross_cells}, dataclasses.asdict(build)
+    if differ := [name for name in has if needs[name] != has[name]]:
         raise InputError(
             f"this build is not for display '{display.name}' and model {model}: "
-            f"{', '.join(f'{name} is {getattr(build, name)}' for name in differ)}; "
-            f"build with {', '.join(f'{name} = {getattr(wanted, name)}' for name in differ)}"
+            f"{', '.join(f'{name} is {has[name]}' for name in differ)}; "
+            f"build with {', '.join(f'{name} = {needs[name]}' for name in differ)}"
         )
 
 
 def _check_panel(display: Display) -> None:
     panel, array = display.panel, display.array
-    limit = 1 << (PIXEL_BITS - PIXEL_FRACTION)
+    limit = 1 << (words.PIXEL_BITS - words.PIXEL_FRACTION)
     if max(panel.width_px, panel.height_px) >= limit:
         raise InputError(
             f"register raster_panel: a panel of {panel.width_px} x {panel.height_px} is outside its range, 1 to "
@@ -213,7 +191,7 @@ def _check_panel(display: Display) -> None:
     x, y = x / array.pitch_mm, y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
-    limit = (1 << (INDEX_BITS - 1)) - MAX_ASTRAY
+    limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
     if lenslets >= limit:
         raise InputError(
             f"registers x_from_u, x_from_v and x_offset, and those of y: they place the panel's corner {lenslets:.6g} "
@@ -222,41 +200,24 @@ def _check_panel(display: Display) -> None:
         )
 
 
-def _check_curvature(display: Display, build: Build) -> None:
-    """Refuse a dome so flat that its cell, in radii, has too few significant bits; a pinhole has no dome."""
-    half = 0.5 * display.array.pitch_mm / display.array.radius_mm
-    least = math.ldexp(LEAST_HALF, -build.fraction_bits - 1)
-    if build.model != "pinhole" and half < least:
-        most = FRACTIONS[-1]
-        remedy = "lower array.radius_mm or raise array.pitch_mm"
-        if build.fraction_bits < most:
-            remedy = f"lower array.radius_mm, raise array.pitch_mm, or take more fraction bits, up to {most}"
-        raise _refusal(
-            "cell_half",
-            f"{half:.6g}",
-            f"[{least:.6g}, 1) at F = {build.fraction_bits}",
-            f"the lenslet is too flat: {remedy}",
-        )
-
-
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
     """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at."""
-    array = display.array
+    array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
     # Distances from the lenslet aimed at, which is not the pixel's own when the aperture point lies outside its cell.
-    pixel, aim = (rho, rho) if reach <= rho * (1.0 + 1e-9) else (2.0 * rho + reach, rho)
-    aim = aim if build.aims else 0.0
+    pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
+    aim = rho if build.aims else 0.0
 
     def names(what: str) -> str:
         """Return the names of the registers in the sum."""
-        alone = not build.aims or (build.model == "exact" and what == "slope")
+        alone = not build.aims or (exact and what == "slope")
         return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
 
-    steepest = abs(slope[0]) * ((rho + reach if build.aims else rho) if build.model == "exact" else pixel)
-    steepest += abs(slope[1]) * aim
+    between = rho + reach if build.aims else rho
+    steepest = abs(slope[0]) * (between if exact else pixel) + abs(slope[1]) * aim
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
@@ -271,8 +232,19 @@ def _check_reach(
 
 
 def _check_lens(display: Display, build: Build) -> None:
-    """Refuse an index out of range, and a substrate whose rays are longer than a far word holds, 8 radii."""
-    array = display.array
+    """Refuse a dome so flat that its cell, in radii, has too few significant bits; a pinhole has no dome.
+
+    In exact builds, refuse also an index out of range, and a substrate whose rays are longer than a far word holds, 8
+    radii.
+    """
+    array, f, most = display.array, build.fraction_bits, words.FRACTIONS[-1]
+    half, least = 0.5 * array.pitch_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
+    if build.model != "pinhole" and half < least:
+        more = f", or take more fraction bits, up to {most}" if f < most else ""
+        remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"
+        raise _refusal("cell_half", f"{half:.6g}", f"[{least:.6g}, 1) at F = {f}", remedy)
+    if build.model != "exact":
+        return
     low, high = INDEX_LIMITS
     if not low <= array.index <= high:
         raise _refusal("index", f"{array.index:g}", f"[{low}, {high}]", _INDEX)

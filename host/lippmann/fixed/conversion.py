@@ -15,10 +15,7 @@ from lippmann.optics.system import System
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
-    Raises
-    ------
-    InputError
-        For pixels farther from the panel's centre than the words can hold.
+    Raises InputError for pixels farther from the panel's centre than the words can hold.
     """
     scale = 1 << PIXEL_FRACTION
     u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
@@ -41,10 +38,7 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
     """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows.
 
-    Raises
-    ------
-    InputError
-        For points farther than one and a half pitches from the centre, which the words may not hold.
+    Raises InputError for points farther than one and a half pitches from the centre, which the words may not hold.
     """
     array = display.array
     scaled = aperture_mm / np.array([array.pitch_mm, array.row_pitch_mm])
@@ -74,7 +68,7 @@ def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bit
     length = unit * display.array.radius_mm
     x, y = frame.turn(rays.x * length, rays.y * length)
     dx, dy = frame.turn(rays.dx * unit, rays.dy * unit)
-    centre = frame.panel_from_array(*system.lattice.centre(rays.i.astype(np.float64), rays.j.astype(np.float64)))
+    centre = system.centre(rays.i.astype(np.float64), rays.j.astype(np.float64))
     return Rays(
         pixel=pixel,
         lenslet=np.stack([rays.i, rays.j], axis=1),

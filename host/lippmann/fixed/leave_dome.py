@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.saturate import saturate
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
 
 
 def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
-) -> tuple[Ints, Ints, Ints, npt.NDArray[np.bool_]]:
+) -> tuple[Ints, Ints, Ints, Bools]:
     """Return the direction in the air (near words), and a mask of the rays that are totally reflected.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:

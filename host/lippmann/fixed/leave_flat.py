@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.enter_flat import left_of_unit
 from lippmann.fixed.leave_dome import cosine_behind
@@ -13,7 +12,7 @@ from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.saturate import saturate
-from lippmann.fixed.words import GUARD, Ints, guarded, halved, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, halved, wrapped
 
 
 class FlatExit(NamedTuple):
@@ -24,7 +23,7 @@ class FlatExit(NamedTuple):
     dx: Ints
     dy: Ints
     dz: Ints
-    reflected: npt.NDArray[np.bool_]
+    reflected: Bools
 
 
 def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_square: int, f: int) -> FlatExit:

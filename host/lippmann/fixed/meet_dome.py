@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.saturate import saturate
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Ints, guarded, halved, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, halved, wrapped
 
 
 class Meeting(NamedTuple):
@@ -21,7 +20,7 @@ class Meeting(NamedTuple):
     nz: Ints
     cos: Ints
     s: Ints
-    missed: npt.NDArray[np.bool_]
+    missed: Bools
 
 
 def meet_dome(

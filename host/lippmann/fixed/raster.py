@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.errors import InputError
-from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits, wrapped
+from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
 from lippmann.toml import documented, key
 
@@ -77,8 +76,8 @@ class RasterRays(NamedTuple):
     v: Ints
     a: Ints
     b: Ints
-    first: npt.NDArray[np.bool_]
-    last: npt.NDArray[np.bool_]
+    first: Bools
+    last: Bools
 
 
 def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
@@ -112,17 +111,14 @@ def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     """Return the table entries (N,) nearest to points on the pixel and aperture points.
 
+    Raises InputError for more than 64 entries, for arrays of other shapes, and for entries out of range.
+
     Parameters
     ----------
     offset_px
         (N, 2), pixels from the pixel's centre, to the right and upward, in [-1/2, 7/16]; rounded to 1/16.
     aim
         (N, 2), in pitches and rows from the lenslet's centre, in [-2, 2 - 1/1024]; rounded to 1/1024.
-
-    Raises
-    ------
-    InputError
-        For more than 64 entries, for arrays of other shapes, and for entries out of range.
     """
     if offset_px.ndim != 2 or offset_px.shape[1] != 2 or offset_px.shape != aim.shape:
         raise InputError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.fixed.aim import aim
 from lippmann.fixed.blend import blend
@@ -22,7 +21,7 @@ from lippmann.fixed.meet_dome import Meeting, meet_dome
 from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.unit_slope import unit_slope
-from lippmann.fixed.words import INDEX_BITS, Ints, fits, wrapped
+from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Status
 
 
@@ -49,7 +48,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     locate = lenslet_hex if grid == "hex" else lenslet_square
     own_i, own_j, x, y = locate(lattice_x, lattice_y, f)
     i, j = own_i, own_j
-    stray = beyond = np.zeros(x.shape, np.bool_)
+    none = stray = beyond = np.zeros(x.shape, np.bool_)
     if build.aims:
         i, j, x, y, a, b, stray, beyond = aim(i, j, x, y, a, b, grid, f)
     else:
@@ -68,27 +67,26 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         hy = blend(config.point_y, y, config.point_aim_y, b if build.aims else None, f)
     ex, ey, ez = unit_slope(mx, my, f)
 
-    if not exact:
-        status = np.where(stray, int(Status.CROSSTALK), int(Status.OK))
-        if build.aims:
-            status = np.where(beyond, int(Status.MISSED), status)
-        return FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, status)
-
-    out = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
-    crosstalk = (out.i != own_i) | (out.j != own_j) if build.max_cell_steps else stray
-    missed = out.status == int(Status.MISSED)
+    if exact:
+        rays, missed, reflected = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
+        blocked = rays.dz <= 0
+        crosstalk = (rays.i != own_i) | (rays.j != own_j) if build.max_cell_steps else stray
+    else:
+        rays = FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, np.zeros_like(x))
+        missed, reflected, blocked, crosstalk = none, none, none, stray
     if build.aims:
         missed = missed | beyond
-    reflected = out.status == int(Status.INTERNAL_REFLECTION)
-    return out._replace(status=_status(missed, reflected, out.dz <= 0, crosstalk))
+    fates = (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)
+    status = np.select([missed, reflected, blocked, crosstalk], [int(fate) for fate in fates], int(Status.OK))
+    return rays._replace(status=status)
 
 
 def _through_lenslet(
     i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
-) -> FixedRays:
+) -> tuple[FixedRays, Bools, Bools]:
     """Trace rays of the exact model through both faces: from their lenslet, point (radii) and direction in the air.
 
-    Their status is missed, reflected or ok.
+    Return them, with the status left at ok, and masks of those that missed and those that are reflected.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air
@@ -117,14 +115,4 @@ def _through_lenslet(
         keeps = reflected | met.missed
         dx, dy, dz = np.where(keeps, dx, air_dx), np.where(keeps, dy, air_dy), np.where(keeps, dz, air_dz)
         x, y, z = met.nx, met.ny, met.nz - (1 << (f + 1))
-    fate = _status(missed, reflected, np.zeros_like(missed), np.zeros_like(missed))
-    return FixedRays(i, j, x, y, z, dx, dy, dz, fate)
-
-
-def _status(*fates: npt.NDArray[np.bool_]) -> Ints:
-    """Return the status of rays that are missed, reflected, blocked or crosstalk, in this order."""
-    return np.select(
-        fates,
-        [int(s) for s in (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)],
-        int(Status.OK),
-    )
+    return FixedRays(i, j, x, y, z, dx, dy, dz, np.zeros_like(i)), missed, reflected

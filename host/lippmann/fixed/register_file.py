@@ -28,10 +28,7 @@ class Write(NamedTuple):
 def write(name: str, **values: int) -> Write:
     """Return the write of values to a register's fields; the other fields get their reset values.
 
-    Raises
-    ------
-    InputError
-        For an unknown register or field, and for a value that its field cannot hold.
+    Raises InputError for an unknown register or field, and for a value that its field cannot hold.
     """
     register = _register(name)
     unknown = values.keys() - register.fields.keys()
@@ -94,10 +91,7 @@ def table_writes(table: Ints, first: int = 0) -> list[Write]:
 def build_of(words: Mapping[str, int]) -> Build:
     """Return the build of an optics block from the words of its registers `identity`, `version` and `build`.
 
-    Raises
-    ------
-    InputError
-        When a word is missing, or not that of an optics block that this host supports.
+    Raises InputError when a word is missing, or not that of an optics block that this host supports.
     """
     missing = [name for name in ("identity", "version", "build") if name not in words]
     if missing:

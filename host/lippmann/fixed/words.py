@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 #: Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
 PIXEL_BITS = 18
@@ -47,6 +48,6 @@ def wrapped(x: Ints, bits: int) -> Ints:
     return ((x + half) & ((1 << bits) - 1)) - half
 
 
-def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> npt.NDArray[np.bool_]:
+def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
     """Tell which numbers a signed word of so many bits can hold."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))

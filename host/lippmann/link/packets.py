@@ -86,13 +86,7 @@ class Counts:
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return the bytes of a packet on the line, with its delimiter.
-
-    Raises
-    ------
-    ValueError
-        For a body that makes the packet longer than `MAX_PACKET`.
-    """
+    """Return the bytes of a packet on the line, with its delimiter; raise ValueError for more than `MAX_PACKET`."""
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:

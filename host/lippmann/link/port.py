@@ -33,14 +33,7 @@ ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
-    """Open a port for this program alone; its reads and writes do not block.
-
-    Parameters
-    ----------
-    url
-        A device, a pty, or another URL of pyserial's `serial_for_url`.
-    baud
-        Bits a second; a socket ignores it.
+    """Open a port for this program alone: a URL of pyserial's `serial_for_url`. Its reads and writes do not block.
 
     Raises
     ------
@@ -111,10 +104,8 @@ def _permission(path: str) -> str:
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
     found = list_ports.comports()
-    return [
-        port.device
-        for port in sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
-    ]
+    found = sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
+    return [port.device for port in found]
 
 
 def adapter_ports() -> list[str]:
@@ -134,16 +125,8 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 class Line:
     """Packets over an open port, for one thread.
 
-    It reads while it writes: two sides that only write would block each other.
-
-    Attributes
-    ----------
-    url, baud
-        The port's.
-    reader
-        The packet reader; its `counts` hold the bytes and packets received.
-    written
-        Bytes written to the port.
+    It reads while it writes: two sides that only write would block each other. `written` counts the bytes written, the
+    reader's `counts` the bytes and packets received.
     """
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:

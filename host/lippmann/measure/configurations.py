@@ -15,7 +15,7 @@ from lippmann.display import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
-from lippmann.fixed.configurations import CONFIGURATIONS, DISPLAYS, Named
+from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.images import Radiance, psnr_db
 from lippmann.measure.engines import Sample, errors
 from lippmann.measure.figures import Figures, Measured, groups, in_turn, read_csv

@@ -21,8 +21,8 @@ from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.configurations import CONFIGURATIONS, Named, chosen
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
+from lippmann.fixed.named_builds import CONFIGURATIONS, Named, chosen
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import WIDEST, Ints
 from lippmann.measure.figures import Figures, Measured

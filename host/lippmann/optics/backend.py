@@ -8,7 +8,7 @@ everything lens-local. In the golden engine both are float64. In the fast engine
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,64 +20,42 @@ Operation = Callable[..., Arr]
 Trace = Callable[..., State]
 
 
-class Backend(Protocol):
-    """The operations that the optics take from an array library."""
+class Backend:
+    """The operations that the optics take from an array library, on arrays of one length."""
 
-    def real(self, x: Arr, /) -> Arr:
-        """Cast to the engine's own floating-point format."""
-
-    def double(self, x: Arr, /) -> Arr:
-        """Cast to float64."""
-
-    def integer(self, x: Arr, /) -> Arr:
-        """Cast whole numbers to signed integers."""
-
-    def floor(self, x: Arr, /) -> Arr:
-        """Largest whole number <= x, in x's format."""
-
-    def sqrt(self, x: Arr, /) -> Arr:
-        """Square root."""
-
-    def absolute(self, x: Arr, /) -> Arr:
-        """Magnitude."""
-
-    def maximum(self, x: Arr, y: Arr | float, /) -> Arr:
-        """Larger of two."""
-
-    def minimum(self, x: Arr, y: Arr | float, /) -> Arr:
-        """Smaller of two."""
-
-    def where(self, condition: Arr, yes: Arr | float, no: Arr | float, /) -> Arr:
-        """Choose element by element."""
+    #: Cast to the engine's own floating-point format, to float64, and from whole numbers to signed integers.
+    real: Operation
+    double: Operation
+    integer: Operation
+    #: Largest whole number <= x, in x's format.
+    floor: Operation
+    sqrt: Operation
+    absolute: Operation
+    maximum: Operation
+    minimum: Operation
+    #: Choose element by element: where(condition, yes, no).
+    where: Operation
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         """Repeat `state = body(*state)` for the elements where `active(*state)` holds, until it holds nowhere."""
+        raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
         """Return `coarse` with the elements under `mask` replaced by `trace(backend, *inputs)` in double precision.
 
         `inputs` are double. A backend that computes in double precision anyway returns `coarse`.
         """
+        return coarse
 
 
-class NumpyBackend:
+class NumpyBackend(Backend):
     """float64 throughout."""
 
     def __init__(self) -> None:
-        self.floor: Operation = np.floor
-        self.sqrt: Operation = np.sqrt
-        self.absolute: Operation = np.abs
-        self.maximum: Operation = np.maximum
-        self.minimum: Operation = np.minimum
-        self.where: Operation = np.where
-
-    def real(self, x: Arr) -> Arr:
-        return np.asarray(x, np.float64)
-
-    double = real
-
-    def integer(self, x: Arr) -> Arr:
-        return np.asarray(x).astype(np.int64)
+        self.real = self.double = lambda x: np.asarray(x, np.float64)
+        self.integer = lambda x: np.asarray(x).astype(np.int64)
+        self.floor, self.sqrt, self.absolute = np.floor, np.sqrt, np.abs
+        self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         # Works on the active elements only: they are few, and the others must not change.
@@ -90,11 +68,8 @@ class NumpyBackend:
             index = index[active(*part)]
         return state
 
-    def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        return coarse
 
-
-class DrJitBackend:
+class DrJitBackend(Backend):
     """float32, or float64 on request, on CPU threads ("llvm") or on an NVIDIA GPU ("cuda")."""
 
     def __init__(self, device: str = "llvm", precise: bool = False) -> None:

@@ -42,18 +42,9 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """Where a ray meets the height field.
+    """Where a ray meets the height field: the ray there, local to the lenslet met, and its cosine |d . N| to the dome.
 
-    Attributes
-    ----------
-    ray
-        Lens-local to the lenslet met, its point on the dome.
-    di, dj
-        Lenslet met, counted from the one that the incoming ray was local to; whole numbers in the real format.
-    cosine
-        |d . N| at the dome.
-    missed
-        No dome met.
+    That lenslet is (di, dj) steps, whole numbers in the real format, from the one that the incoming ray was local to.
     """
 
     ray: Ray
@@ -87,19 +78,10 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 
 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
-    """Find where rays first meet the height field.
+    """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
 
-    Parameters
-    ----------
-    b
-        Backend.
-    dome
-        The domes.
-    ray
-        Lens-local to a lenslet; its point lies in that lenslet's cell, at the rims' plane or lower when it comes
-        through the glass (`upward`), at the vertices' plane or higher when it comes through the air.
-    upward
-        Whether the ray comes from below, through the glass.
+    A ray is lens-local to the lenslet in whose cell its point lies, at the rims' plane or lower when it comes through
+    the glass, at the vertices' plane or higher when it comes through the air.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
@@ -122,32 +104,23 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
             b.where(settled, here.x, here.x - to_x),
             b.where(settled, here.y, here.y - to_y),
             *here[2:],
-            b.where(settled, at.x, rest[6]),
-            b.where(settled, at.y, rest[7]),
-            b.where(settled, at.z, rest[8]),
-            b.where(settled, cosine, rest[9]),
+            *at[:3],
+            cosine,
         )
 
     state = (settled, b.integer(zero), zero, zero, *ray, at.x, at.y, at.z, cosine)
     state = b.loop(unsettled, step, state)
     found, _, di, dj, *rest = state
     # A ray that met nothing keeps its last point.
-    point = [b.where(found, rest[6 + k], rest[k]) for k in range(3)]
-    at = Ray(point[0], point[1], point[2], ray.dx, ray.dy, ray.dz)
-    return Crossing(at, di, dj, rest[9], ~found)
+    x, y, z = (b.where(found, rest[6 + k], rest[k]) for k in range(3))
+    return Crossing(Ray(x, y, z, *ray[3:]), di, dj, b.where(found, rest[9], cosine), ~found)
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
     """Refract rays at the sphere through their points.
 
     Vector form of Snell's law: d' = r d + (cos t - r cos i) N, with r = n1/n2 and cos^2 t = 1 - r^2 (1 - cos^2 i).
-
-    Returns
-    -------
-    ray
-        The refracted rays; those totally reflected keep their direction.
-    square
-        Squared cosine behind the dome; not positive where the ray is totally reflected.
+    Return as `refract_flat` does.
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)

@@ -11,23 +11,10 @@ from lippmann.optics.backend import Arr, Backend
 
 
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
-    """Refract rays at a plane z = constant through their points.
+    """Refract rays at a plane z = constant through their points; `ratio` is n1 / n2, index before over index behind.
 
-    Parameters
-    ----------
-    b
-        Backend.
-    ray
-        Rays with their points on the plane.
-    ratio
-        n1 / n2, index before over index behind.
-
-    Returns
-    -------
-    ray
-        The refracted rays; those totally reflected keep their direction.
-    square
-        Squared cosine behind the face; not positive where the ray is totally reflected.
+    Return the refracted rays and the squared cosine behind the face: not positive where the ray is totally reflected,
+    and keeps its direction.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)

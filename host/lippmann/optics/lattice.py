@@ -81,14 +81,8 @@ class Lattice:
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
-        Returns
-        -------
-        t
-            Parameter of the line where it crosses the cell's side (infinite when dx = dy = 0).
-        step
-            (di, dj) to the neighbour across that side, whole numbers in x's format.
-        centre
-            That neighbour's centre from this one's, mm.
+        Return t where it crosses the cell's side (infinite when dx = dy = 0), the step (di, dj) to the neighbour across
+        that side, whole numbers in x's format, and that neighbour's centre from this one's, mm.
         """
         half = 0.5 * self.pitch_mm
         t = di = dj = cx = cy = None

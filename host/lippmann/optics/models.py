@@ -36,18 +36,8 @@ def ray_matrix(system: System) -> npt.NDArray[np.float64]:
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     """Trace rays from the panel to the world; rays that graze a face, in double precision throughout.
 
-    Parameters
-    ----------
-    b
-        Backend.
-    system
-        The optics.
-    x, y
-        Panel points local to the lenslet that they belong to, array's axes, mm, double.
-    aperture
-        Points aimed at, local and in mm likewise; None for chief rays.
-    model
-        Lens model.
+    The panel points (x, y) are local to the lenslet that they belong to, array's axes, mm, double; the points aimed at
+    likewise, None for chief rays.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:

@@ -21,13 +21,13 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 class PanelFrame:
     """The maps between pixel coordinates, the panel's frame and the array's frame.
 
-    They hold the pixel pitch, half the numbers of pixels, the array's origin in the panel's frame, and cosine and sine
+    They hold the pixel pitch, the panel's size in pixels, the array's origin in the panel's frame, and cosine and sine
     of the array's rotation.
     """
 
     pitch_mm: float
-    half_width_px: float
-    half_height_px: float
+    width_px: int
+    height_px: int
     offset_mm: tuple[float, float]
     cos: float
     sin: float
@@ -36,16 +36,16 @@ class PanelFrame:
     def of(cls, display: Display) -> PanelFrame:
         """Return the frame of a display."""
         panel, array = display.panel, display.array
-        half_size = 0.5 * panel.width_px, 0.5 * panel.height_px
-        return cls(panel.pixel_pitch_mm, *half_size, array.offset_mm, *exact_rotation(array.rotation_deg))
+        turn = exact_rotation(array.rotation_deg)
+        return cls(panel.pixel_pitch_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
 
     def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
         """Map pixel coordinates (column, row; continuous) to panel millimetres."""
-        return (u - self.half_width_px) * self.pitch_mm, (self.half_height_px - v) * self.pitch_mm
+        return (u - 0.5 * self.width_px) * self.pitch_mm, (0.5 * self.height_px - v) * self.pitch_mm
 
     def pixel_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
         """Map panel millimetres to pixel coordinates."""
-        return x / self.pitch_mm + self.half_width_px, self.half_height_px - y / self.pitch_mm
+        return x / self.pitch_mm + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm
 
     def array_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
         """Map a point from the panel's frame to the array's frame, mm."""

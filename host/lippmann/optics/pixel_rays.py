@@ -38,17 +38,12 @@ def rays_from_pixels(
 
     The aperture points are lens-local, mm, in the array's axes; None for chief rays.
     """
-    frame = system.frame
-    x, y = frame.array_from_panel(*frame.panel_from_pixel(u, v))
-    i, j, x, y = system.lattice.locate(b, x, y)
+    i, j, x, y = system.locate(b, u, v)
     out = models.leave_panel(b, system, x, y, aperture, model)
     i, j = i + b.double(out.di), j + b.double(out.dj)
-    centre_x, centre_y = frame.panel_from_array(*system.lattice.centre(i, j))
-    ray = out.ray
-    px, py = frame.turn(ray.x, ray.y)
-    dx, dy = frame.turn(ray.dx, ray.dy)
-    ray = Ray(px, py, ray.z, dx, dy, ray.dz)
-    return LocalRays(ray, centre_x, centre_y, b.integer(i), b.integer(j), out.status)
+    ray, turn = out.ray, system.frame.turn
+    ray = Ray(*turn(ray.x, ray.y), ray.z, *turn(ray.dx, ray.dy), ray.dz)
+    return LocalRays(ray, *system.centre(i, j), b.integer(i), b.integer(j), out.status)
 
 
 class PixelHits(NamedTuple):
@@ -87,7 +82,7 @@ def pixels_from_rays(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(landing.x), cy + b.double(landing.y))
     u, v = frame.pixel_from_panel(px, py)
-    on_panel = (u >= 0.0) & (u < system.width_px) & (v >= 0.0) & (v < system.height_px)
+    on_panel = (u >= 0.0) & (u < frame.width_px) & (v >= 0.0) & (v < frame.height_px)
     arrived = gets_through(landing.status)
     status = b.where(arrived & ~on_panel, int(Status.BLOCKED), landing.status)
     status = b.where(heads_there, status, int(Status.MISSED))

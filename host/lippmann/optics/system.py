@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lippmann.display import Display
 from lippmann.optics.aim import Ray
-from lippmann.optics.backend import Arr
+from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -30,8 +30,6 @@ class System:
     aperture_distance_mm: float
     focal_length_mm: float
     plano_to_panel: bool
-    width_px: int
-    height_px: int
     concave: bool = False
 
     @classmethod
@@ -49,14 +47,20 @@ class System:
             aperture_distance_mm=display.aperture_distance_mm,
             focal_length_mm=array.focal_length_mm,
             plano_to_panel=array.plano_side == "panel",
-            width_px=display.panel.width_px,
-            height_px=display.panel.height_px,
         )
 
     @property
     def last_face_mm(self) -> float:
         """Height z of the plane that a ray to the viewer crosses last: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
+
+    def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
+        """Return the lenslet (i, j) of pixel coordinates, and their point from its centre, array's axes, mm."""
+        return self.lattice.locate(b, *self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v)))
+
+    def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
+        """Return the centre of lenslet (i, j), panel frame, mm."""
+        return self.frame.panel_from_array(*self.lattice.centre(i, j))
 
 
 class Exit(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.fixed.configurations import DISPLAYS
+from lippmann.fixed.named_builds import DISPLAYS
 from lippmann.measure.configurations import on_front
 from lippmann.measure.figures import Figures, groups
 from lippmann.measure.renderer import REFERENCE

@@ -128,9 +128,7 @@ def panel_size(display: Display) -> Floats:
 
 def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
     """Return the lenslets (N, 2) of pixel coordinates (N, 2), and the points measured from their centres, (N, 2) mm."""
-    system = System.of(display)
-    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixels.T))
-    i, j, x, y = system.lattice.locate(NumpyBackend(), *at)
+    i, j, x, y = System.of(display).locate(NumpyBackend(), *pixels.T)
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
 

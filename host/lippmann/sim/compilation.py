@@ -41,19 +41,10 @@ class RtlError(LippmannError):
 def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return a file that is made from inputs, made first unless it is there.
 
-    Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all.
-
-    Parameters
-    ----------
-    path
-        Folder and name; a hash of the inputs follows the name.
-    inputs
-        All that decides the file: files, whose contents count, and texts. This processor and the version of Verilator
-        always count.
-    make
-        Function that writes the file to the path it is given.
-    suffix
-        Of the file's name.
+    Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all. A
+    hash of the inputs follows the name in `path`, then the suffix; `make` writes the file to the path it is given. The
+    inputs are all that decides the file: files, whose contents count, and texts. This processor and the version of
+    Verilator always count.
     """
     key = hashlib.sha256(processor() + version("verilator").encode() + Path(__file__).read_bytes())
     for one in inputs:
@@ -83,25 +74,11 @@ def verilated(
 ) -> None:
     """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
 
-    Parameters
-    ----------
-    output
-        File to write; Verilator's files go to a folder beside it, which is removed.
-    top, parameters
-        Top module and what its parameters are set to.
-    sources
-        SystemVerilog files, packages first, and Verilator's control files.
-    main
-        C++ files. They see the model's class as `Vtop`, in Vtop.h.
-    options, flags, link
-        For Verilator, the compiler and the linker.
+    Raises MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler
+    refuses.
 
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing.
-    RtlError
-        When Verilator or the compiler refuses: its first error.
+    The sources are SystemVerilog files, packages first, and Verilator's control files. The C++ files of `main` see the
+    model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
     """
     with tempfile.TemporaryDirectory(dir=output.parent) as folder:
         work = Path(folder)

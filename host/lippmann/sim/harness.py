@@ -41,12 +41,8 @@ class Harness:
     ) -> FixedRays:  # fmt: skip
         """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
 
-        Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them.
-
-        Raises
-        ------
-        LippmannError
-            When rays stop coming out.
+        Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them. Raises LippmannError when rays stop
+        coming out.
         """
         rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
         out = np.empty((len(FixedRays._fields), len(u)), np.int64)

@@ -30,13 +30,7 @@ class Tool(NamedTuple):
         return None if found is None else Path(found)
 
     def path(self) -> Path:
-        """Return its path.
-
-        Raises
-        ------
-        MissingLibraryError
-            When it is missing; the message says what installs it.
-        """
+        """Return its path; raise MissingLibraryError, which says what installs it, when it is missing."""
         found = self.find()
         if found is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")

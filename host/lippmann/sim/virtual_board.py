@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -39,26 +39,12 @@ CLOCKS_OF_A_BIT = 8
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 
-class Timing(NamedTuple):
-    """Video timing, pixels and lines: front porch, sync, back porch."""
-
-    h_front: int
-    h_sync: int
-    h_back: int
-    v_front: int
-    v_sync: int
-    v_back: int
-
-
+#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines.
+TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack")
 #: VESA DMT 640 x 480 and CEA-861 1920 x 1080.
-KNOWN_TIMINGS = {(640, 480): Timing(16, 96, 48, 10, 2, 33), (1920, 1080): Timing(88, 44, 148, 4, 5, 36)}
+KNOWN_TIMINGS = {(640, 480): (16, 96, 48, 10, 2, 33), (1920, 1080): (88, 44, 148, 4, 5, 36)}
 #: Other panels: reduced blanking.
-REDUCED = Timing(48, 32, 80, 3, 8, 30)
-
-
-def timing(width: int, height: int) -> Timing:
-    """Return the video timing of a panel."""
-    return KNOWN_TIMINGS.get((width, height), REDUCED)
+REDUCED = (48, 32, 80, 3, 8, 30)
 
 
 class CaptureError(LippmannError):
@@ -81,12 +67,8 @@ class RunningBoard:
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, bytes and frames.
 
-        Raises
-        ------
-        DeviceError
-            When it failed, or did not end within `STOP_SECONDS` and was killed.
-        CaptureError
-            When it could not write a frame.
+        Raises DeviceError when it failed, or did not end within `STOP_SECONDS` and was killed, and CaptureError when it
+        could not write a frame.
         """
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
@@ -135,33 +117,23 @@ def start(
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
+    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a baud rate that
+    does not fit the clock.
+
     Parameters
     ----------
-    display
-        The display; its panel sets the frame size, its array the optics.
     port, tcp_port
         A pty, or TCP on loopback with this port number (0: a free one).
     baud
         A bit line of this baud rate; None: a byte line.
     host_baud
         Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
-    clock_hz
-        Frequency of the board's clock, from which the baud rate is divided.
-    fraction_bits
-        Word length of its optics.
     capture
         An existing folder for the scanned-out frames.
     ready
         JSON file with the URL, which exists while the board runs.
     trace, trace_clocks
         File for waveforms (.fst), and its first and last clock.
-
-    Raises
-    ------
-    DeviceError
-        When the board ends at once, such as for a port that is in use.
-    InputError
-        For a baud rate that does not fit the clock.
     """
     step = 0 if baud is None else step_of(baud, clock_hz)
     program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
@@ -214,10 +186,7 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
 def keep_as_png(folder: Path, display: Display) -> list[Path]:
     """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
 
-    Raises
-    ------
-    CaptureError
-        When a file cannot be written; its captured frame stays.
+    Raises CaptureError when a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
@@ -248,9 +217,8 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         "ClockHz": clock_hz,
         "Width": panel.width_px,
         "Height": panel.height_px,
+        **dict(zip(TIMING, KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED), strict=True)),
     }
-    edges = timing(panel.width_px, panel.height_px)._asdict()
-    numbers |= {name.title().replace("_", ""): value for name, value in edges.items()}  # h_front: HFront
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,

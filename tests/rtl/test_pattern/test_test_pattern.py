@@ -105,7 +105,7 @@ def test_twin_shows_the_lens_array(grid, rotation):
     offset, across = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25)
     shown = display(build, radius=2.0, gap=1.0, rotation=rotation, offset=offset, across=across)
     config, system = configuration(shown, build, "exact"), System.of(shown)
-    width, height, pitch = system.width_px, system.height_px, shown.array.pitch_mm
+    width, height, pitch = system.frame.width_px, system.frame.height_px, shown.array.pitch_mm
     columns, rows = (w.ravel() for w in np.meshgrid(np.arange(width), np.arange(height)))
     i, j, x, y = located(config, grid, 23, width, height, columns, rows)
     white, view = centres(config, 23, x, y), views(grid, 23, x, y)
@@ -140,8 +140,10 @@ def test_a_centre_between_pixels_lights_all_that_meet_there(grid):
     build = Build(23, grid)
     shown = display(build, radius=2.0, gap=1.0, across=20)
     config, system = configuration(shown, build, "exact"), System.of(shown)
-    columns, rows = (w.ravel() for w in np.meshgrid(np.arange(system.width_px), np.arange(system.height_px)))
-    i, j, x, y = located(config, grid, 23, system.width_px, system.height_px, columns, rows)
+    columns, rows = (
+        w.ravel() for w in np.meshgrid(np.arange(system.frame.width_px), np.arange(system.frame.height_px))
+    )
+    i, j, x, y = located(config, grid, 23, system.frame.width_px, system.frame.height_px, columns, rows)
     white = centres(config, 23, x, y)
     row = white & (j == 0)
     assert sorted(set(rows[row])) == [149, 150]

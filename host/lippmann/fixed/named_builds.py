@@ -1,8 +1,4 @@
-"""The named configurations: builds of the RTL that are placed and routed, and whose error is published.
-
-Not to be confused with a display's register values, `lippmann.fixed.configuration`: the build decides the hardware, the
-registers the display that it traces.
-"""
+"""The named configurations: builds of the RTL that are placed and routed, and whose error is published."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from pathlib import Path
 
 from lippmann.display import Display, Grid, load_display
 from lippmann.errors import InputError
-from lippmann.fixed.build import Build, HardwareModel
+from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST
 
 #: Shipped displays (scenes/displays) of each grid.
@@ -21,7 +17,7 @@ DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "
 
 @dataclass(frozen=True)
 class Named:
-    """A named configuration: a build with a name.
+    """A build with a name.
 
     `promise_urad` and `promise_nm` bound its error against golden, in direction (times min(1, 2 cos theta_t)) and in
     exit point; None makes no promise.
@@ -31,11 +27,6 @@ class Named:
     build: Build
     promise_urad: float | None = None
     promise_nm: float | None = None
-
-    @property
-    def model(self) -> HardwareModel:
-        """The lens model."""
-        return self.build.model
 
     def displays(self, scenes: Path) -> list[Display]:
         """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
@@ -53,23 +44,18 @@ def turned_over(display: Display) -> Display:
     return dataclasses.replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
 
 
-def _named() -> dict[str, Named]:
-    grids: tuple[Grid, ...] = ("square", "hex")
-    rows = [
-        *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in grids),
-        *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in grids),
-        *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in grids),
-        Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
-        Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
-        Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
-        *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
-        Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
-    ]
-    return {row.name: row for row in rows}
-
-
+_NAMED = (
+    *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in DISPLAYS),
+    *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in DISPLAYS),
+    *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in DISPLAYS),
+    Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
+    Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
+    Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
+    *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
+    Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
+)
 #: The named configurations, by name.
-CONFIGURATIONS = _named()
+CONFIGURATIONS = {named.name: named for named in _NAMED}
 
 
 def chosen(names: tuple[str, ...]) -> list[Named]:
