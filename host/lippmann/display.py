@@ -28,6 +28,8 @@ Transfer = Literal["srgb", "linear", "gamma2.2"]
 Pair = tuple[float, float]
 
 MM_PER_INCH = 25.4
+#: Nearest eye on which elemental images converge, in focal lengths of the lenslets, or distances D to the panel.
+NEAREST_EYE = 4.0
 #: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
 MAX_SIDE_PX = 65535
 #: Largest length of a file, mm: far beyond what can be built, well within what squares and quotients survive.
@@ -36,6 +38,9 @@ Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 #: Above air, up to the densest optical materials.
+#: None, or the distance of an eye, mm.
+ViewingDistance = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)] | None
+_CONVERGES = "distance of the eye that sees each pixel through the lenslet that the pixel belongs to"
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -116,6 +121,17 @@ class Display:
     panel: Panel
     array: Array
     gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0 in contact")]
+    viewing_distance_mm: Annotated[ViewingDistance, key(_CONVERGES, default="none: the eye is far away")] = None
+    viewing_axis_mm: Annotated[Pair, key("point of the panel that this eye is in front of, from the centre")] = (
+        0.0,
+        0.0,
+    )
+
+    @property
+    def convergence(self) -> float:
+        """D / E: by this share elemental images are farther apart than lenslets; 0 without a viewing distance."""
+        distance = self.viewing_distance_mm
+        return 0.0 if distance is None else self.aperture_distance_mm / distance
 
     @property
     def aperture_distance_mm(self) -> float:
@@ -132,7 +148,9 @@ class Display:
         if self.array.glass is not None:
             # It follows from the glass: at another wavelength this is the same display.
             del array["index"]
-        optical = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
+        optical: dict[str, Any] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
+        if self.viewing_distance_mm is not None:
+            optical["viewing"] = (self.viewing_distance_mm, *self.viewing_axis_mm)
         text = json.dumps(optical, sort_keys=True, default=list)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -215,7 +233,8 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     if made.thickness_mm is None:
         check_radius(made, f"{where}array.radius_mm")
         made = replace(made, thickness_mm=made.sag_mm)
-    display = Display(keys.name if keys.name is not None else name, Panel(**panel), made, keys.gap_mm)
+    named = keys.name if keys.name is not None else name
+    display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display
 
@@ -232,7 +251,9 @@ def index_of_keys(keys: Any, where: str) -> float:
 
 def display_text(display: Display) -> str:
     """Return a display as the text of a display file, from which `parse_display` reads the same one."""
-    top = {"name": display.name, "gap_mm": display.gap_mm}
+    top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
+    if display.viewing_distance_mm is not None:
+        top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
     tables = {"": top, "panel": dataclasses.asdict(display.panel), "array": dataclasses.asdict(display.array)}
     del tables["array"]["glass" if display.array.glass is None else "index"]
     # Numbers, text and lists are written alike in JSON and TOML.
@@ -259,6 +280,10 @@ def _check(display: Display, where: str) -> None:
     if array.pitch_mm < pixel_mm:
         what = f"{array.pitch_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
         raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
+    nearest = NEAREST_EYE * max(array.focal_length_mm, display.aperture_distance_mm)
+    if display.viewing_distance_mm is not None and not display.viewing_distance_mm >= nearest:
+        what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, {nearest:.4g} mm"
+        raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
 
 
 def check_array(array: Array, where: str) -> None:

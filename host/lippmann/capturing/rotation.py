@@ -24,8 +24,7 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.system import System
 
 #: Rounding of pixel coordinates, pixels.
 ROUNDING = 1e-9
@@ -38,19 +37,19 @@ class Cells(NamedTuple):
 
     #: (height * width,) cell of each pixel, counted from 0.
     cell: Indices
-    #: (cells, 2) pixel coordinates of the lenslets' centres.
+    #: (cells, 2) pixel coordinates of the elemental images' centres: the lenslets', if no eye is near.
     centre: npt.NDArray[np.float64]
     #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
     rim: npt.NDArray[np.bool_]
 
 
 def cells_of(display: Display) -> Cells:
-    """Return the cells of a display's lenslets."""
-    panel, frame = display.panel, PanelFrame.of(display)
-    lattice = Lattice(display.array.grid, display.array.pitch_mm)
+    """Return the elemental images of a display: the panel's cells, one of each lenslet."""
+    panel, system = display.panel, System.of(display)
+    frame, lattice, convergence = system.frame, system.lattice, system.convergence
     row, column = np.ogrid[0 : panel.height_px, 0 : panel.width_px]
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    i, j, x, y = lattice.locate(NumpyBackend(), *point)
+    i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
     # Numbers the cells that occur, in the order of (i, j).
     first_i, first_j = int(i.min()), int(j.min())
     span = int(np.ptp(j)) + 1
@@ -58,7 +57,9 @@ def cells_of(display: Display) -> Cells:
     occurs = np.zeros(int(key.max()) + 1, bool)
     occurs[key] = True
     i, j = np.divmod(np.flatnonzero(occurs), span)
-    centre = frame.panel_from_array(*lattice.centre(i + float(first_i), j + float(first_j)))
+    cx, cy = lattice.centre(i + float(first_i), j + float(first_j))
+    x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
+    centre = frame.panel_from_array(cx + x0, cy + y0)
     rim = np.zeros(key.shape, bool)
     for ax, ay in lattice.axes:
         step = sum(map(abs, frame.turn(ax, ay))) * panel.pixel_pitch_mm * (1.0 + ROUNDING)

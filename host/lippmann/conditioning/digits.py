@@ -23,6 +23,7 @@ import numpy.typing as npt
 from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.convergence import Convergence
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -75,6 +76,9 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
         "offset_x_mm": array.offset_mm[0],
         "offset_y_mm": array.offset_mm[1],
     }
+    if rays.display.viewing_distance_mm is not None:
+        axis_x, axis_y = rays.display.viewing_axis_mm
+        numbers |= {"eye_mm": rays.display.viewing_distance_mm, "axis_x_mm": axis_x, "axis_y_mm": axis_y}
     return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
 
 
@@ -89,16 +93,23 @@ def _system(rays: Out | Back, n: SimpleNamespace) -> System:
     rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
+    frame = PanelFrame(n.pixel_pitch_mm, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
+    distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
+    convergence = Convergence()
+    if rays.display.viewing_distance_mm is not None:
+        axis = frame.array_from_panel(n.axis_x_mm, n.axis_y_mm)
+        convergence = Convergence(distance / (distance + n.eye_mm), *axis)
     return System(
-        frame=PanelFrame(n.pixel_pitch_mm, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn)),
+        frame=frame,
         lattice=lattice,
         dome=Dome(lattice, n.radius_mm, sag),
         index=n.index,
         thickness_mm=n.thickness_mm,
         gap_mm=n.gap_mm,
-        aperture_distance_mm=n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag),
+        aperture_distance_mm=distance,
         focal_length_mm=n.radius_mm / (n.index - 1),
         plano_to_panel=to_panel,
+        convergence=convergence,
     )
 
 

@@ -24,7 +24,8 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     share = system.gap_mm / system.aperture_distance_mm
     near_x, near_y = x + share * towards_x, y + share * towards_y
     zero = 0.0 * x
-    strays = aperture is not None
+    # An elemental image that converges on the eye may lie under a neighbour.
+    strays = aperture is not None or system.convergence.share > 0.0
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
@@ -48,10 +49,7 @@ def reach_panel(b: Backend, system: System, ray: Ray) -> Landing:
     active = gets_through(exit_.status)
     last = exit_.ray
     t = b.where(active, (panel_z - last.z) / b.where(active, last.dz, 1.0), 0.0)
-    x, y = last.x + t * last.dx, last.y + t * last.dy
-    own = b.where(system.lattice.holds(x, y), int(Status.OK), int(Status.CROSSTALK))
-    status = b.where(active, own, exit_.status)
-    return Landing(x, y, exit_.di, exit_.dj, status)
+    return Landing(last.x + t * last.dx, last.y + t * last.dy, exit_.di, exit_.dj, exit_.status)
 
 
 def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from lippmann.display import Display
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.convergence import Convergence
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -30,15 +31,17 @@ class System:
     aperture_distance_mm: float
     focal_length_mm: float
     plano_to_panel: bool
+    convergence: Convergence
     concave: bool = False
 
     @classmethod
     def of(cls, display: Display) -> System:
         """Return the system of a display."""
         array = display.array
-        lattice = Lattice(array.grid, array.pitch_mm)
+        lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
+        share = display.convergence / (1.0 + display.convergence)
         return cls(
-            frame=PanelFrame.of(display),
+            frame=frame,
             lattice=lattice,
             dome=Dome(lattice, array.radius_mm, array.sag_mm),
             index=array.index,
@@ -47,6 +50,7 @@ class System:
             aperture_distance_mm=display.aperture_distance_mm,
             focal_length_mm=array.focal_length_mm,
             plano_to_panel=array.plano_side == "panel",
+            convergence=Convergence(share, *frame.array_from_panel(*display.viewing_axis_mm)),
         )
 
     @property
@@ -55,8 +59,16 @@ class System:
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of pixel coordinates, and their point from its centre, array's axes, mm."""
-        return self.lattice.locate(b, *self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v)))
+        """Return the lenslet (i, j) that owns pixel coordinates, and their point from its centre, array's axes, mm."""
+        x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
+        i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
+        if self.convergence.share == 0.0:
+            return i, j, qx, qy
+        return i, j, *self.convergence.on_panel(qx, qy, *self.lattice.centre(i, j))
+
+    def owns(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Arr:
+        """Tell whether the lenslet at (cx, cy) owns a point of the panel, measured from there; array's axes, mm."""
+        return self.lattice.holds(*self.convergence.within_cell(x, y, cx, cy))
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), panel frame, mm."""
@@ -78,7 +90,10 @@ class Exit(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm."""
+    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm.
+
+    The status tells whether the ray got there, not whether the point is one of that lenslet's own.
+    """
 
     x: Arr
     y: Arr

@@ -133,11 +133,14 @@ def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
 
 
 def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
-    """Return the pixel coordinates (N, 2) of points (N, 2), mm from the centres of lenslets, (N, 2) or (2,)."""
+    """Return the pixel coordinates (N, 2) that points (N, 2) of the cells of lenslets, (N, 2) or (2,), show to the eye.
+
+    The points are measured from the lenslets' centres, mm.
+    """
     system = System.of(display)
     cx, cy = system.lattice.centre(*np.transpose(lenslets))
-    at = system.frame.panel_from_array(cx + local_mm[:, 0], cy + local_mm[:, 1])
-    return np.stack(system.frame.pixel_from_panel(*at), axis=1)
+    x, y = system.convergence.on_panel(local_mm[:, 0], local_mm[:, 1], cx, cy)
+    return np.stack(system.frame.pixel_from_panel(*system.frame.panel_from_array(cx + x, cy + y)), axis=1)
 
 
 def on_panel(display: Display, pixels: Floats) -> Floats:
