@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli.frame import json_option, option, parameters
+from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, MissingLibraryError
@@ -103,7 +103,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
             kept_in.parameter("report", str),
             SEED.parameter("seed", int),
             (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
-            json_option(),
+            JSON,
         ]
         return click.Command(name, callback=command, params=options, help=measure.__doc__)
 

@@ -45,8 +45,6 @@ ROUNDS = 2
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)
 TEMPLATES = Path(__file__).with_name("templates")
-#: The paper's shares for its own tracer: hexagonal against square, and anti-aliasing off against on.
-PAPER_HEX, PAPER_PLAIN = 0.10, -0.37
 
 
 class Sweep(NamedTuple):
@@ -224,18 +222,12 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
     """Return the page; `trial` adds that its windows are too small to measure anything."""
     found = findings(rows)
     ours, theirs = (row for row in rows if row.grid == "none")
-    shares = {
-        "": ["hexagonal against square", "anti-aliasing off against on"],
-        "lippmann": [found.hex_share, found.plain_share],
-        "POV-Ray": [found.povray_hex_share, found.povray_plain_share],
-        "the paper": [PAPER_HEX, PAPER_PLAIN],
-    }
     growth = {
         "window, px": sorted(found.growth),
         "lippmann": [found.growth[window] for window in sorted(found.growth)],
         "POV-Ray": [found.povray_growth.get(window) for window in sorted(found.growth)],
     }
-    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "shares": shares, "trial": trial}
+    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial}
     kept = {"seed": [row_of(row) for row in rows]}
     return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
 

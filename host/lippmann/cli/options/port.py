@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import click
 
 from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
-from lippmann.cli.frame import group, option
+from lippmann.cli.frame import option
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.link.port import DEFAULT_BAUD
@@ -42,7 +43,7 @@ def _opened(*, port: str | None = PORT, baud: int = BAUD) -> OpenBoard:
 
 
 #: Opens the board that --port and --baud name, or the only board found. Raises as `chosen_port` and `Board.open`.
-OPEN_BOARD = group(_opened)
+OPEN_BOARD: Any = _opened
 
 
 def _confirmed(urls: list[str]) -> bool:
