@@ -223,8 +223,7 @@ def groups(top: Path) -> dict[str, list[Fault]]:
     }
 
 
-@click.command()
-@options(60)
+@click.command(params=options(60))
 def main(**chosen: Any) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 

@@ -25,13 +25,7 @@ BAUD = option("Baud rate of a serial port.", DEFAULT_BAUD, click.IntRange(1))
 
 
 def chosen_port(port: str | None, baud: int) -> str:
-    """Return `port`, or the port of the only board found when it is None.
-
-    Raises
-    ------
-    DeviceError
-        When no port is named, and no board or more than one answers.
-    """
+    """Return `port`; when it is None, that of the only board that answers. Raises DeviceError unless there is one."""
     return find_board(baud=baud, allowed=_confirmed).url if port is None else port
 
 
@@ -53,15 +47,7 @@ def _confirmed(urls: list[str]) -> bool:
 
 
 def check_board(board: Board, display: Display, path: str, otherwise: str = "") -> None:
-    """Refuse a board that drives another display than that of the file `path`.
-
-    `otherwise` is added to the remedy in the error message.
-
-    Raises
-    ------
-    InputError
-        When the identities differ.
-    """
+    """Refuse a board that drives another display than that of the file `path`; `otherwise` is added to the remedy."""
     own = f"{board.info.identity:016x}"
     if own != display.identity:
         what = f"the board drives display {own}, {path} is {display.identity}"
