@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import click
@@ -66,11 +67,9 @@ class Fault:
 
 def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
     """Yield faults of every group in turn, in random order, so that small groups are tried as often as large ones."""
-    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in groups if faults]
-    while any(queues):
-        for queue in queues:
-            if queue:
-                yield queue.pop()
+    queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
+    for turn in zip_longest(*queues):
+        yield from filter(None, turn)
 
 
 class Scratch:
