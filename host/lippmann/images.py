@@ -155,10 +155,7 @@ def write_picture(
     .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
     (see `encoded_values`); its metadata name the curve.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
+    Raises InputError when the file cannot be written.
     """
     oiio = _openimageio()
     path = check_output(path)
@@ -226,10 +223,7 @@ def read_picture(
     Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
     metadata, which raises to refuse the image.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, broken, of another size, or not a flat image.
+    Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
     oiio = _openimageio()
     path = Path(path)

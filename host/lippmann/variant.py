@@ -19,12 +19,8 @@ def start_mitsuba(device: str = "auto") -> str:
 
     "auto" takes the GPU when there is one. Scenes and pictures belong to the variant that was set when they were made.
 
-    Raises
-    ------
-    InputError
-        For an unknown device.
-    MissingLibraryError
-        When Mitsuba, or the libLLVM or CUDA driver that it needs, cannot be loaded.
+    Raises InputError for an unknown device; MissingLibraryError when Mitsuba, or the libLLVM or CUDA driver that it
+    needs, cannot be loaded.
     """
     if device not in ("auto", *VARIANTS):
         raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
@@ -66,12 +62,7 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 def mitsuba() -> Any:
     """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
 
-    Raises
-    ------
-    InputError
-        When another variant is set.
-    MissingLibraryError
-        As `start_mitsuba`.
+    Raises InputError when another variant is set; MissingLibraryError as `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()

@@ -87,21 +87,15 @@ def send_frame(
     connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
     `board.patience_s`.
 
+    Raises InputError when the frame does not have the panel's size; NoBoardError when the connection is lost, or the
+    board does not answer; DeviceError when the board refuses tiles, or another board took its place.
+
     Parameters
     ----------
     window_bytes
         Most bytes that are sent and not yet acknowledged.
     sent
         Counts of the same frame before a lost connection; this call adds to them, also when it fails.
-
-    Raises
-    ------
-    InputError
-        When the frame does not have the panel's size.
-    NoBoardError
-        When the connection is lost, or the board does not answer.
-    DeviceError
-        When the board refuses tiles, or another board took its place.
     """
     grid = board.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:
