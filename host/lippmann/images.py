@@ -65,9 +65,7 @@ def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
 def encoded_values(radiance: npt.NDArray[Any], transfer: str, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
     """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
 
-    Returns
-    -------
-    uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
+    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
     """
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
@@ -161,24 +159,19 @@ def write_picture(
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
-    pixels: npt.NDArray[Any]
-    if suffix in ENCODED_SUFFIXES:
-        pixels = encoded_values(radiance, transfer, bits)
-        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
-        entries = {**metadata, "transfer": transfer}
-    else:
-        pixels = np.asarray(radiance, np.float32)
-        kind = oiio.FLOAT
-        if suffix == ".exr":
-            kind = oiio.HALF
-            if pixels.max(initial=0.0) > HALF_MAX:
-                pixels = np.minimum(pixels, np.float32(HALF_MAX))
-        entries = dict(metadata)
-    spec = oiio.ImageSpec(width, height, 3, kind)
+    pixels: npt.NDArray[Any] = np.asarray(radiance, np.float32)
+    entries, kind = dict(metadata), oiio.FLOAT
+    setting = "compression", "zip"
     if suffix == ".png":
-        spec.attribute("oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear")
-    else:
-        spec.attribute("compression", "zip")
+        pixels = encoded_values(radiance, transfer, bits)
+        entries["transfer"] = transfer
+        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
+        setting = "oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear"
+    elif suffix == ".exr":
+        kind = oiio.HALF
+        pixels = np.minimum(pixels, np.float32(HALF_MAX))
+    spec = oiio.ImageSpec(width, height, 3, kind)
+    spec.attribute(*setting)
     if suffix in (".tif", ".tiff"):
         # TIFF has no free keys: all entries go into the description.
         spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))

@@ -29,13 +29,10 @@ def start_mitsuba(device: str = "auto") -> str:
 
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
-    backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
-    if not dr.has_backend(backend):
-        needs = {
-            "llvm": "a system libLLVM: run make setup",
-            "cuda": "an NVIDIA driver: use --device llvm",
-        }
-        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs[device]}")
+    cuda = device == "cuda"
+    if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
+        needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
+        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return device

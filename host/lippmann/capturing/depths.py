@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import numpy.typing as npt
 
-from lippmann.capturing.setup import Floats, Setup
+from lippmann.capturing.setup import Setup
+from lippmann.optics.rays import Floats
 
 
 def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:

@@ -32,10 +32,9 @@ from lippmann.display import (
     load_display,
 )
 from lippmann.errors import InputError, input_error
+from lippmann.optics.rays import Floats
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.toml import documented, key
-
-Floats = npt.NDArray[np.float64]
 
 #: Pixels that a camera must see of a lenslet.
 MIN_ELEMENTAL_PX = 2.0

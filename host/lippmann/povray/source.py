@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
-from lippmann.rendering.placement import Triple
+from lippmann.rendering.placement import Matrix, Triple
 from lippmann.rendering.scene import parsed
 from lippmann.variant import mitsuba
 
-Matrix = npt.NDArray[np.float64]
 Value = TypeVar("Value", float, str, bool)
 
 

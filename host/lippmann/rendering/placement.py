@@ -71,7 +71,7 @@ class Placement:
     @property
     def scene_from_display(self) -> Matrix:
         """(4, 4) inverse of `display_from_scene`."""
-        return np.linalg.inv(self.display_from_scene)
+        return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def then(self, other: Placement) -> Placement:
         """Return the placement that stands a scene by this one and then moves all of it by another.
