@@ -138,12 +138,6 @@ class Line:
             self._fileno = None
             self._port.write_timeout = None
 
-    def __enter__(self) -> Line:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """Close the port."""
         # pyserial does not close a socket that its peer has closed.
