@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.capturing.capture import capture
-from lippmann.capturing.depths import appearance, image_distance
+from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.images import Radiance
 from lippmann.observer import Eye, observe, whole_window
@@ -141,8 +141,8 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
                     "rotated": rotated,
                     "thing": thing,
                     "object_mm": setup.subject.distance_mm - z_mm,
-                    "image_mm": float(image_distance(setup, z_mm)),
-                    "theory_mm": float(appearance(setup, z_mm, rotated).depth_mm),
+                    "image_mm": float(setup.image_distance(z_mm)),
+                    "theory_mm": float(shown_depth(setup, z_mm, rotated)),
                     "centres_mm": centres_mm,
                     "lenslets_mm": lenslets_mm,
                     "wide_mm": wide_mm,
