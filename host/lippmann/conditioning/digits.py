@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.search import Bools, Floats
+from lippmann.engines import hits_of, rays_of
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
@@ -110,15 +111,7 @@ def true_rays(rays: Out, **moved: Digits) -> Rays:
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
-    ray = out.ray
-    return Rays(
-        pixel=rays.pixels,
-        lenslet=np.stack([out.i, out.j], axis=1),
-        centre_mm=np.stack([out.centre_x, out.centre_y], axis=1),
-        local_mm=np.stack(np.broadcast_arrays(ray.x, ray.y, ray.z), axis=1),
-        direction=np.stack([ray.dx, ray.dy, ray.dz], axis=1),
-        status=np.broadcast_to(out.status, len(rays.pixels)).astype(np.uint8),
-    )
+    return rays_of(rays.pixels, out, object)
 
 
 def true_hits(rays: Back, **moved: Digits) -> Hits:
@@ -130,8 +123,7 @@ def true_hits(rays: Back, **moved: Digits) -> Hits:
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
     hits = pixels_from_rays(FiftyDigits(), _system(rays, n), (n.x, n.y, n.z), unit, "exact")
-    lenslet = np.stack([hits.i, hits.j], axis=1)
-    return Hits(np.stack([hits.u, hits.v], axis=1), lenslet, np.asarray(hits.status, np.uint8))
+    return hits_of(len(rays.origin_mm), hits, object)
 
 
 def truth(rays: Out | Back, **moved: Digits) -> Rays | Hits:
@@ -185,19 +177,13 @@ def _slopes(rays: Out | Back, true: Rays | Hits, name: str, value: Digits) -> li
 
 
 class Condition(NamedTuple):
-    """How far rays move for one unit in the last place of every input, (N,) float64.
+    """How far rays move for one unit in the last place of every input, (N,) float64."""
 
-    turn
-        Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
-    shift_mm
-        Of the exit point, lens-local, mm. For rays from the world: of the point on the panel.
-    start
-        Radians for one mm at the start of the ray and at its aperture point: the effect of a rounding of lens-local
-        coordinates. For rays from the world: 0.
-    """
-
+    #: Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
     turn: Floats
+    #: Of the exit point, lens-local. For rays from the world: of the point on the panel.
     shift_mm: Floats
+    #: Radians for one mm at the ray's start and at its aperture point. For rays from the world: 0.
     start: Floats
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Floats
 from lippmann.display import Display, Grid
-from lippmann.engines import trace
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
@@ -60,7 +59,7 @@ class Variant(NamedTuple):
 
 def golden(given: Out) -> Arrays:
     """Return golden's rays and steps, by the names of a file's arrays."""
-    rays = trace(given.display, given.pixels, given.aperture, given.model)
+    rays = given.traced()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
         "centre_mm": rays.centre_mm,
