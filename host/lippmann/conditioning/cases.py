@@ -41,11 +41,6 @@ class Out:
     model: Model = "exact"
 
     @property
-    def inputs(self) -> tuple[Floats, ...]:
-        """Pixels, and aperture points if there are any."""
-        return (self.pixels,) if self.aperture is None else (self.pixels, self.aperture)
-
-    @property
     def aims(self) -> Floats:
         """Aperture points (N, 2), mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
@@ -80,11 +75,6 @@ class Back:
     display: Display
     origin_mm: Floats
     direction: Floats
-
-    @property
-    def inputs(self) -> tuple[Floats, ...]:
-        """Origins and directions."""
-        return self.origin_mm, self.direction
 
     def some(self, chosen: Any) -> Back:
         """Return some of the rays."""

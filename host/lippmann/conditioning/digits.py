@@ -66,8 +66,11 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
     `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
     """
     panel, array = rays.display.panel, rays.display.array
-    columns = exact_array(np.concatenate(rays.inputs, axis=1)).T
-    names = ("u", "v", "a", "b") if isinstance(rays, Out) else ("x", "y", "z", "dx", "dy", "dz")
+    if isinstance(rays, Out):
+        names: tuple[str, ...] = ("u", "v", "a", "b")
+        columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
+    else:
+        names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
     numbers = {
         "pixel_pitch_mm": panel.pixel_pitch_mm,
         **{name: getattr(array, name) for name in ("pitch_mm", "radius_mm", "index", "thickness_mm")},
@@ -80,10 +83,7 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
 
 
 def _system(rays: Out | Back, n: SimpleNamespace) -> System:
-    """Return the system for the optics in mpf, with the numbers `n` of `exact_inputs`.
-
-    docs/reference/optics.md gives each formula.
-    """
+    """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
@@ -206,10 +206,7 @@ def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
 
 
 def on_edge(rays: Out | Back, ulps: int) -> Bools:
-    """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place.
-
-    The last place is a float64's.
-    """
+    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
     true = truth(rays)
     edge = np.zeros(len(true.status), bool)
     for name, value, rounded in _movable(rays):
