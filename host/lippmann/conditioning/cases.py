@@ -22,7 +22,7 @@ from lippmann.errors import InputError
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
 from lippmann.optics.rays import Engine, Model, Rays, Status
-from lippmann.select.model import located
+from lippmann.select.model import corners_mm, located
 
 #: Distances of rays around an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
@@ -169,7 +169,8 @@ def cell_edges(display: Display, random: np.random.Generator, count: int) -> Set
 @_case
 def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
-    points = edge_points(display, random, 2 * count, vertices=1.0)
+    corners = corners_mm(display.array)
+    points = corners[random.integers(0, len(corners), 2 * count)]
     yield from _on_border("cell-corners", display, random, points, (-1, 3))
 
 

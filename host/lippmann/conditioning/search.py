@@ -38,7 +38,7 @@ def edge_points(display: Display, random: np.random.Generator, count: int, verti
     """Return points on the edges of a cell, (count, 2), mm from its centre; a share `vertices` on the vertices."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
-    along[random.random(count) < vertices] = 0.0
+    along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
     return np.asarray(corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along)
 
 
