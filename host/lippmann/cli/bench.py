@@ -222,7 +222,7 @@ def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     from lippmann.measure.hard import measure
 
     real, fixed = measure(bench.scenes, bench.seed, bench.device, log)
-    gains = [row_of(gain) for gain in formulas.measure(bench.seed)]
+    gains = formulas.measure(bench.seed)
     rows = {"hard_cases": real, "hard_cases_fixed": fixed, "hard_cases_formulas": gains}
     return rows, benches.hard_page(bench.origin, real, fixed, gains)
 
