@@ -82,7 +82,7 @@ def test_two_microradians_and_fifty_nanometres(grid, side, converged, model):
     rng = generator(grid, side, model, *(["eye"] if converged else []))
     n = 2000
     rays = odd = 0
-    for wide, turn, chief in itertools.product((False, True), (0.0, 33.3), (True, False)):
+    for wide, turn, chief in itertools.product((True,) if converged else (False, True), (0.0, 33.3), (True, False)):
         pitch = float(rng.uniform(0.3, 2.0))
         radius = pitch * float(rng.uniform(1.0, 3.0))
         index = float(rng.uniform(1.4, 1.9))
@@ -119,7 +119,7 @@ def test_two_microradians_and_fifty_nanometres(grid, side, converged, model):
         assert (aside[good] <= 50 * NANOMETRE).all(), display
         rays += np.count_nonzero(good)
     assert odd <= 2  # of 16,000: float32's rounding is 1e-7 of a cell wide
-    assert rays > 8000
+    assert rays > (4000 if converged else 8000)
 
 
 @pytest.mark.parametrize("model", MODELS)
