@@ -133,6 +133,11 @@ class Display:
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
     @property
+    def nearest_eye_mm(self) -> float:
+        """Least viewing distance: an eye nearer than that is within the lenslets' focal zone."""
+        return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
+
+    @property
     def aperture_distance_mm(self) -> float:
         """Distance D from the panel to the aperture plane that rays aim at, mm."""
         if self.array.plano_side == "panel":
@@ -284,7 +289,7 @@ def _check(display: Display, where: str) -> None:
             what = "says where the eye of viewing_distance_mm is, which is missing"
             raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or leave both out")
         return
-    nearest = NEAREST_EYE * max(array.focal_length_mm, display.aperture_distance_mm)
+    nearest = display.nearest_eye_mm
     if not display.viewing_distance_mm >= nearest:
         what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, {nearest:.4g} mm"
         raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
