@@ -85,7 +85,7 @@ def eye_display_for(grid):
 
 
 def inner_rays_for(display):
-    """Aims that rays towards an eye aside reach inside the cell too: that tracer has the dome of the own lenslet alone."""
+    """Aims that rays towards an eye aside reach inside the cell: that tracer has the dome of the own lenslet alone."""
     pixels, aims = rays_for(display)
     return pixels, aims if display.viewing_distance_mm is None else 0.7 * aims
 

@@ -134,8 +134,8 @@ def test_every_ray_leads_back_to_its_pixel(grid, side, converged):
     print(rays, grazing, crossed)
     assert rays > 14000
     assert grazing < 0.02 * rays
-    # In glass a ray falls short of its aperture point: from the cell to the cell it stays there. Towards an eye aside it
-    # comes from beside the cell, and may leave through the neighbour.
+    # In glass a ray falls short of its aperture point: from the cell to the cell it stays there. Towards an eye aside
+    # it comes from beside the cell, and may leave through the neighbour.
     assert (crossed > 0) == (side == "viewer" or converged)
 
 

@@ -13,6 +13,11 @@ To first order, with distances along the axis (mm):
 
 The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
 z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negative for concave lenslets.
+
+On a display whose elemental images converge on an eye at E, u is 1 + g/E times as large, and all rays of a lenslet lean
+towards the eye, by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The pixels of a pickup lie where the display's do, and rays arrive
+there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E. Sizes change
+with the slopes' scale and z''/z', about the point before the eye.
 """
 
 from __future__ import annotations
@@ -63,4 +68,11 @@ def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
         perspective = distance / (distance + z)
         depth = (g / v) * (z - v) * perspective
         size = size * perspective
-    return Appearance(-depth if rotated else depth, size)
+    depth = -depth if rotated else depth
+    eye_mm = setup.display.viewing_distance_mm
+    if eye_mm is None or (distance is None and not rotated):
+        return Appearance(depth, size)
+    wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
+    # 1 / (wider / depth + lean), also for a depth of 0.
+    shrunk = 1.0 / (wider + lean * depth)
+    return Appearance(depth * shrunk, size * wider * shrunk)

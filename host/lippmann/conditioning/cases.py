@@ -463,7 +463,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Elemental images that converge on an eye: as near as allowed, a metre aside, before steep lenslets, 1e9 m away."""
+    """Elemental images that converge on an eye: as near as allowed, a metre aside, behind steep lenslets, far away."""
     panel = display.panel
 
     def seen(display: Display, eye_mm: float, *axis_mm: float) -> Display:
@@ -475,5 +475,5 @@ def converged(display: Display) -> dict[str, Display]:
         "near-corner": seen(display, 0.0, 0.5 * panel.width_mm, -0.5 * panel.height_mm),
         "metre-aside": seen(display, 600.0, -1e3, 1e3),
         "steep": seen(steep(display), 0.5 * panel.width_mm),
-        "1e9-m": seen(display, 1e12),
+        "far": seen(display, 1e12),
     }
