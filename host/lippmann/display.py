@@ -38,7 +38,7 @@ Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
-_CONVERGES = "distance of the eye that sees each pixel through the lenslet that the pixel belongs to"
+_CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 #: Above air, up to the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]

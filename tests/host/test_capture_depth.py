@@ -89,7 +89,7 @@ def test_a_display_for_a_near_eye(mi, name, rotated):
         wider, expected = 1.0, 1.0 / (1.0 / z + 2.0 / eye_mm) if rotated else z
     assert float(near.depth_mm) == pytest.approx(expected, rel=1e-12)
     if name == "fig8a":
-        # The rays through any c that went to x0 at z0 now meet: those to 0 on the axis, those to 1 mm so much beside it.
+        # The rays through any c that went to x0 at z0 now meet: those to 0 on the axis, those to 1 mm beside it.
         for c in (-7.0, 0.5, 20.0):
             axis, beside = (c + expected * (wider * (x0 - c) / z - c / eye_mm) for x0 in (0.0, 1.0))
             assert axis == pytest.approx(0.0, abs=1e-12)

@@ -57,7 +57,7 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio, eye):
 
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_cells_of_a_near_eye_are_those_of_the_trace(grid):
-    """A cell is what one lenslet owns by golden; its centre is where the line from the eye through the lenslet's ends."""
+    """A cell is what one lenslet owns by golden; its centre is where the line from the eye through the lenslet ends."""
     display = display_for(grid, 11.0, (0.137, -0.41), eye=EYES[1])
     panel = display.panel
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]

@@ -466,14 +466,13 @@ def converged(display: Display) -> dict[str, Display]:
     """Elemental images that converge on an eye: as near as allowed, a metre aside, behind steep lenslets, far away."""
     panel = display.panel
 
-    def seen(display: Display, eye_mm: float, *axis_mm: float) -> Display:
-        eye_mm = max(eye_mm, display.nearest_eye_mm)
-        return replace(display, viewing_distance_mm=eye_mm, viewing_axis_mm=axis_mm or (0.0, 0.0))
+    def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
+        return replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm), viewing_axis_mm=axis_mm)
 
     return {
         "near": seen(display, 0.0),
-        "near-corner": seen(display, 0.0, 0.5 * panel.width_mm, -0.5 * panel.height_mm),
-        "metre-aside": seen(display, 600.0, -1e3, 1e3),
+        "near-corner": seen(display, 0.0, (0.5 * panel.width_mm, -0.5 * panel.height_mm)),
+        "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
         "steep": seen(steep(display), 0.5 * panel.width_mm),
         "far": seen(display, 1e12),
     }

@@ -34,7 +34,7 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError where POV-Ray has no counterpart."""
+    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for what has no counterpart."""
     if isinstance(setup.pickup, Pickup):
         raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
     if isinstance(setup.lens, ThinLens):

@@ -135,7 +135,8 @@ def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
 def in_cells_mm(display: Display, pixels: Floats) -> Floats:
     """Return where the eye sees pixel coordinates (N, 2) in their lenslets' cells: (N, 2) mm from the centres."""
     system, (lenslets, local) = System.of(display), located(display, pixels)
-    return np.stack(system.convergence.within_cell(*local.T, *system.lattice.centre(*lenslets.T)), axis=1)
+    cx, cy = system.lattice.centre(*lenslets.T)
+    return np.stack(system.convergence.within_cell(local[:, 0], local[:, 1], cx, cy), axis=1)
 
 
 def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
