@@ -1,4 +1,4 @@
-"""Depth and size at which a captured point appears on the display, by the lens equations.
+"""Depth at which a captured point appears on the display, by the lens equations.
 
 To first order, with distances along the axis (mm):
 
@@ -16,48 +16,24 @@ z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negativ
 
 On a display whose elemental images converge on an eye at E, u is 1 + g/E times as large, and all rays of a lenslet lean
 towards the eye, by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The pixels of a pickup lie where the display's do, and rays arrive
-there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E. Sizes change
-with the slopes' scale and z''/z', about the point before the eye.
+there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.capturing.setup import Setup
-
-Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Appearance:
-    """Points as the display shows them: depth (mm, positive in front of it) and magnification of the object."""
-
-    depth_mm: Floats
-    magnification: Floats
+from lippmann.optics.rays import Floats
 
 
-def image_distance(setup: Setup, z_mm: npt.ArrayLike) -> Floats:
-    """Return the image distance behind the lens of depths z (mm, object's frame); without a lens, before the array."""
-    s = setup.subject.distance_mm - np.asarray(z_mm, np.float64)
-    if setup.lens is None:
-        return -s
-    f = setup.lens.focal_length_mm
-    with np.errstate(divide="ignore"):
-        return np.asarray(s * f / (s - f))
-
-
-def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
-    """Return how points at depths z (mm, object's frame) appear.
+def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
+    """Return the depths, mm, positive in front of the display, that show depths z (mm, object's frame).
 
     Their images must all be before the camera (L + z > 0), which `check_placement` guarantees.
     """
-    image = image_distance(setup, z_mm)
-    size = -image / (setup.subject.distance_mm - np.asarray(z_mm, np.float64))
-    z = setup.array_distance_mm - image
+    z = setup.array_distance_mm - setup.image_distance(z_mm)
     g = setup.display.aperture_distance_mm
     distance = setup.camera_distance_mm
     if distance is None:
@@ -65,14 +41,12 @@ def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
     else:
         focal = setup.array.focal_length_mm * (-1.0 if setup.concave else 1.0)
         v = 1.0 / (1.0 / focal - 1.0 / distance)
-        perspective = distance / (distance + z)
-        depth = (g / v) * (z - v) * perspective
-        size = size * perspective
+        depth = (g / v) * (z - v) * distance / (distance + z)
     depth = -depth if rotated else depth
     eye_mm = setup.display.viewing_distance_mm
     if eye_mm is None or (distance is None and not rotated):
-        return Appearance(depth, size)
+        return depth
     wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
     # 1 / (wider / depth + lean), also for a depth of 0.
-    shrunk = 1.0 / (wider + lean * depth)
-    return Appearance(depth * shrunk, size * wider * shrunk)
+    with np.errstate(divide="ignore"):
+        return np.asarray(depth / (wider + lean * depth))
