@@ -69,7 +69,8 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
         f"of {array.pitch_mm:g} mm"
     )
-    described = {"panel": dataclasses.asdict(panel), "array": dataclasses.asdict(array), "gap_mm": display.gap_mm}
+    described = dataclasses.asdict(display)
+    del described["name"]
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]

@@ -148,7 +148,7 @@ class Viewer {
       return;
     }
     const centre = panelFromPixel(this.system, pixel.map((c) => c + 0.5));
-    const [i, j] = locate(this.system, arrayFromPanel(this.system, centre));
+    const [i, j] = owner(this.system, arrayFromPanel(this.system, centre));
     words.value = `Pixel (${pixel.join(", ")}), lenslet (${i}, ${j})`;
   }
 

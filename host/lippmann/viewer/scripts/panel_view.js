@@ -138,7 +138,7 @@ class PanelView {
   visibleCells(system) {
     const corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(([x, y]) => {
       const pixel = this.pixelAt([x * this.canvas.width, y * this.canvas.height]);
-      return locate(system, arrayFromPanel(system, panelFromPixel(system, pixel)));
+      return owner(system, arrayFromPanel(system, panelFromPixel(system, pixel)));
     });
     const range = (k) => [Math.min(...corners.map((c) => c[k])) - 1, Math.max(...corners.map((c) => c[k])) + 1];
     const [[i0, i1], [j0, j1]] = [range(0), range(1)];
@@ -153,7 +153,7 @@ class PanelView {
     context.beginPath();
     for (const [cx, cy] of cells) {
       corners.forEach(([x, y], k) => {
-        const [u, v] = pixelFromPanel(system, panelFromArray(system, [cx + x, cy + y]));
+        const [u, v] = pixelFromPanel(system, panelFromArray(system, behind(system, [cx + x, cy + y])));
         if (k) context.lineTo(u, v);
         else context.moveTo(u, v);
       });

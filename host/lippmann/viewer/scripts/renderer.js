@@ -100,6 +100,8 @@ class ViewRenderer {
       gl.uniform1f(places.index, system.index);
       gl.uniform1f(places.thickness, system.thickness);
       gl.uniform1f(places.gap, system.gap);
+      gl.uniform1f(places.share, system.share);
+      gl.uniform2fv(places.axis, system.axis);
       gl.uniform2fv(places.offset, system.offset);
       gl.uniform2fv(places.turn, system.turn);
       gl.uniform2fv(places.panel_px, system.panelPx);
