@@ -21,7 +21,7 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats, Model, Rays, Status
 from lippmann.optics.system import System
-from lippmann.select.model import located, pixels_from_cells
+from lippmann.select.model import located, panel_size, pixels_from_cells
 
 #: Rays traced at a time.
 CHUNK = 250_000
@@ -71,8 +71,9 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge = on_edges(count) * display.array.pitch_mm
-    near = words_of_pixels(display, pixels_from_cells(display, lenslets, edge))
-    limit = np.array([[display.panel.width_px], [display.panel.height_px]]) << (PIXEL_FRACTION - 1)
+    size = panel_size(display)
+    near = words_of_pixels(display, np.clip(pixels_from_cells(display, lenslets, edge), 0.0, size))
+    limit = size.astype(np.int64)[:, None] << (PIXEL_FRACTION - 1)
     u, v = np.clip(near + random.integers(-1, 2, (2, count)), -limit, limit)
     if not build.aims:
         return Words(u, v, 0 * u, 0 * u)
@@ -148,15 +149,21 @@ def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[In
 def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
 
-    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at.
+    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with
+    `converge` the latter alone counts, of the point that the line to the eye has in the cell.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
-    _, start = located(display, pixels_of_words(display, words.u, words.v))
+    system = System.of(display)
+    lattice = system.lattice
+    lenslet, start = located(display, pixels_of_words(display, words.u, words.v))
+    cx, cy = lattice.centre(*lenslet.T)
+    start = np.stack(system.convergence.within_cell(start[:, 0], start[:, 1], cx, cy), axis=1)
     aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
-    lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), *aim.T)
     centre = np.stack(lattice.centre(i, j), axis=1)
+    if build.converge:
+        aim = centre
     # The outermost word may go either way.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([1.0, _row(build)]) * display.array.pitch_mm
     return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))

@@ -27,6 +27,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats
 from lippmann.optics.sampling import R2_STEPS
 from lippmann.optics.system import System
@@ -178,7 +179,9 @@ def _spread(display: Display) -> Floats:
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
     """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
-    axes = np.array(System.of(display).lattice.axes)
-    across = np.abs(located(display, pixels)[1] @ axes.T).max(axis=1)
+    system = System.of(display)
+    at = system.frame.array_from_panel(*system.frame.panel_from_pixel(*pixels.T))
+    _, _, *local = system.lattice.locate(NumpyBackend(), *system.convergence.towards_eye(*at))
+    across = np.abs(np.stack(local, axis=1) @ np.array(system.lattice.axes).T).max(axis=1)
     inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
     return inside
