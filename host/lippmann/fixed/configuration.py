@@ -41,7 +41,7 @@ _RAISE_GAP = "raise gap_mm, or array.thickness_mm where the plano side faces the
 _TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
 _TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
-_FARTHER = "the eye is too near: raise viewing_distance_mm, or take a smaller panel"
+_FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to it"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 
