@@ -116,8 +116,8 @@ def test_twin_shows_the_lens_array(grid, rotation, eye):
     frame, lattice = system.frame, system.lattice
     panel = frame.panel_from_pixel(columns + 0.5, rows + 0.5)
     at = frame.array_from_panel(*panel)
-    # Where an eye sees the pixel in the apertures' plane, D = 1 + T / 1.5 before the panel; the elemental image's centre
-    # is where it sees the lenslet's.
+    # Where an eye sees the pixel in the apertures' plane, D = 1 + T / 1.5 before the panel. The centre of the elemental
+    # image is where it sees the lenslet's.
     share, (ax, ay) = 0.0, frame.array_from_panel(*axis)
     if eye is not None:
         distance = 1.0 + shown.array.thickness_mm / 1.5
