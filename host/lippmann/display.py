@@ -134,6 +134,11 @@ class Display:
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
     @property
+    def nearest_eye_mm(self) -> float:
+        """Least viewing distance, mm."""
+        return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
+
+    @property
     def aperture_distance_mm(self) -> float:
         """Distance D from the panel to the aperture plane that rays aim at, mm."""
         if self.array.plano_side == "panel":
@@ -280,7 +285,7 @@ def _check(display: Display, where: str) -> None:
     if array.pitch_mm < pixel_mm:
         what = f"{array.pitch_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
         raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
-    nearest = NEAREST_EYE * max(array.focal_length_mm, display.aperture_distance_mm)
+    nearest = display.nearest_eye_mm
     if display.viewing_distance_mm is not None and not display.viewing_distance_mm >= nearest:
         what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, {nearest:.4g} mm"
         raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
