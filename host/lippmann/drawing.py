@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,10 @@ from lippmann.display_properties import percent
 from lippmann.engines import trace
 from lippmann.images import replacing
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import Floats, gets_through
+from lippmann.optics.rays import Floats, Status, gets_through
 from lippmann.optics.system import System
 from lippmann.rendering.sources import STRIPES
-from lippmann.viewing import middle_eye, status_share, viewing_distance, zones
+from lippmann.viewing import middle_eye, status_share, status_shares, viewing_distance, zones
 
 SUFFIXES = (".svg", ".png")
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
@@ -25,8 +25,8 @@ GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 #: Lenslets across a close-up, marks of lenslets across the panel, and pixels that a close-up still tells apart.
 CLOSE, MARKS, TOLD_APART = 4.0, 30.0, 150
 #: Heights of the zones' picture, in viewing distances; places across; rays of each eye.
-HEIGHTS = np.linspace(0.125, 3.0, 24)
-PLACES, MAP_RAYS = 41, 400
+HEIGHTS = np.linspace(0.2, 3.0, 15)
+PLACES, MAP_RAYS = 41, 256
 
 
 @contextmanager
@@ -55,7 +55,11 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
     found = zones(display, heights)
     widest = max([half] + [abs(end) for zone in found if zone is not None for end in zone[:2]])
     places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
-    wrong = [[_wrong(status_share(display, (x, y, z), MAP_RAYS)) for x in places] for _, y, z in middle]
+    eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
+    shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
+    # Of the light that comes through the lenslets, not of all rays: eyes far aside see dark panels.
+    right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
+    wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
     with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):
         levels = (0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0001)
         filled = axis.contourf(places, heights, wrong, levels, cmap="YlOrRd")
@@ -78,11 +82,6 @@ def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = No
             axis.plot(x, z, mark, color="black", label=f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}")
         axis.set(xlabel="x, mm", ylabel="distance from the display, mm", title=f"{display.name}, from above")
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
-
-
-def _wrong(share: Mapping[str, float]) -> float:
-    """Return the crosstalk's share of the light that comes through the lenslets, from the shares of all rays."""
-    return share["crosstalk"] / max(share["ok"] + share["crosstalk"], 1.0 / MAP_RAYS)
 
 
 def draw_display(display: Display, path: Path) -> None:
@@ -143,7 +142,10 @@ def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> N
             axis.vlines(middle, y.min(), y.max(), color=colour, alpha=0.3, linewidth=1.0)
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
-    for cx, cy in zip(*_lenslets(system, place, 2 * int(CLOSE)), strict=True):
+    centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
+    # Those of which a part shows, or of whose image.
+    far = reach + pitch + np.abs(place).max() * display.convergence
+    for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
         axis.plot(cx + x, cy + y, color=LENSLET, scalex=False, scaley=False)
         axis.plot(cx, cy, "+", color=LENSLET, scalex=False, scaley=False)
         ax, ay = system.frame.array_from_panel(cx, cy)

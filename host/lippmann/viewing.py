@@ -26,10 +26,10 @@ from lippmann.optics.system import System
 VIEWING_DISTANCE_MM = 600.0
 #: Rays of an eye that tell its share of crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down that tell whether an eye sees any; and where each is looked through: shares of the cell's
-#: corners, and of the rims' height above the plane of the vertices. At a rim the last ray passes before the next dome.
-LENSLETS = (5, 5)
-POINTS = ((0.4, 0.0), (0.7, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
+#: Lenslets across and down that tell whether an eye sees any; and where each is looked through: shares of the way to
+#: corners and sides of the cell, and of the rims' height. At the rims' height the last ray passes before the next dome.
+LENSLETS = (5, 3)
+POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
 #: A zone's end is searched for up to so many paraxial half widths, by so many halvings.
 FARTHEST, HALVINGS = 2.0, 11
 #: A better display is searched for by this factor on its viewing distance, or on its pitch, in so many steps.
@@ -58,7 +58,7 @@ def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, floa
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
 
-def status_share(display: Display, eye_mm: tuple[float, float, float], rays: int = SHARE_RAYS) -> dict[str, float]:
+def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
     """Return the share of an eye's rays by status, as `observe` does for a window that covers the panel.
 
     Raises
@@ -66,13 +66,19 @@ def status_share(display: Display, eye_mm: tuple[float, float, float], rays: int
     InputError
         When the eye is not before the display.
     """
-    front = System.of(display).last_face_mm
-    if not eye_mm[2] > front:
-        raise InputError(f"eye: z {eye_mm[2]:g} mm is not before the display, which ends at {front:.4g} mm; move it")
+    (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
+    return {one.name.lower(): float(shares[one]) for one in Status}
+
+
+def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
+    """Return the same for eyes (N, 3), by so many rays of each: (N, statuses) float64. Raises likewise."""
+    front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
+    if not nearest > front:
+        raise InputError(f"eye: z {nearest:g} mm is not before the display, which ends at {front:.4g} mm; move it")
     steps = np.arange(1, rays + 1)[:, None] * R2_STEPS % 1.0
     points = np.pad((steps - 0.5) * (display.panel.width_mm, display.panel.height_mm), ((0, 0), (0, 1)))
-    status = _statuses(display, np.array([eye_mm]), points, inside=False)[0]
-    return {one.name.lower(): float((status == one).mean()) for one in Status}
+    status = _statuses(display, eyes_mm, points, inside=False)
+    return np.stack([(status == one).mean(axis=1) for one in Status], axis=1)
 
 
 def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
@@ -86,9 +92,11 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     i, j, *_ = system.lattice.locate(NumpyBackend(), *system.frame.array_from_panel(x, y))
     centres = np.stack(system.centre(i, j), axis=-1)
-    corners = np.stack(system.frame.turn(*np.array(system.lattice.corners).T), axis=-1)
+    corners = np.array(system.lattice.corners)
+    around = np.concatenate([corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
+    around = np.stack(system.frame.turn(*around.T), axis=-1)
     rims = -system.dome.sag_mm if system.plano_to_panel else system.dome.sag_mm
-    cell = np.concatenate([np.pad(share * corners, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
+    cell = np.concatenate([np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     wide = replace(panel, width_px=panel.width_px * 4, height_px=panel.height_px * 4)
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
