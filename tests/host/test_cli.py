@@ -111,7 +111,13 @@ def test_inspect_as_json(capfd, display):
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [("insect", "inspect"), ("rendr", "render"), ("obsreve", "observe"), ("vektors", "vectors"), ("dispaly", "display")],
+    [
+        ("insect", "inspect"),
+        ("rendr", "render"),
+        ("obsreve", "observe"),
+        ("vektors", "vectors"),
+        ("dispaly", "display"),
+    ],
 )
 def test_a_misspelt_command_is_recognised(capfd, typed, meant):
     assert refused(capfd, typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
