@@ -25,10 +25,7 @@ def write_animation(
 
     They are taken one at a time, and kept in 8 bits (`animation_mb`).
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
+    Raises InputError when the file cannot be written.
     """
     from PIL import Image
 
@@ -66,10 +63,7 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
     """Write views in rows, each with a caption below it.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
+    Raises InputError when the file cannot be written.
     """
     from PIL import Image, ImageDraw
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ from lippmann.fixed.conversion import pixels_of_words, rays_of_words, words_of_a
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
-from lippmann.optics.pixel_rays import FARTHEST_LENSLETS, pixels_from_rays, rays_from_pixels
+from lippmann.optics.pixel_rays import FARTHEST_LENSLETS, LocalRays, PixelHits, pixels_from_rays, rays_from_pixels
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays
 from lippmann.optics.system import System
 
@@ -120,15 +121,7 @@ def trace(
     b = _backend_for(len(pixel), engine, device)
     aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
     out = rays_from_pixels(b, System.of(display), b.double(pixel[:, 0]), b.double(pixel[:, 1]), aims, model)
-    n = len(pixel)
-    return Rays(
-        pixel=pixel,
-        lenslet=_stack(n, out.i, out.j).astype(np.int64),
-        centre_mm=_stack(n, out.centre_x, out.centre_y),
-        local_mm=_stack(n, out.ray.x, out.ray.y, out.ray.z),
-        direction=_stack(n, out.ray.dx, out.ray.dy, out.ray.dz),
-        status=_stack(n, out.status)[:, 0].astype(np.uint8),
-    )
+    return rays_of(pixel, out)
 
 
 def trace_fixed(
@@ -178,11 +171,7 @@ def trace_to_panel(
     b = _backend_for(n, engine, device)
     origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
     hits = pixels_from_rays(b, System.of(display), origin, unit, model)
-    return Hits(
-        pixel=_stack(n, hits.u, hits.v),
-        lenslet=_stack(n, hits.i, hits.j).astype(np.int64),
-        status=_stack(n, hits.status)[:, 0].astype(np.uint8),
-    )
+    return hits_of(n, hits)
 
 
 def _backend_for(n: int, engine: Engine, device: str) -> Backend:
@@ -191,6 +180,25 @@ def _backend_for(n: int, engine: Engine, device: str) -> Backend:
     return backend if n else NumpyBackend()
 
 
-def _stack(n: int, *columns: Arr) -> Floats:
-    """Gather an engine's arrays (or constants) as the columns of one (n, k) float64 array."""
-    return np.stack([np.broadcast_to(np.asarray(c, np.float64), (n,)) for c in columns], axis=1)
+def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:
+    """Return the traced rays of pixel coordinates (N, 2) as numpy arrays, their reals in the type `number`."""
+    n, ray = len(pixel), out.ray
+    return Rays(
+        pixel=pixel,
+        lenslet=_stack(n, np.int64, out.i, out.j),
+        centre_mm=_stack(n, number, out.centre_x, out.centre_y),
+        local_mm=_stack(n, number, ray.x, ray.y, ray.z),
+        direction=_stack(n, number, ray.dx, ray.dy, ray.dz),
+        status=_stack(n, np.uint8, out.status)[:, 0],
+    )
+
+
+def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
+    """Return the hits of n rays as numpy arrays, their reals in the type `number`."""
+    status = _stack(n, np.uint8, hits.status)[:, 0]
+    return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
+
+
+def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Any:
+    """Gather an engine's arrays (or constants) as the columns of one (n, k) array of a type."""
+    return np.stack([np.broadcast_to(np.asarray(column).astype(number), (n,)) for column in columns], axis=1)

@@ -36,12 +36,8 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
 
     The image is (height, width, 3) uint8, of the monitor's size; monitors count from 0.
 
-    Raises
-    ------
-    InputError
-        For a missing monitor, or one of another size: scaled pixels would not match the lenslets.
-    DeviceError
-        When there is no desktop, or it does not allow the whole monitor.
+    Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
+    DeviceError when there is no desktop, or it does not allow the whole monitor.
     """
     sizes = monitors()
     if not 0 <= monitor < len(sizes):
@@ -58,11 +54,8 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
         if screen.get_size() != (width, height):
             raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
         pygame.mouse.set_visible(False)
-        screen.blit(pygame.image.frombuffer(np.ascontiguousarray(image).tobytes(), (width, height), "RGB"), (0, 0))
-        pygame.display.flip()
-        held = np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
-        _wait(pygame, seconds)
-        return held
+        _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
+        return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
 
 
 def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
@@ -77,13 +70,13 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
         size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
         screen = pygame.display.set_mode(size)
         pygame.display.set_caption(title)
-        screen.blit(pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, (0, 0))
-        pygame.display.flip()
-        _wait(pygame, seconds)
+        _put_up(pygame, screen, pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, seconds)
 
 
-def _wait(pygame: Any, seconds: float | None) -> None:
-    """Wait for Escape, q or the close button, or some seconds."""
+def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> None:
+    """Draw a picture; wait for Escape, q or the close button, or some seconds."""
+    screen.blit(picture, (0, 0))
+    pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
     while time.monotonic() < until:
         for event in pygame.event.get():

@@ -65,9 +65,7 @@ def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
 def encoded_values(radiance: npt.NDArray[Any], transfer: str, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
     """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
 
-    Returns
-    -------
-    uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
+    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
     """
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
@@ -155,33 +153,25 @@ def write_picture(
     .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
     (see `encoded_values`); its metadata name the curve.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
+    Raises InputError when the file cannot be written.
     """
     oiio = _openimageio()
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
-    pixels: npt.NDArray[Any]
-    if suffix in ENCODED_SUFFIXES:
-        pixels = encoded_values(radiance, transfer, bits)
-        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
-        entries = {**metadata, "transfer": transfer}
-    else:
-        pixels = np.asarray(radiance, np.float32)
-        kind = oiio.FLOAT
-        if suffix == ".exr":
-            kind = oiio.HALF
-            if pixels.max(initial=0.0) > HALF_MAX:
-                pixels = np.minimum(pixels, np.float32(HALF_MAX))
-        entries = dict(metadata)
-    spec = oiio.ImageSpec(width, height, 3, kind)
+    pixels: npt.NDArray[Any] = np.asarray(radiance, np.float32)
+    entries, kind = dict(metadata), oiio.FLOAT
+    setting = "compression", "zip"
     if suffix == ".png":
-        spec.attribute("oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear")
-    else:
-        spec.attribute("compression", "zip")
+        pixels = encoded_values(radiance, transfer, bits)
+        entries["transfer"] = transfer
+        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
+        setting = "oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear"
+    elif suffix == ".exr":
+        kind = oiio.HALF
+        pixels = np.minimum(pixels, np.float32(HALF_MAX))
+    spec = oiio.ImageSpec(width, height, 3, kind)
+    spec.attribute(*setting)
     if suffix in (".tif", ".tiff"):
         # TIFF has no free keys: all entries go into the description.
         spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))
@@ -226,10 +216,7 @@ def read_picture(
     Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
     metadata, which raises to refuse the image.
 
-    Raises
-    ------
-    InputError
-        When the file is missing, broken, of another size, or not a flat image.
+    Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
     oiio = _openimageio()
     path = Path(path)

@@ -159,10 +159,7 @@ def load(path: Path, what: str) -> dict[str, Any]:
 def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
     """Return the declared table that the parsed TOML holds.
 
-    Raises
-    ------
-    InputError
-        One line with file, key, fault and remedy: for unknown keys first, then for the first other fault.
+    Raises InputError (file, key, fault, remedy) for unknown keys first, then for the first other fault.
     """
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}

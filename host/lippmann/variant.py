@@ -19,12 +19,8 @@ def start_mitsuba(device: str = "auto") -> str:
 
     "auto" takes the GPU when there is one. Scenes and pictures belong to the variant that was set when they were made.
 
-    Raises
-    ------
-    InputError
-        For an unknown device.
-    MissingLibraryError
-        When Mitsuba, or the libLLVM or CUDA driver that it needs, cannot be loaded.
+    Raises InputError for an unknown device; MissingLibraryError when Mitsuba, or the libLLVM or CUDA driver that it
+    needs, cannot be loaded.
     """
     if device not in ("auto", *VARIANTS):
         raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
@@ -33,13 +29,10 @@ def start_mitsuba(device: str = "auto") -> str:
 
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
-    backend = {"llvm": dr.JitBackend.LLVM, "cuda": dr.JitBackend.CUDA}[device]
-    if not dr.has_backend(backend):
-        needs = {
-            "llvm": "a system libLLVM: run make setup",
-            "cuda": "an NVIDIA driver: use --device llvm",
-        }
-        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs[device]}")
+    cuda = device == "cuda"
+    if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
+        needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
+        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return device
@@ -66,12 +59,7 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 def mitsuba() -> Any:
     """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
 
-    Raises
-    ------
-    InputError
-        When another variant is set.
-    MissingLibraryError
-        As `start_mitsuba`.
+    Raises InputError when another variant is set; MissingLibraryError as `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()

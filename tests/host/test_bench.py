@@ -58,7 +58,7 @@ def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
     assert "machine: " in text
     assert text.splitlines()[-1].split()[:4] == ["vga-square", "24", "640", "480"]
     origin, rows = read_csv(tmp_path / "measured/animate.csv")
-    assert rows[0]["ratio"] == "0.75"
+    assert rows[0]["ratio"] == 0.75
     page = (tmp_path / "measured.md").read_text()
     assert f"Measured on {origin['machine']}, {origin['date']}." in page
     assert "| vga-square | 24 | 640 | 480 | 0 | 31 | 30 | 15 | 20 | 0.75 |" in page
@@ -112,23 +112,10 @@ def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):
 
 
 def kept(name):
-    """The origin and the rows of a kept CSV, with its numbers as numbers."""
+    """The origin and the rows of a kept CSV, with truth values as such."""
     origin, rows = read_csv(REPORTS / f"{name}.csv")
-
-    def value(text):
-        try:
-            return {"True": True, "False": False, "": None}[text]
-        except KeyError:
-            pass
-        try:
-            return int(text)
-        except ValueError:
-            try:
-                return float(text)
-            except ValueError:
-                return text
-
-    return origin, [{key: value(text) for key, text in row.items()} for row in rows]
+    truth = {"True": True, "False": False}
+    return origin, [{key: truth.get(value, value) for key, value in row.items()} for row in rows]
 
 
 @pytest.mark.parametrize(

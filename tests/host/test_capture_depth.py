@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.capturing.depths import appearance
+from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.setup import Pickup, load_setup
 from lippmann.measure.depth import CENTRES, WIDE, judged, measure_depths, strip_of
@@ -38,11 +38,11 @@ def test_the_formula_is_the_one_of_the_equations(position):
     setup = load_setup(SETUPS / f"{name}.toml")
     z = np.array([50.0, 0.0, -120.0, -300.0])
     for rotated in (True, False):
-        got = appearance(setup, z, rotated)
+        got = shown_depth(setup, z, rotated)
         gap = setup.display.gap_mm
-        assert got.depth_mm == pytest.approx(lens_equations(z, position, gap=gap, rotated=rotated), rel=1e-9)
+        assert got == pytest.approx(lens_equations(z, position, gap=gap, rotated=rotated), rel=1e-9)
         # What stands nearer to the lens appears nearer to the eye when rotated, and farther off when not.
-        assert (np.diff(got.depth_mm) < 0.0).all() == rotated
+        assert (np.diff(got) < 0.0).all() == rotated
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_an_ideal_lens_and_a_pickup(mi):
     assert setup.pickup == Pickup(4.8)
     (depth,) = measure_depths(setup, 0.0, True)
     assert depth == pytest.approx(60.0, rel=0.03)
-    assert float(appearance(setup, 0.0, True).depth_mm) == pytest.approx(60.0)
+    assert float(shown_depth(setup, 0.0, True)) == pytest.approx(60.0)
 
 
 def test_concave_lenslets_need_no_rotation(mi):

@@ -117,6 +117,8 @@ def test_resized():
          "object.size: unknown key; known here: distance_mm, scale"),
         ((DISPLAY, "[object]\ndistance_mm = 200", PAIR.replace("image_distance_mm = 415", "focal_length_mm = 300"),
           ARRAY, CAMERA), "object.distance_mm: 200 mm is within the focal length 300 mm"),
+        ((DISPLAY, "[object]\ndistance_mm = 300", THIN.replace("image_distance_mm = 415", "focal_length_mm = 300"),
+          ARRAY, CAMERA), "object.distance_mm: 300 mm is within the focal length 300 mm"),
         ((DISPLAY, OBJECT, THIN.replace("thin", "fat"), ARRAY, CAMERA),
          'lens.kind: "fat" is not valid; choose from "pair", "thin"'),
         ((DISPLAY, OBJECT, THIN + "focal_length_mm = 3", ARRAY, CAMERA), "several are given; give exactly one"),

@@ -5,7 +5,6 @@ import os
 
 import numpy as np
 import pytest
-from lippmann.dev.random_cases import configured_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
@@ -13,6 +12,7 @@ from lippmann.fixed.configuration import LEAST_HALF, configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.optics.rays import Status, gets_through
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
+from random_cases import configured_display
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 

@@ -32,5 +32,6 @@ def test_an_import_that_runs_upward_fails(tmp_path):
 
 def test_make_lint_checks_the_layers():
     makefile = (TOP / "Makefile").read_text()
-    recipe = makefile.split("\nlint: ")[1].split("\n\n")[0]
-    assert "$(BIN)/lint-imports" in recipe
+    recipes = {name: makefile.split(f"\n{name}:")[1].split("\n\n")[0] for name in ("lint", "lint-host")}
+    assert "lint-host" in recipes["lint"]
+    assert "$(BIN)/lint-imports" in recipes["lint-host"]

@@ -11,7 +11,7 @@ import struct
 import threading
 import time
 import zlib
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -275,7 +275,7 @@ def test_a_flood_of_anything_ends_in_time():
         thread = threading.Thread(target=flood)
         thread.start()
         begun = time.monotonic()
-        with Line(f"socket://127.0.0.1:{server.getsockname()[1]}", FAST_BAUD) as line:
+        with closing(Line(f"socket://127.0.0.1:{server.getsockname()[1]}", FAST_BAUD)) as line:
             with pytest.raises(DeviceError, match="not answered"):
                 Board(line, patience_s=0.5)
             assert time.monotonic() - begun < 2.0
@@ -321,9 +321,9 @@ def test_baud_rates_that_are_none(baud):
 def test_a_busy_port():
     master, slave = pty.openpty()
     name = os.ttyname(slave)
-    with Line(name), pytest.raises(DeviceError, match=r"busy.*close the other program"):
+    with closing(Line(name)), pytest.raises(DeviceError, match=r"busy.*close the other program"):
         Line(name)
-    with Line(name):
+    with closing(Line(name)):
         pass
     os.close(master)
     os.close(slave)
@@ -381,7 +381,7 @@ def test_a_port_that_goes_away():
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_ports_that_cannot_be_waited_on():
     """loop:// has no file number: what is sent comes back."""
-    with Line("loop://", FAST_BAUD) as line:
+    with closing(Line("loop://", FAST_BAUD)) as line:
         assert line.send(packed(2, 7, b"body"), 1.0)
         assert line.receive(1.0) == (2, 7, b"body")
         begun = time.monotonic()

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from lippmann.conditioning.digits import true_rays
 from lippmann.display import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -81,14 +82,14 @@ def test_rays_lost_in_both_are_no_other_fate():
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
-    sample = engines.Sample.of(shipped(name), aperture, 12, 5)
-    twin = sample.traced("exact", "twin")
+    sample = engines.random_rays(shipped(name), aperture, 12, 5)
+    twin = sample.traced("twin")
     assert (twin.pixel == sample.pixels).all()
-    found = engines.errors(sample.digits("exact"), sample.traced("exact"), DEPTHS)
+    found = engines.errors(true_rays(sample), sample.traced(), DEPTHS)
     assert found["other_fates"] == 0
     assert 0.0 < found["max_urad"] < 1e-6
     assert found["max_mm"] < 1e-10
-    assert len(sample.first(5).pixels) == 5
+    assert len(sample.some(slice(5)).pixels) == 5
 
 
 # ---- pictures ----
@@ -189,10 +190,10 @@ def test_the_quick_plan_measures_a_few():
 
 
 def test_placed_figures_are_those_that_are_kept():
-    sizes = configurations.placed()
-    assert {"machine", "date", "command"} <= set(sizes.origin)
-    assert set(configurations.SIMULATED) <= set(sizes.of)
-    assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.of.values())
+    origin, sizes = configurations.placed()
+    assert {"machine", "date", "command"} <= set(origin)
+    assert set(configurations.SIMULATED) <= set(sizes)
+    assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.values())
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):

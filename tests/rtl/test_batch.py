@@ -6,7 +6,6 @@ import os
 
 import numpy as np
 import pytest
-from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.display import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
@@ -16,6 +15,7 @@ from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Status
 from lippmann.sim.harness import harness
 from lippmann.sim.tools import repository
+from random_cases import configured_display, random_rays
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from lippmann.conditioning.cases import Out, changed, hard_sets
 from lippmann.conditioning.measure import fixed_words
-from lippmann.dev.random_cases import configured_display, random_rays
 from lippmann.display import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
@@ -21,6 +20,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
 from lippmann.sim.harness import harness
 from lippmann.sim.tools import repository
+from random_cases import configured_display, random_rays
 from test_batch import BUILDS, SEED, assert_equal, name
 
 #: Builds of the batch test whose rays have aims; they are compiled already.

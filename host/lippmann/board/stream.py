@@ -85,23 +85,11 @@ def send_frame(
 
     The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
     connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
-    `board.patience_s`.
+    `board.patience_s`. At most `window_bytes` are sent and not yet acknowledged. `sent` holds the counts of the same
+    frame before a lost connection; this call adds to them, also when it fails.
 
-    Parameters
-    ----------
-    window_bytes
-        Most bytes that are sent and not yet acknowledged.
-    sent
-        Counts of the same frame before a lost connection; this call adds to them, also when it fails.
-
-    Raises
-    ------
-    InputError
-        When the frame does not have the panel's size.
-    NoBoardError
-        When the connection is lost, or the board does not answer.
-    DeviceError
-        When the board refuses tiles, or another board took its place.
+    Raises InputError when the frame does not have the panel's size; NoBoardError when the connection is lost, or the
+    board does not answer; DeviceError when the board refuses tiles, or another board took its place.
     """
     grid = board.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:

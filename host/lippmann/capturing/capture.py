@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.capturing.depths import appearance, image_distance
+from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
@@ -31,7 +31,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
             f"set-up '{setup.name}': the scene extends {near:.4g} mm before the object's centre, beyond the lens or "
             f"array {front:.4g} mm before it; move the object away, or make the scene smaller"
         )
-    image = image_distance(setup, [far, near])
+    image = setup.image_distance([far, near])
     to_camera = setup.camera_distance_mm
     if lens is not None and to_camera is not None:
         # The image distance grows monotonically with the scene's nearness, to infinity at the focal length.
@@ -46,7 +46,7 @@ def check_placement(scene: Scene, setup: Setup) -> None:
     # Beyond this depth the light of a single point comes from the whole display: an object is not recognisable.
     panel, array = setup.display.panel, setup.display.array
     reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.pitch_mm
-    depth = appearance(setup, [far, near], rotated=True).depth_mm
+    depth = shown_depth(setup, [far, near], rotated=True)
     if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
         raise InputError(
             f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
@@ -72,10 +72,7 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
     The scene is placed in the object's frame (`placement_before`). `settings.aperture` is for a pickup. `rotate` is
     whether elemental images are rotated by 180 degrees.
 
-    Raises
-    ------
-    InputError
-        When the scene cannot be captured (`check_placement`), or no light passes the array or the lens.
+    Raises InputError when the scene cannot be captured (`check_placement`), or no light passes the array or the lens.
     """
     check_placement(scene, setup)
     with ThreadPoolExecutor(1) as other:

@@ -1,4 +1,4 @@
-"""Depth and size at which a captured point appears on the display, by the lens equations.
+"""Depth at which a captured point appears on the display, by the lens equations.
 
 To first order, with distances along the axis (mm):
 
@@ -17,42 +17,18 @@ z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negativ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
 import numpy.typing as npt
 
 from lippmann.capturing.setup import Setup
-
-Floats = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Appearance:
-    """Points as the display shows them: depth (mm, positive in front of it) and magnification of the object."""
-
-    depth_mm: Floats
-    magnification: Floats
+from lippmann.optics.rays import Floats
 
 
-def image_distance(setup: Setup, z_mm: npt.ArrayLike) -> Floats:
-    """Return the image distance behind the lens of depths z (mm, object's frame); without a lens, before the array."""
-    s = setup.subject.distance_mm - np.asarray(z_mm, np.float64)
-    if setup.lens is None:
-        return -s
-    f = setup.lens.focal_length_mm
-    with np.errstate(divide="ignore"):
-        return np.asarray(s * f / (s - f))
-
-
-def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
-    """Return how points at depths z (mm, object's frame) appear.
+def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
+    """Return the depths, mm, positive in front of the display, that show depths z (mm, object's frame).
 
     Their images must all be before the camera (L + z > 0), which `check_placement` guarantees.
     """
-    image = image_distance(setup, z_mm)
-    size = -image / (setup.subject.distance_mm - np.asarray(z_mm, np.float64))
-    z = setup.array_distance_mm - image
+    z = setup.array_distance_mm - setup.image_distance(z_mm)
     g = setup.display.aperture_distance_mm
     distance = setup.camera_distance_mm
     if distance is None:
@@ -60,7 +36,5 @@ def appearance(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Appearance:
     else:
         focal = setup.array.focal_length_mm * (-1.0 if setup.concave else 1.0)
         v = 1.0 / (1.0 / focal - 1.0 / distance)
-        perspective = distance / (distance + z)
-        depth = (g / v) * (z - v) * perspective
-        size = size * perspective
-    return Appearance(-depth if rotated else depth, size)
+        depth = (g / v) * (z - v) * distance / (distance + z)
+    return -depth if rotated else depth

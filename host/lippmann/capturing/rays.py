@@ -59,12 +59,8 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i + b.double(out.di), j + b.double(out.dj))
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(b.double(out.ray.dx), b.double(out.ray.dy))
-    through = gets_through(out.status)
-    return _through_lens(b, setup, Ray(px, py, b.double(out.ray.z), dx, dy, b.double(out.ray.dz)), through)
-
-
-def _through_lens(b: Backend, setup: Setup, ray: Ray, through_array: Arr) -> CapturedRays:
-    """Trace rays, given from the plane of the array's vertices, through the imaging lens to the object's frame."""
+    # From the plane of the array's vertices through the imaging lens to the object's frame.
+    ray = Ray(px, py, b.double(out.ray.z), dx, dy, b.double(out.ray.dz))
     lens = setup.lens
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0
@@ -74,7 +70,7 @@ def _through_lens(b: Backend, setup: Setup, ray: Ray, through_array: Arr) -> Cap
         ray, inside = lens.trace(b, ray)
         passed = passed & inside
         object_z = object_z + lens.hiatus_mm
-    return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), through_array, passed)
+    return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), gets_through(out.status), passed)
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:

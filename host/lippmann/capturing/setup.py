@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
+import numpy.typing as npt
+
 from lippmann import toml
 from lippmann.capturing.imaging_lens import Convex, ImagingLens, LensPair, ThinLens
 from lippmann.display import (
@@ -29,6 +32,7 @@ from lippmann.display import (
     load_display,
 )
 from lippmann.errors import InputError, input_error
+from lippmann.optics.rays import Floats
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.toml import documented, key
 
@@ -86,14 +90,21 @@ class Setup:
     ]
     pickup: Annotated[Camera | Pickup, key("takes the picture: a pinhole camera, or a sensor behind the array")]
 
+    def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
+        """Return the distance from the lens to the images of depths z (mm, object's frame): s' = f s / (s - f), mm.
+
+        Without a lens an object is its own image, before the array where the image of a lens lies behind it: -s.
+        """
+        s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
+        if self.lens is None:
+            return -s
+        with np.errstate(divide="ignore"):
+            return np.asarray(s * self.lens.focal_length_mm / (s - self.lens.focal_length_mm))
+
     @property
     def image_distance_mm(self) -> float:
-        """From the lens to the image of the object's centre: s' = f s / (s - f), mm; -s without a lens.
-
-        Without a lens the object is its own image, before the array where the image of a lens lies behind it.
-        """
-        s = self.subject.distance_mm
-        return -s if self.lens is None else s * self.lens.focal_length_mm / (s - self.lens.focal_length_mm)
+        """From the lens to the image of the object's centre, mm."""
+        return float(self.image_distance(0.0))
 
     @property
     def magnification(self) -> float:
@@ -132,10 +143,7 @@ class Setup:
     def resized(self, width_px: int) -> Setup:
         """Return the set-up whose picture has another number of pixels across the same window.
 
-        Raises
-        ------
-        InputError
-            When that leaves the camera too few pixels for each lenslet.
+        Raises InputError when that leaves the camera too few pixels for each lenslet.
         """
         panel = self.display.panel
         if not 1 <= width_px <= MAX_SIDE_PX:

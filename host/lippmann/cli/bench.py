@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli.frame import json_option, option, parameters
+from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, MissingLibraryError
@@ -64,12 +64,8 @@ Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
     """Make a sub-command of a function that measures; it takes the function's name, docstring and own options.
 
-    Parameters
-    ----------
-    page
-        The page that `--report` writes, without extension.
-    packages
-        The packages whose versions the origin records; with Dr.Jit, the measurement has a device.
+    `--report` writes `page` (without extension). The origin records the versions of `packages`; with Dr.Jit among them,
+    the measurement has a device.
     """
     needs_device = "drjit" in packages
     kept_in = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
@@ -79,15 +75,13 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
         def command(scenes: str, seed: int, device: str, report: str | None, as_json: bool, **own: Any) -> None:
             folder = shipped_scenes(scenes)
-            if report is not None:
-                check_output(Path(report) / f"{page}.md", (".md",))
+            kept = None if report is None else check_output(Path(report) / f"{page}.md", (".md",)).parent
             words = [f"lippmann bench {name} --scenes {scenes} --seed {seed}"]
             words += [f"--device {device}"] if needs_device else []
             for key, value in own.items():
                 words += [f"--{key} {one}" for one in value] if isinstance(value, tuple) else [f"--{key}"] * bool(value)
             chosen = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
-            kept = None if report is None else Path(report)
             found, written = measure(Bench(folder, seed, chosen, kept, origin), **own)
             if kept is not None and written is not None:
                 written.write(kept)
@@ -103,7 +97,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
             kept_in.parameter("report", str),
             SEED.parameter("seed", int),
             (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
-            json_option(),
+            JSON,
         ]
         return click.Command(name, callback=command, params=options, help=measure.__doc__)
 
@@ -228,7 +222,7 @@ def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     from lippmann.measure.hard import measure
 
     real, fixed = measure(bench.scenes, bench.seed, bench.device, log)
-    gains = [row_of(gain) for gain in formulas.measure(bench.seed)]
+    gains = formulas.measure(bench.seed)
     rows = {"hard_cases": real, "hard_cases_fixed": fixed, "hard_cases_formulas": gains}
     return rows, benches.hard_page(bench.origin, real, fixed, gains)
 

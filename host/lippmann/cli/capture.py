@@ -9,7 +9,7 @@ import numpy as np
 
 from lippmann import api
 from lippmann.capturing.capture import placement_before
-from lippmann.capturing.depths import appearance
+from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
@@ -104,7 +104,7 @@ def _check_display_out(path: Path, setup: Setup) -> None:
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
     """Return the distances of a capture by the lens equations, for the result."""
     far, near = scene.depth_range_mm
-    depth = appearance(setup, [far, near], rotated).depth_mm
+    depth = shown_depth(setup, [far, near], rotated)
     image = "real" if depth.min() >= 0.0 else "virtual" if depth.max() <= 0.0 else "real and virtual"
     panel, lens = setup.display.panel, setup.lens
     return {

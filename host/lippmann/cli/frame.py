@@ -1,8 +1,8 @@
 """The frame of a command: a function whose parameters have their options and arguments as defaults.
 
-The type of an option and its flag are those of the parameter, unless they are given. A parameter with a `group` of
-options gets what the group's function returns. A parameter of such a function without a default gets the value of the
-command's parameter of that name.
+The type of an option and its flag are those of the parameter, unless they are given. A parameter with a function or
+class as its default is a group of options: those that the function declares. It gets what the function returns. A
+parameter of such a function without a default gets the value of the command's parameter of that name.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import click
 
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
+#: The option that each command has; see `lippmann.cli.output`.
+JSON = click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
 
 
 @dataclass(frozen=True)
@@ -39,13 +41,6 @@ class Declared:
         return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
 
 
-@dataclass(frozen=True)
-class Group:
-    """The options of a function or class, whose result is the value."""
-
-    source: Function
-
-
 def option(help_text: str | None, default: Any = REQUIRED, kind: Any = None, flag: str = "", **others: Any) -> Any:
     """Declare an option; `kind` is click's type, `others` are further arguments of `click.Option`."""
     shown = not (default is None or default is REQUIRED or isinstance(default, bool | tuple))
@@ -55,11 +50,6 @@ def option(help_text: str | None, default: Any = REQUIRED, kind: Any = None, fla
 def argument(metavar: str | None = None, default: Any = REQUIRED, kind: Any = None, **others: Any) -> Any:
     """Declare an argument."""
     return Declared(None, {"metavar": metavar, **_given(default, kind), **others})
-
-
-def group(source: Function) -> Any:
-    """Declare the options of a function or class."""
-    return Group(source)
 
 
 def _given(default: Any, kind: Any) -> dict[str, Any]:
@@ -73,7 +63,7 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
         made = click.Command(
             name,
             callback=lambda **values: _call(function, values),
-            params=[*parameters(function), json_option()],
+            params=[*parameters(function), JSON],
             help=function.__doc__,
         )
         if into is not None:
@@ -83,26 +73,23 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
     return decorate
 
 
-def json_option() -> click.Parameter:
-    """Return the option that each command has; see `lippmann.cli.output`."""
-    return click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
-
-
 def parameters(function: Function) -> Iterator[click.Parameter]:
     """Yield the options and arguments that a function declares, in the order of its parameters."""
     hints = get_type_hints(function)
     for name, default in _defaults(function).items():
         if isinstance(default, Declared):
             yield default.parameter(name, hints[name])
-        elif isinstance(default, Group):
-            yield from parameters(default.source)
+        elif callable(default):
+            yield from parameters(default)
 
 
 def _call(function: Function, values: Mapping[str, Any]) -> Any:
     """Call a function with the values of its options."""
     defaults = _defaults(function).items()
-    return function(**{name: _call(d.source, values) if isinstance(d, Group) else values[name] for name, d in defaults})
+    return function(**{name: _call(given, values) if callable(given) else values[name] for name, given in defaults})
 
 
 def _defaults(function: Function) -> dict[str, Any]:
-    return {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
+    """Return the default of each parameter; None for those without."""
+    found = inspect.signature(function).parameters.items()
+    return {name: None if parameter.default is REQUIRED else parameter.default for name, parameter in found}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,20 +27,11 @@ def as_json() -> bool:
 def emit(result: Mapping[str, Any], text: str | Iterable[str]) -> None:
     """Print a result: with --json as one object, else as its text (one string or lines)."""
     if as_json():
-        click.echo(json.dumps(_finite(result)))
+        # JSON has no infinities and no NaN: they become null.
+        finite = json.loads(json.dumps(result), parse_constant=lambda _: None)
+        click.echo(json.dumps(finite))
     else:
         click.echo(text if isinstance(text, str) else "\n".join(text))
-
-
-def _finite(value: Any) -> Any:
-    """Replace infinities and NaN, which JSON lacks, by null."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 @contextmanager

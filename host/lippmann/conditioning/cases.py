@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.conditioning.search import Floats, onset, pixels_at, random_aims, random_pixels
+from lippmann.conditioning.search import Floats, edge_points, onset, pixels_at, random_aims, random_pixels
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
-from lippmann.optics.rays import Model, Status
+from lippmann.optics.rays import Engine, Model, Rays, Status
 from lippmann.select.model import corners_mm, located
 
 #: Distances of rays around an onset, in units of the last place of the aim.
@@ -41,14 +41,13 @@ class Out:
     model: Model = "exact"
 
     @property
-    def inputs(self) -> tuple[Floats, ...]:
-        """Pixels, and aperture points if there are any."""
-        return (self.pixels,) if self.aperture is None else (self.pixels, self.aperture)
-
-    @property
     def aims(self) -> Floats:
         """Aperture points (N, 2), mm; 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
+
+    def traced(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
+        """Trace the rays with an engine."""
+        return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
     def some(self, chosen: Any) -> Out:
         """Return some of the rays."""
@@ -76,11 +75,6 @@ class Back:
     display: Display
     origin_mm: Floats
     direction: Floats
-
-    @property
-    def inputs(self) -> tuple[Floats, ...]:
-        """Origins and directions."""
-        return self.origin_mm, self.direction
 
     def some(self, chosen: Any) -> Back:
         """Return some of the rays."""
@@ -119,10 +113,7 @@ def _of_displays(displays: Displays) -> Generator:
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
     """Yield the sets of a case, or of "all", for a display and the displays made from it; about `count` rays in each.
 
-    Raises
-    ------
-    InputError
-        For an unknown name.
+    Raises InputError for an unknown name.
     """
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
@@ -172,10 +163,7 @@ def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets
 @_case
 def cell_edges(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Pixels and aims on the edges of cells, and a few roundings beside: each ray has exactly one lenslet."""
-    corners = corners_mm(display.array)
-    side, along = random.integers(0, len(corners), 2 * count), random.random((2 * count, 1))
-    points = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
-    yield from _on_border("cell-edges", display, random, points, (1, -2))
+    yield from _on_border("cell-edges", display, random, edge_points(display, random, 2 * count), (1, -2))
 
 
 @_case
@@ -272,10 +260,7 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
 
 
 def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
-    """Return points (N, 3) near a dome and tangent directions (N, 3), lens-local, the dome bulging to +z.
-
-    The points lie some roundings above and below the sphere; N = 2 count.
-    """
+    """Return points (2 count, 3) some roundings off a dome that bulges to +z, and tangent directions, lens-local."""
     R = display.array.radius_mm
     foot = random_aims(display, random, 40 * count)
     slope = np.hypot(*foot.T) / R
@@ -301,11 +286,10 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     point, direction = _tangents(hilly, random, count)
     if display.array.plano_side == "panel":
         # From the world: the domes face the viewer.
-        shift = np.append(hilly.array.offset_mm, 0.0)
-        cos, sin = math.cos(math.radians(hilly.array.rotation_deg)), math.sin(math.radians(hilly.array.rotation_deg))
-        to_panel = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        away = 10.0 ** random.uniform(0.0, 2.0, (len(point), 1))
-        yield Back("tangent", hilly, (point - away * direction) @ to_panel.T + shift, direction @ to_panel.T)
+        frame = PanelFrame.of(hilly)
+        x, y, z = (point - 10.0 ** random.uniform(0.0, 2.0, (len(point), 1)) * direction).T
+        origin = np.column_stack([*frame.panel_from_array(x, y), z])
+        yield Back("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
         return
     # From the panel, which is above the mirrored dome.
     start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction

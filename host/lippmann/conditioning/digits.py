@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from lippmann.conditioning.cases import Back, Out
 from lippmann.conditioning.search import Bools, Floats
+from lippmann.engines import hits_of, rays_of
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.convergence import Convergence
 from lippmann.optics.dome import Dome
@@ -66,8 +67,11 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
     `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
     """
     panel, array = rays.display.panel, rays.display.array
-    columns = exact_array(np.concatenate(rays.inputs, axis=1)).T
-    names = ("u", "v", "a", "b") if isinstance(rays, Out) else ("x", "y", "z", "dx", "dy", "dz")
+    if isinstance(rays, Out):
+        names: tuple[str, ...] = ("u", "v", "a", "b")
+        columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
+    else:
+        names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
     numbers = {
         "pixel_pitch_mm": panel.pixel_pitch_mm,
         **{name: getattr(array, name) for name in ("pitch_mm", "radius_mm", "index", "thickness_mm")},
@@ -83,10 +87,7 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
 
 
 def _system(rays: Out | Back, n: SimpleNamespace) -> System:
-    """Return the system for the optics in mpf, with the numbers `n` of `exact_inputs`.
-
-    docs/reference/optics.md gives each formula.
-    """
+    """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
@@ -121,15 +122,7 @@ def true_rays(rays: Out, **moved: Digits) -> Rays:
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
-    ray = out.ray
-    return Rays(
-        pixel=rays.pixels,
-        lenslet=np.stack([out.i, out.j], axis=1),
-        centre_mm=np.stack([out.centre_x, out.centre_y], axis=1),
-        local_mm=np.stack(np.broadcast_arrays(ray.x, ray.y, ray.z), axis=1),
-        direction=np.stack([ray.dx, ray.dy, ray.dz], axis=1),
-        status=np.broadcast_to(out.status, len(rays.pixels)).astype(np.uint8),
-    )
+    return rays_of(rays.pixels, out, object)
 
 
 def true_hits(rays: Back, **moved: Digits) -> Hits:
@@ -141,8 +134,7 @@ def true_hits(rays: Back, **moved: Digits) -> Hits:
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
     hits = pixels_from_rays(FiftyDigits(), _system(rays, n), (n.x, n.y, n.z), unit, "exact")
-    lenslet = np.stack([hits.i, hits.j], axis=1)
-    return Hits(np.stack([hits.u, hits.v], axis=1), lenslet, np.asarray(hits.status, np.uint8))
+    return hits_of(len(rays.origin_mm), hits, object)
 
 
 def truth(rays: Out | Back, **moved: Digits) -> Rays | Hits:
@@ -196,19 +188,13 @@ def _slopes(rays: Out | Back, true: Rays | Hits, name: str, value: Digits) -> li
 
 
 class Condition(NamedTuple):
-    """How far rays move for one unit in the last place of every input, (N,) float64.
+    """How far rays move for one unit in the last place of every input, (N,) float64."""
 
-    turn
-        Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
-    shift_mm
-        Of the exit point, lens-local, mm. For rays from the world: of the point on the panel.
-    start
-        Radians for one mm at the start of the ray and at its aperture point: the effect of a rounding of lens-local
-        coordinates. For rays from the world: 0.
-    """
-
+    #: Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
     turn: Floats
+    #: Of the exit point, lens-local. For rays from the world: of the point on the panel.
     shift_mm: Floats
+    #: Radians for one mm at the ray's start and at its aperture point. For rays from the world: 0.
     start: Floats
 
 
@@ -231,10 +217,7 @@ def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
 
 
 def on_edge(rays: Out | Back, ulps: int) -> Bools:
-    """Tell which rays get another fate (status or lenslet) when one input moves by `ulps` units of its last place.
-
-    The last place is a float64's.
-    """
+    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
     true = truth(rays)
     edge = np.zeros(len(true.status), bool)
     for name, value, rounded in _movable(rays):

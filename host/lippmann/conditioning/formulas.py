@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -27,21 +26,13 @@ RADII = (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
 
 
-@dataclass(frozen=True)
-class Gain:
-    """A formula and the naive one: the largest error of each in `unit`."""
+Row = dict[str, Any]
 
-    formula: str
-    where: str
-    number_format: str
-    unit: str
-    naive: float
-    chosen: float
 
-    @property
-    def gain(self) -> float | None:
-        """Ratio of the errors; None when ours is 0."""
-        return self.naive / self.chosen if self.chosen else None
+def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, chosen: float) -> Row:
+    """Return a row: the largest error of a formula and of the naive one in `unit`, and their ratio."""
+    row = {"formula": formula, "where": where, "number_format": number_format, "unit": unit}
+    return row | {"naive": naive, "chosen": chosen, "gain": naive / chosen if chosen else None}
 
 
 def _error(got: Any, true: Any, relative: bool = False) -> float:
@@ -50,13 +41,13 @@ def _error(got: Any, true: Any, relative: bool = False) -> float:
     return float(np.max(np.abs(error / true if relative else error)))
 
 
-def measure(seed: int) -> list[Gain]:
+def measure(seed: int) -> list[Row]:
     """Compare all formulas."""
     random = np.random.default_rng(seed)
     return [*_dome(random), *_sag(), *_flat(random), _panel(random), _quarter_turns(random)]
 
 
-def _dome(random: np.random.Generator) -> Iterator[Gain]:
+def _dome(random: np.random.Generator) -> Iterator[Row]:
     """Where a ray in the glass, 2 mm below, meets a dome: foot of the perpendicular, or the sphere's quadratic."""
 
     def height(b: Any, ray: Ray, R: Any) -> Values:
@@ -73,20 +64,20 @@ def _dome(random: np.random.Generator) -> Iterator[Gain]:
         naive = ray.z + (-b + np.sqrt(np.maximum(b * b - c, 0))) * ray.dz
         true = height(FiftyDigits(), Ray(*(exact_array(v.astype(np.float64)) for v in ray)), mp.mpf(radius))
         errors = (_error(z, true) * 1e6 for z in (naive, height(NumpyBackend(), ray, radius)))
-        yield Gain("perpendicular foot", f"R = {radius:g} mm", kind.__name__, "nm", *errors)
+        yield _gain("perpendicular foot", f"R = {radius:g} mm", kind.__name__, "nm", *errors)
 
 
-def _sag() -> Iterator[Gain]:
+def _sag() -> Iterator[Row]:
     """Depth of a dome: rho^2 / (R + d), or R - d."""
     for radius, kind in product(RADII, FORMATS):
         R, rho = kind(radius), kind(0.5**0.5)
         d = np.sqrt((R - rho) * (R + rho))
         true = mp.mpf(float(R)) - mp.sqrt(mp.mpf(float(R)) ** 2 - mp.mpf(float(rho)) ** 2)
         errors = (_error(sag, true, relative=True) for sag in (R - d, rho * rho / (R + d)))
-        yield Gain("sag as rho^2 / (R + d)", f"R = {radius:g} mm", kind.__name__, "relative", *errors)
+        yield _gain("sag as rho^2 / (R + d)", f"R = {radius:g} mm", kind.__name__, "relative", *errors)
 
 
-def _flat(random: np.random.Generator) -> Iterator[Gain]:
+def _flat(random: np.random.Generator) -> Iterator[Row]:
     """Squared cosine behind a flat face near the onset of total reflection: (1 - k)(1 + k), or 1 - k^2."""
     for kind, nearest in zip(FORMATS, (-15, -7), strict=True):
         k = (1.0 - 10.0 ** random.uniform(nearest, -1.0, RAYS)).astype(kind)
@@ -94,10 +85,10 @@ def _flat(random: np.random.Generator) -> Iterator[Gain]:
         _, square = refract_flat(NumpyBackend(), Ray(zero, zero, zero, k, zero, zero + kind(0.5)), 1.0)
         exact_k = exact_array(k.astype(np.float64))
         errors = (_error(got, 1 - exact_k * exact_k, relative=True) for got in (1 - k * k, square))
-        yield Gain("(1 - k)(1 + k)", f"within 10^{nearest} of the onset", kind.__name__, "relative", *errors)
+        yield _gain("(1 - k)(1 + k)", f"within 10^{nearest} of the onset", kind.__name__, "relative", *errors)
 
 
-def _panel(random: np.random.Generator) -> Gain:
+def _panel(random: np.random.Generator) -> Row:
     """Where in its lenslet a pixel of a 700 mm panel is: in float64 until the centre is taken off, or in float32."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
@@ -115,10 +106,10 @@ def _panel(random: np.random.Generator) -> Gain:
         apart = np.abs(np.asarray(exact_array(np.asarray(got, np.float64)) - true, np.float64))
         return float(np.minimum(apart, np.abs(apart - pitch)).max()) * 1e6
 
-    return Gain("float64 until lens-local", "700 mm panel", "float32", "nm", worst(naive), worst(chosen))
+    return _gain("float64 until lens-local", "700 mm panel", "float32", "nm", worst(naive), worst(chosen))
 
 
-def _quarter_turns(random: np.random.Generator) -> Gain:
+def _quarter_turns(random: np.random.Generator) -> Row:
     """Points on the edges of an array turned by 90 degrees that change owners: exact turns, or cos and sin of pi/2."""
     x, y = random.integers(-400, 401, (2, RAYS)) / 2.0
 
@@ -128,4 +119,4 @@ def _quarter_turns(random: np.random.Generator) -> Gain:
 
     naive = strays(float(np.cos(np.pi / 2)), float(np.sin(np.pi / 2)))
     chosen = strays(*exact_rotation(90.0))
-    return Gain("exact quarter turns", "edges, 90 degrees", "float64", f"rays of {RAYS}", naive, chosen)
+    return _gain("exact quarter turns", "edges, 90 degrees", "float64", f"rays of {RAYS}", naive, chosen)

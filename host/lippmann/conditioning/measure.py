@@ -62,7 +62,7 @@ def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engi
     display, array = rays.display, rays.display.array
     got: Rays | Hits
     if isinstance(rays, Out):
-        got = trace(display, rays.pixels, rays.aperture, engine=engine, device=device)
+        got = rays.traced(engine, device)
         values = [got.direction, got.local_mm]
         turn, shift = (np.asarray(error, np.float64) for error in digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)

@@ -11,7 +11,7 @@ from lippmann.display import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
-from lippmann.select.model import panel_size, pixels_from_cells
+from lippmann.select.model import corners_mm, panel_size, pixels_from_cells
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -32,6 +32,14 @@ def random_aims(display: Display, random: np.random.Generator, count: int, reach
     points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitch_mm
     points = points[lattice.holds(points[:, 0], points[:, 1])]
     return np.asarray(points[:count] * reach, np.float64)
+
+
+def edge_points(display: Display, random: np.random.Generator, count: int, vertices: float = 0.0) -> Floats:
+    """Return points on the edges of a cell, (count, 2), mm from its centre; a share `vertices` on the vertices."""
+    corners = corners_mm(display.array)
+    side, along = random.integers(0, len(corners), count), random.random((count, 1))
+    along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
+    return np.asarray(corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along)
 
 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:

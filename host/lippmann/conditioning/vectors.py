@@ -90,13 +90,7 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file of words.
-
-    Raises
-    ------
-    InputError
-        When it is not text.
-    """
+    """Return the text of a file of words; raise InputError when it is not text."""
     remedy = "give a file of words as lippmann vectors writes them"
     try:
         text = path.read_bytes().decode()
@@ -112,10 +106,7 @@ def text_of(path: Path) -> str:
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
     """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
 
-    Raises
-    ------
-    InputError
-        When a line is not hexadecimal or too long.
+    Raises InputError when a line is not hexadecimal or too long.
     """
     rays, total = [], sum(widths)
     for number, line in enumerate(text_of(path).splitlines(), 1):
@@ -151,12 +142,8 @@ def write_vectors(
     """Write the sets of a case, or of "all", into a new or empty folder; returns what `vectors.json` lists.
 
     The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `origin` is the
-    provenance in `vectors.json`; `progress` is called with the name of each set.
-
-    Raises
-    ------
-    InputError
-        For an unknown case, and for a folder with files.
+    provenance in `vectors.json`; `progress` is called with the name of each set. Raises InputError for an unknown case,
+    and for a folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")

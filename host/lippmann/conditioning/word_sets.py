@@ -12,13 +12,12 @@ from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_pixels
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.words import PIXEL_FRACTION, Ints
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats, Model, Rays, Status
 from lippmann.optics.system import System
 from lippmann.select.model import located, pixels_from_cells
@@ -55,29 +54,20 @@ def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterato
         index = np.arange(start, start + size) if whole else random.integers(0, count, size)
         row, column = np.divmod(index, panel.width_px)
         u, v = words_of_pixels(display, np.stack([column, row], axis=1) + 0.5)
-        yield Words(u, v, *cell_aims(build, random, size))
+        yield Words(u, v, *cell_aims(display, build, random, size))
 
 
 def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
     """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
     random = np.random.default_rng(seed)
-    corners = _corners(build.grid)
-
-    def on_edges(n: int) -> Floats:
-        side = random.integers(0, len(corners), n)
-        along = np.where(random.random(n) < 0.25, 0.0, random.random(n))[:, None]
-        points: Floats = corners[side] * (1.0 - along) + corners[(side + 1) % len(corners)] * along
-        return points
-
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
-    edge = on_edges(count) * display.array.pitch_mm
+    edge, aimed = (search.edge_points(display, random, count, vertices=0.25) for _ in range(2))
     near = words_of_pixels(display, pixels_from_cells(display, lenslets, edge))
     limit = np.array([[display.panel.width_px], [display.panel.height_px]]) << (PIXEL_FRACTION - 1)
     u, v = np.clip(near + random.integers(-1, 2, (2, count)), -limit, limit)
     if not build.aims:
         return Words(u, v, 0 * u, 0 * u)
-    aims = np.ldexp(on_edges(count) / (1.0, _row(build)), build.fraction_bits)
-    a, b = (np.floor(aims + 0.5).astype(np.int64) + random.integers(-2, 3, (count, 2))).T
+    a, b = words_of_aims(display, aimed, build.fraction_bits) + random.integers(-2, 3, (2, count))
     return Words(u, v, a, b)
 
 
@@ -114,35 +104,15 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
     return Words(*np.tile([u[differ], v[differ]], 2), *np.concatenate([low[:, differ], high[:, differ]], axis=1))
 
 
-def _row(build: Build) -> float:
-    return HALF_SQRT3 if build.grid == "hex" else 1.0
-
-
-def _corners(grid: str) -> Floats:
-    """Return a cell's vertices in order, in pitches, (n, 2)."""
-    if grid == "square":
-        return np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
-    turn = np.radians(30.0 + 60.0 * np.arange(6))
-    hexagon: Floats = np.stack([np.cos(turn), np.sin(turn)], axis=1) / np.sqrt(3.0)
-    return hexagon
-
-
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     """Return random words of pixels, anywhere on the panel."""
     return words_of_pixels(display, search.random_pixels(display, random, count))
 
 
-def cell_aims(build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
+def cell_aims(display: Display, build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     """Return words of random points of a cell; zeros for chief rays."""
-    if not build.aims:
-        return np.zeros(count, np.int64), np.zeros(count, np.int64)
-    lattice = Lattice(build.grid, 1.0)
-    # A random point of a period of the lattice, moved into the cell around the origin.
-    x, y = random.uniform(0.0, 2.0, (2, count)) * np.array([[1.0], [_row(build)]])
-    _, _, x, y = lattice.locate(NumpyBackend(), x, y)
-    words = np.ldexp(np.stack([x, y / _row(build)]), build.fraction_bits)
-    a, b = np.floor(words).astype(np.int64)
-    return a, b
+    points = search.random_aims(display, random, count) if build.aims else np.zeros((count, 2))
+    return words_of_aims(display, points, build.fraction_bits)
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
@@ -154,11 +124,11 @@ def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
         return np.zeros(len(words.u), np.bool_)
     _, start = located(display, pixels_of_words(display, words.u, words.v))
     aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
-    lattice = System.of(display).lattice
+    array, lattice = display.array, System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), *aim.T)
     centre = np.stack(lattice.centre(i, j), axis=1)
     # The outermost word may go either way.
-    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([1.0, _row(build)]) * display.array.pitch_mm
+    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitch_mm, array.row_pitch_mm])
     return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))
 
 

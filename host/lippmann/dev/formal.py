@@ -26,16 +26,9 @@ def tasks(folder: Path) -> dict[str, list[str]]:
 
 
 def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
-    """Run a task of folder/`name`.sby in a new work folder.
+    """Run a task of folder/`name`.sby in a new work folder; MissingLibraryError says what installs a missing tool.
 
-    Returns
-    -------
-    The verdict (PASS, FAIL, ...; ERROR when there was none), and the output of sby.
-
-    Raises
-    ------
-    MissingLibraryError
-        When a tool is missing; the message says what installs it.
+    Return the verdict (PASS, FAIL, ...; ERROR when there was none), and the output of sby.
     """
     sby, *others = (tool.path() for tool in PROOF_TOOLS)
     path = os.pathsep.join([*(str(other.parent) for other in others), os.environ["PATH"]])

@@ -24,6 +24,8 @@ from lippmann.sim.tools import repository
 
 SOURCE = Path("rtl/registers.rdl")
 RTL = Path("rtl/registers")
+DATA = Path("host/lippmann/registers")
+PAGES = Path("docs/reference")
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
 
 
@@ -32,26 +34,14 @@ class _Map(NamedTuple):
 
     name: str
     rtl_map: str  # the part of the map that becomes SystemVerilog
-    data: Path
-    tables: Path  # its name is also that of the template
+    data: str  # in DATA
+    page: str  # in PAGES; also the name of its template
     base: int  # its address on the board
 
 
 _MAPS = (
-    _Map(
-        "optics_block",
-        "optics_registers",
-        Path("host/lippmann/registers/optics.json"),
-        Path("docs/reference/registers.md"),
-        0x200,
-    ),
-    _Map(
-        "board_registers",
-        "board_registers",
-        Path("host/lippmann/registers/board.json"),
-        Path("docs/reference/board-registers.md"),
-        0x000,
-    ),
+    _Map("optics_block", "optics_registers", "optics.json", "registers.md", 0x200),
+    _Map("board_registers", "board_registers", "board.json", "board-registers.md", 0x000),
 )
 
 #: A register or a field, as lippmann.registers reads it; items with their default values are left out.
@@ -61,12 +51,7 @@ _Entry = dict[str, Any]
 def generate(top: Path, into: Path) -> list[Path]:
     """Write every file that is made from the definition in `top` into `into`; return the files, relative.
 
-    Raises
-    ------
-    MissingLibraryError
-        When PeakRDL is missing.
-    InputError
-        When the definition is wrong; PeakRDL has printed where.
+    Raises InputError when the definition is wrong: PeakRDL has printed where; MissingLibraryError without PeakRDL.
     """
     try:
         from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
@@ -85,8 +70,8 @@ def generate(top: Path, into: Path) -> list[Path]:
             texts |= _rtl(compiler.elaborate(part.rtl_map))
             whole = compiler.elaborate(part.name).top
             registers = dict(_registers(whole))
-            texts[part.data] = json.dumps({"comment": _BY, "registers": registers}, indent=1) + "\n"
-            texts[part.tables] = _tables(part, whole, registers)
+            texts[DATA / part.data] = json.dumps({"comment": _BY, "registers": registers}, indent=1) + "\n"
+            texts[PAGES / part.page] = _page(part.page, whole, registers)
             writable |= {
                 part.base + register["address"] + 4 * entry
                 for register in registers.values()
@@ -192,7 +177,7 @@ def _board_map(writable: set[int]) -> str:
     )
 
 
-def _tables(part: _Map, top: Any, registers: dict[str, _Entry]) -> str:
+def _page(template: str, top: Any, registers: dict[str, _Entry]) -> str:
     """Return the documentation's page: a table for each group of registers."""
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
@@ -200,7 +185,7 @@ def _tables(part: _Map, top: Any, registers: dict[str, _Entry]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    return templates.get_template(part.tables.name).render(
+    return templates.get_template(template).render(
         by=_BY,
         name=top.get_property("name").lower(),
         description=_line(top.get_property("desc")),

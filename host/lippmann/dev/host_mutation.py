@@ -214,19 +214,16 @@ def fate(fault: Fault, scratch: Scratch) -> str:
 
 def groups(top: Path) -> dict[str, list[Fault]]:
     """Return the faults of each area."""
-    found = {}
-    for parts in AREAS:
-        paths = [path for part in parts for path in _files(top / PACKAGE / part)]
-        found[", ".join(parts)] = [fault for path in paths for fault in faults_of(path, str(path.relative_to(top)))]
-    return found
+    files = [path.relative_to(top) for path in sorted((top / PACKAGE).rglob("*.py"))]
+    return {
+        ", ".join(parts): [
+            fault for file in files if file.parts[2] in parts for fault in faults_of(top / file, str(file))
+        ]
+        for parts in AREAS
+    }
 
 
-def _files(path: Path) -> list[Path]:
-    return [path] if path.suffix else sorted(path.rglob("*.py"))
-
-
-@click.command()
-@options(60)
+@click.command(params=options(60))
 def main(**chosen: Any) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 

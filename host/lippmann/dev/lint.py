@@ -36,14 +36,8 @@ def elaborated(
 def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
     """Elaborate a module alone, with all warnings, from the files that it needs.
 
-    Only its folder is searched, and those that it may build upon.
-
-    Raises
-    ------
-    MissingLibraryError
-        When Verilator, or a program that it calls, is missing.
-    subprocess.TimeoutExpired
-        After a minute: a refused module must not compute its tables first.
+    Only its folder is searched, and those that it may build upon. Raises MissingLibraryError without Verilator, and
+    subprocess.TimeoutExpired after a minute: a refused module must not compute its tables first.
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]

@@ -118,8 +118,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     return scratch.fate(fault, [[f"tests/rtl/{module}"], LAST])
 
 
-@click.command()
-@options(120)
+@click.command(params=options(120))
 def main(**chosen: Any) -> None:
     """Put faults into the RTL and report how many the quick tests catch.
 

@@ -22,7 +22,7 @@ from scipy import ndimage
 from lippmann.capturing.rays import capture_source, rays_from_picture
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
-from lippmann.dev.seed import ANTIALIAS, SETUPS, TEMPLATES, load_for, render_source, with_window
+from lippmann.dev.seed import ANTIALIAS, SETUPS, TEMPLATES, fastest, load_for, with_window
 from lippmann.images import Radiance, encode
 from lippmann.measure.figures import row_of
 from lippmann.optics.backend import NumpyBackend
@@ -244,8 +244,8 @@ def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     scene = load_for(scenes / "seed/full.xml", setup)
     theirs, run = write_folder(scene, setup_view(setup), work / "time").render_once(*ANTIALIAS)
     samples, allowed, noise = samples_for(scene, setup, theirs)
-    seconds, cpu = render_source(scene, capture_source(setup), samples)
-    return TimeAtNoise(run, seconds, cpu, samples, allowed, noise)
+    ours = fastest(scene, capture_source(setup), samples)
+    return TimeAtNoise(run, ours.seconds, ours.cpu_seconds, samples, allowed, noise)
 
 
 def shown(pair: Pair) -> Plot:

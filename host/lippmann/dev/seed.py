@@ -28,8 +28,8 @@ from lippmann.measure.figures import row_of
 from lippmann.measure.renderer import with_pitch
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
-from lippmann.povray.program import POVRAY
-from lippmann.rendering.renderer import Settings, render_rays
+from lippmann.povray.program import POVRAY, Run
+from lippmann.rendering.renderer import Rendered, Settings, render_rays
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
 from lippmann.rendering.sources import RaySource, Window, eye_source
 from lippmann.report.pages import Page
@@ -45,8 +45,6 @@ ROUNDS = 2
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)
 TEMPLATES = Path(__file__).with_name("templates")
-#: The paper's shares for its own tracer: hexagonal against square, and anti-aliasing off against on.
-PAPER_HEX, PAPER_PLAIN = 0.10, -0.37
 
 
 class Sweep(NamedTuple):
@@ -107,14 +105,10 @@ def load_for(path: Path, setup: Setup) -> Scene:
     return load_scene(path, placement_beside(path).then(setup.subject.placement))
 
 
-def render_source(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> tuple[float, float]:
-    """Return wall-clock and CPU seconds of the fastest of `rounds` renders, without compilation."""
-    times = []
-    for _ in range(rounds):
-        rendered = render_rays(scene, source, Settings(samples=samples))
-        times.append((rendered.cpu_seconds, rendered.seconds))
-    cpu, seconds = min(times)
-    return seconds, cpu
+def fastest(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> Rendered:
+    """Return the fastest of `rounds` renders; their times are without compilation."""
+    renders = (render_rays(scene, source, Settings(samples=samples)) for _ in range(rounds))
+    return min(renders, key=lambda rendered: rendered.cpu_seconds)
 
 
 def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
@@ -128,13 +122,13 @@ def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
         looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
         for antialias in looks if window <= sweep.antialiased_px else (False,):
             samples = SAMPLES if antialias else 1
-            seconds, cpu = render_source(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
-            yield _row("lippmann", setup, antialias, seconds, cpu, ours.cpu_seconds)
+            rendered = fastest(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
+            yield _row("lippmann", setup, antialias, rendered, ours)
         if window <= sweep.povray_px:
             exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
             for antialias in looks:
                 _, run = exported.render(*(ANTIALIAS if antialias else ()))
-                yield _row("POV-Ray", setup, antialias, run.seconds, run.cpu_seconds, theirs.cpu_seconds)
+                yield _row("POV-Ray", setup, antialias, run, theirs)
 
 
 def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
@@ -142,16 +136,17 @@ def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
     window = Window(side, side, base_px, base_px)
-    seconds, cpu = render_source(scene, eye_source(EYE_MM, window), SAMPLES)
-    ours = Timed("lippmann", "none", base_px, None, 0, True, seconds, cpu, 1.0)
+    rendered = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
+    ours = Timed("lippmann", "none", base_px, None, 0, True, rendered.seconds, rendered.cpu_seconds, 1.0)
     _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
     return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
 
 
-def _row(tracer: str, setup: Setup, antialias: bool, seconds: float, cpu: float, base: float) -> Timed:
+def _row(tracer: str, setup: Setup, antialias: bool, run: Rendered | Run, base: Timed) -> Timed:
     array, across = setup.display.array, setup.display.panel.width_px
     count = lenslets_in(setup.display)
-    return Timed(tracer, array.grid, across, array.pitch_mm, count, antialias, seconds, cpu, cpu / base)
+    relative = run.cpu_seconds / base.cpu_seconds
+    return Timed(tracer, array.grid, across, array.pitch_mm, count, antialias, run.seconds, run.cpu_seconds, relative)
 
 
 @dataclass(frozen=True)
@@ -224,18 +219,12 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
     """Return the page; `trial` adds that its windows are too small to measure anything."""
     found = findings(rows)
     ours, theirs = (row for row in rows if row.grid == "none")
-    shares = {
-        "": ["hexagonal against square", "anti-aliasing off against on"],
-        "lippmann": [found.hex_share, found.plain_share],
-        "POV-Ray": [found.povray_hex_share, found.povray_plain_share],
-        "the paper": [PAPER_HEX, PAPER_PLAIN],
-    }
     growth = {
         "window, px": sorted(found.growth),
         "lippmann": [found.growth[window] for window in sorted(found.growth)],
         "POV-Ray": [found.povray_growth.get(window) for window in sorted(found.growth)],
     }
-    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "shares": shares, "trial": trial}
+    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial}
     kept = {"seed": [row_of(row) for row in rows]}
     return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
 

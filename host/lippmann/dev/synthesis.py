@@ -76,13 +76,7 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
     """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
 
     Files are named from that folder: the tools see a temporary folder of their own in the place of the system's.
-
-    Raises
-    ------
-    LippmannError
-        When it fails: its first error.
-    MissingLibraryError
-        When it is not installed.
+    Raises LippmannError with the tool's first error, MissingLibraryError when it is not installed.
     """
     program = next(tool for tool in RTL_TOOLS if tool.name == command[0]).path()
     result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
@@ -105,14 +99,10 @@ def elaborate(named: Named) -> str:
 
 
 def place(named: Named, seed: int) -> dict[str, Any]:
-    """Synthesise, place and route a configuration, or return what is kept of it.
+    """Synthesise, place and route a configuration, or return what is kept of it, as a row of the page.
 
-    Returns
-    -------
-    dict
-        `stages` of the pipeline from pixel to ray; `mhz`, the clock after routing; cells of the whole design (`lut`,
-        `ff`, `mult18x18d`, `dp16kd`, `ramw`), of which `probe_ff` flip-flops are the probe's around the engine;
-        `limit`, where the slowest path begins and ends; `configuration`, `seed`, and `seconds` taken.
+    `stages` are those of the pipeline from pixel to ray; `mhz` is the clock after routing; the cells are those of the
+    whole design, of which `probe_ff` flip-flops are the probe's around the engine.
     """
     top = repository()
     versions = [importlib.metadata.version(name) for name in PACKAGES]

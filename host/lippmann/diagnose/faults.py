@@ -19,7 +19,6 @@ import numpy as np
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Floats
 from lippmann.display import Display, Grid
-from lippmann.engines import trace
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
@@ -60,7 +59,7 @@ class Variant(NamedTuple):
 
 def golden(given: Out) -> Arrays:
     """Return golden's rays and steps, by the names of a file's arrays."""
-    rays = trace(given.display, given.pixels, given.aperture, given.model)
+    rays = given.traced()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
         "centre_mm": rays.centre_mm,
@@ -109,11 +108,8 @@ def _with_number(name: str, value: Any, given: Out) -> Out:
 
 def variants(display: Display) -> Iterator[Variant]:
     """Yield the variants that make a difference on a display, in the order of the ray."""
-    yield from _panel_variants(display)
-    yield from _lattice_variants(display)
-    yield from _aim_variants(display)
-    yield from _dome_variants(display)
-    yield from _exit_variants(display)
+    for made in (_panel_variants, _lattice_variants, _aim_variants, _dome_variants, _exit_variants):
+        yield from made(display)
 
 
 def _panel_variants(display: Display) -> Iterator[Variant]:
@@ -397,10 +393,8 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
 
 
 def _near(display: Display) -> Floats:
-    """Return shares of a pitch, or turns in radians, each of which moves the panel's corner by `CORNER` pitches more.
-
-    On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
-    """
+    """Return shares of a pitch, or turns in radians, that move the panel's corner by steps of `CORNER` pitches."""
+    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
     panel = display.panel
     step = CORNER * display.array.pitch_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     most = int(NEAR / step)

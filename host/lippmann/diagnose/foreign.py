@@ -43,12 +43,8 @@ class Foreign:
 def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None) -> Foreign:
     """Read `.npz` (arrays as `lippmann trace` writes them), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs; by default `inputs.mem` beside the file.
-
-    Raises
-    ------
-    InputError
-        For files that cannot be read or are not complete.
+    `inputs` is the `.mem` of the inputs; by default `inputs.mem` beside the file. Raises InputError for files that
+    cannot be read or are not complete.
     """
     if not path.is_file():
         raise input_error(str(path), "no such file", "give a .npz, .csv or .mem file of rays")

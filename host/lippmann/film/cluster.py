@@ -41,15 +41,9 @@ def render_on_cluster(
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
     shots are distributed in their order. `log` is called with a message when no worker is left.
 
-    Raises
-    ------
-    InputError
-        When no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a different
-        scene or different versions.
-    DeviceError
-        When the scheduler is lost, or a shot crashes several workers.
-    MissingLibraryError
-        When Dask is missing here, or Lippmann on a worker.
+    Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
+    different scene or different versions; DeviceError when the scheduler is lost, or a shot crashes several workers;
+    MissingLibraryError when Dask is missing here, or Lippmann on a worker.
     """
     if not shots:
         return

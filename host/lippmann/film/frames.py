@@ -49,24 +49,19 @@ def write_frames(
     folder: Path,
     shots: Sequence[Shot],
     render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, IntegralImage]]],
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None],
 ) -> int:
     """Render and write those of a film's frames that the folder lacks; return their number.
 
     `render` yields the image of each given shot, in any order. `progress` is called with (frames there, frames in all).
 
-    Raises
-    ------
-    InputError
-        As `render`, or when a file cannot be written.
+    Raises InputError as `render`, or when a file cannot be written.
     """
     missing = [shot for shot in shots if not is_rendered(folder, shot)]
     done = len(shots) - len(missing)
-    if progress is not None:
-        progress(done, len(shots))
+    progress(done, len(shots))
     for shot, image in render(missing):
         image.save(frame_path(folder, shot.frame))
         done += 1
-        if progress is not None:
-            progress(done, len(shots))
+        progress(done, len(shots))
     return len(missing)

@@ -33,20 +33,10 @@ class Shot:
     film: Film
     frame: Annotated[int, key("the frame's number")]
     digest: Annotated[str, key("`digest_of` the scene")]
-    rest: Annotated[Placement, key("of the scene by its own file")]
-    scale: Annotated[float, key("factor of the film's size, about the display's centre")]
+    moves: Annotated[tuple[Move, ...], key("motions of the scene's shapes")]
+    placement: Annotated[Placement, key("of the scene before the display")]
     display: Display
     options: Annotated[RenderOptions, key("how to render")]
-
-    @property
-    def moves(self) -> tuple[Move, ...]:
-        """Motions of the scene's shapes."""
-        return self.film.moves(self.frame, self.rest)
-
-    @property
-    def placement(self) -> Placement:
-        """The scene's placement before the display."""
-        return self.film.placement(self.frame, self.rest, self.scale)
 
     @property
     def identity(self) -> str:
@@ -68,13 +58,13 @@ class Shot:
 def shots_of(film: Film, display: Display, options: RenderOptions, scale: float = 1.0) -> list[Shot]:
     """Return the shots of a film that is scaled about the display's centre.
 
-    Raises
-    ------
-    InputError
-        When the scene cannot be read, or its own placement is invalid.
+    Raises InputError when the scene cannot be read, or its own placement is invalid.
     """
     digest, rest = digest_of(film.scene), placement_beside(film.scene)
-    return [Shot(film, frame, digest, rest, scale, display, options) for frame in range(film.frames)]
+    return [
+        Shot(film, frame, digest, film.moves(frame, rest), film.placement(frame, rest, scale), display, options)
+        for frame in range(film.frames)
+    ]
 
 
 def render_shot(shot: Shot) -> IntegralImage:

@@ -27,15 +27,15 @@ def write_video(
 
     .mkv is FFV1, lossless; .mp4 is H.264, for which width and height must be even.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
-    MissingLibraryError
-        When there is no ffmpeg.
+    Raises InputError when the file cannot be written; MissingLibraryError when there is no ffmpeg.
     """
     path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
-    ffmpeg = _ffmpeg()
+    try:
+        import imageio_ffmpeg as ffmpeg
+
+        ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise MissingLibraryError(f"ffmpeg is missing ({error}); run make setup") from None
     if path.suffix.lower() in LOSSLESS_SUFFIXES:
         kind: dict[str, Any] = {"codec": "ffv1", "pix_fmt_out": "bgr0", "quality": None}
     else:
@@ -43,6 +43,7 @@ def write_video(
         convert = ("-vf", "scale=out_color_matrix=bt709:out_range=tv")
         kind = {"codec": "libx264", "quality": 7, "output_params": [*colours, *convert, "-movflags", "+faststart"]}
     count = 0
+    unwritten = input_error(str(path), "cannot be written (ffmpeg stopped)", "free space or choose another place")
     with replacing(path) as partial:
         writer = ffmpeg.write_frames(
             str(partial), (width_px, height_px), fps=Fraction(frames_per_second).limit_denominator(1000),
@@ -54,7 +55,7 @@ def write_video(
                 writer.send(np.ascontiguousarray(frame))
                 count += 1
         except OSError:  # ffmpeg has ended; its message is too long to show
-            raise _unwritten(path) from None
+            raise unwritten from None
         finally:
             writer.close()
         # imageio_ffmpeg hides ffmpeg's exit code; a full disk shows as missing frames.
@@ -63,19 +64,5 @@ def write_video(
         except (RuntimeError, OSError):  # not a video
             written = -1
         if int(written) != count:
-            raise _unwritten(path)
+            raise unwritten
     return count
-
-
-def _unwritten(path: Path) -> Exception:
-    return input_error(str(path), "cannot be written (ffmpeg stopped)", "free space or choose another place")
-
-
-def _ffmpeg() -> Any:
-    try:
-        import imageio_ffmpeg
-
-        imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError) as error:
-        raise MissingLibraryError(f"ffmpeg is missing ({error}); run make setup") from None
-    return imageio_ffmpeg

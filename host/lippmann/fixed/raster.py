@@ -111,14 +111,9 @@ def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
     """Return the table entries (N,) nearest to points on the pixel and aperture points.
 
-    Raises InputError for more than 64 entries, for arrays of other shapes, and for entries out of range.
-
-    Parameters
-    ----------
-    offset_px
-        (N, 2), pixels from the pixel's centre, to the right and upward, in [-1/2, 7/16]; rounded to 1/16.
-    aim
-        (N, 2), in pitches and rows from the lenslet's centre, in [-2, 2 - 1/1024]; rounded to 1/1024.
+    `offset_px` (N, 2) is in pixels from the pixel's centre, to the right and upward, in [-1/2, 7/16], rounded to 1/16;
+    `aim` (N, 2) in pitches and rows from the lenslet's centre, in [-2, 2 - 1/1024], rounded to 1/1024. Raises
+    InputError for more than 64 entries, for arrays of other shapes, and for entries out of range.
     """
     if offset_px.ndim != 2 or offset_px.shape[1] != 2 or offset_px.shape != aim.shape:
         raise InputError(

@@ -97,47 +97,33 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 class PacketReader:
     """Finds packets in any bytes; drops an invalid packet and continues after the next delimiter.
 
-    Keeps no more bytes than the longest packet has.
+    Keeps at most one byte more than the longest packet has.
     """
 
     def __init__(self) -> None:
         self.counts = Counts()
-        self._held = bytearray()
-        self._overlong = False
+        self._held = b""
 
     def feed(self, data: bytes) -> list[Packet]:
         """Read the next bytes of the line; return the valid packets that end in them."""
         self.counts.bytes += len(data)
+        *ended, unfinished = (self._held + data).split(DELIMITER)
+        # One byte too many is enough to refuse the packet at its end.
+        self._held = unfinished[: MAX_STUFFED + 1]
         packets = []
-        *ended, unfinished = data.split(DELIMITER)
-        for part in ended:
-            self._hold(part)
-            packets.append(self._end())
-        self._hold(unfinished)
-        return [packet for packet in packets if packet is not None]
-
-    def _hold(self, part: bytes) -> None:
-        """Keep a part of a packet, unless the packet is too long."""
-        self._overlong = self._overlong or len(self._held) + len(part) > MAX_STUFFED
-        if self._overlong:
-            self._held.clear()
-        else:
-            self._held += part
-
-    def _end(self) -> Packet | None:
-        """Return the packet that ends here, if it is valid."""
-        found = Fault.LONG if self._overlong else _parsed(bytes(self._held)) if self._held else None
-        self._held.clear()
-        self._overlong = False
-        if isinstance(found, Fault):
-            self.counts.dropped[found] += 1
-            return None
-        self.counts.accepted += found is not None
-        return found
+        for found in map(_parsed, filter(None, ended)):
+            if isinstance(found, Fault):
+                self.counts.dropped[found] += 1
+            else:
+                packets.append(found)
+        self.counts.accepted += len(packets)
+        return packets
 
 
 def _parsed(stuffed: bytes) -> Packet | Fault:
     """Return the packet that COBS encoded as these bytes, or its fault."""
+    if len(stuffed) > MAX_STUFFED:
+        return Fault.LONG
     try:
         data = bytes(cobs.decode(stuffed))
     except cobs.DecodeError:

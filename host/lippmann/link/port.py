@@ -35,14 +35,8 @@ ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
     """Open a port for this program alone: a URL of pyserial's `serial_for_url`. Its reads and writes do not block.
 
-    Raises
-    ------
-    InputError
-        For an invalid URL or baud rate.
-    NoBoardError
-        When the port does not exist, is busy, needs a permission, or refuses the connection.
-    DeviceError
-        When the port does not support the baud rate.
+    Raises InputError for an invalid URL or baud rate; NoBoardError when the port does not exist, is busy, needs a
+    permission, or refuses the connection; DeviceError when the port does not support the baud rate.
     """
     if not url:
         raise InputError("an empty port; give a device, or socket://HOST:PORT")
@@ -143,12 +137,6 @@ class Line:
         except (OSError, AttributeError):  # rfc2217:// and loop:// have none
             self._fileno = None
             self._port.write_timeout = None
-
-    def __enter__(self) -> Line:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the port."""

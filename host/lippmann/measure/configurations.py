@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from lippmann.images import Radiance, psnr_db
-from lippmann.measure.engines import Sample, errors
+from lippmann.measure.engines import errors, random_rays
 from lippmann.measure.figures import Figures, Measured, groups, in_turn, read_csv
 from lippmann.measure.pictures import Pictures
 from lippmann.measure.plan import Plan
@@ -35,20 +35,16 @@ SYNTHESIS = "docs/reports/synthesis.csv"
 KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 
-class PlacedFigures(NamedTuple):
-    """The kept figures of place-and-route: their origin, and those of `PLACED` of each configuration."""
+def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
+    """Read the kept figures of place-and-route: their origin, and those of `PLACED` of each configuration.
 
-    origin: dict[str, str]
-    of: dict[str, dict[str, float]]
-
-
-def placed() -> PlacedFigures:
-    """Read the kept figures of place-and-route; raise InputError when the file is missing or lacks a column."""
+    Raises InputError when the file is missing or lacks a column.
+    """
     path = repository() / SYNTHESIS
     origin, rows = read_csv(path)
     try:
-        return PlacedFigures(origin, {row["configuration"]: {key: float(row[key]) for key in PLACED} for row in rows})
-    except (KeyError, ValueError) as error:
+        return origin, {row["configuration"]: {key: float(row[key]) for key in PLACED} for row in rows}
+    except (KeyError, TypeError, ValueError) as error:
         raise input_error(str(path), f"holds no figures of place-and-route ({error})", "run make synth") from None
 
 
@@ -62,7 +58,7 @@ def configurations(plan: Plan) -> list[Named]:
 
 def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display with its grid."""
-    chosen, sizes = configurations(plan), placed()
+    chosen, (_, sizes) = configurations(plan), placed()
     log("configurations of the RTL: simulation ...")
     runs = {
         c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
@@ -84,13 +80,13 @@ def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> 
         log(f"configurations of the RTL: {named.name} ...")
         build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
-        sample = Sample.of(display, aperture, plan.rays, seed)
+        sample = random_rays(display, aperture, plan.rays, seed)
         words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
-        found = errors(sample.traced("exact"), twin, pictures(display).scene.depth_range_mm)
+        found = errors(sample.traced(), twin, pictures(display).scene.depth_range_mm)
         picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
         own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
-        size = sizes.of.get(named.name)
+        size = sizes.get(named.name)
         keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
         rows.append(
             {
@@ -107,15 +103,10 @@ def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> 
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Tell which designs no other design dominates.
+    """Tell which designs no other design dominates, from costs (N, columns); turn the sign of what should be large.
 
     One dominates another when it costs no more in any column, and less in one. Designs of equal cost do not dominate
     each other.
-
-    Parameters
-    ----------
-    costs
-        (N, columns), less is better. Turn the sign of what should be large.
     """
     cost = np.asarray(costs, np.float64)
     no_more = (cost[:, None] <= cost[None]).all(axis=2)

@@ -19,14 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.capturing.capture import capture
-from lippmann.capturing.depths import appearance, image_distance
+from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.setup import Setup, load_setup
 from lippmann.images import Radiance
 from lippmann.observer import Eye, observe, whole_window
-from lippmann.optics.rays import Model
+from lippmann.optics.rays import Floats, Model
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene, load_scene, placement_beside
@@ -53,9 +52,6 @@ MARK_TEXELS = 256
 SHARE = 0.05
 #: The eye's places for the views of the fish, mm.
 VIEW_EYES_MM = (-10.0, 10.0)
-
-Floats = npt.NDArray[np.float64]
-
 
 #: A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x, mm.
 Look = tuple[Model, Floats]
@@ -141,8 +137,8 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
                     "rotated": rotated,
                     "thing": thing,
                     "object_mm": setup.subject.distance_mm - z_mm,
-                    "image_mm": float(image_distance(setup, z_mm)),
-                    "theory_mm": float(appearance(setup, z_mm, rotated).depth_mm),
+                    "image_mm": float(setup.image_distance(z_mm)),
+                    "theory_mm": float(shown_depth(setup, z_mm, rotated)),
                     "centres_mm": centres_mm,
                     "lenslets_mm": lenslets_mm,
                     "wide_mm": wide_mm,

@@ -6,7 +6,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.digits import exact_array, size, true_rays
+from lippmann.conditioning.search import random_aims
 from lippmann.display import Display, load_display
-from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import aims_of_words, words_of_aims
 from lippmann.fixed.words import WIDEST
@@ -24,7 +24,7 @@ from lippmann.measure.figures import Figures, Measured, in_turn
 from lippmann.measure.pictures import Pictures
 from lippmann.measure.plan import Plan
 from lippmann.measure.simulation import Simulation
-from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
@@ -43,12 +43,9 @@ TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MO
 def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
     """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
 
-    Returns
-    -------
-    dict
-        `max_` and `rms_` of `urad`, the angle between the directions; `nm`, the distance where they cross the plane of
-        the lenslets' vertices; `mm`, the distance at two depths z, of each ray the larger. `other_fates` counts the
-        rays whose status or lenslet differs.
+    `max_` and `rms_` are of `urad`, the angle between the directions; of `nm`, the distance where they cross the plane
+    of the lenslets' vertices; of `mm`, the distance at two depths z, of each ray the larger. `other_fates` counts the
+    rays whose status or lenslet differs.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
@@ -74,42 +71,17 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
     return {**most, **rms, "other_fates": float((~same).sum())}
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Rays of a display that every engine takes as they are.
+def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> Out:
+    """Return rays that every engine takes as they are, from the centres of random pixels.
 
-    `pixels` (N, 2) holds centres of random pixels; `aperture` (N, 2) points of the lenslet's cell, mm, that are words
-    of the widest twin, or None for chief rays.
+    They are chief rays, or aim at points of the lenslet's cell that are words of the widest twin.
     """
-
-    display: Display
-    pixels: Floats
-    aperture: Floats | None
-
-    @classmethod
-    def of(cls, display: Display, aperture: str, count: int, seed: int) -> Sample:
-        """Draw random rays."""
-        panel, array = display.panel, display.array
-        random = np.random.default_rng(seed)
-        pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
-        if aperture == "chief":
-            return cls(display, pixels, None)
-        s, t = random.uniform(0.0, 1.0, (2, count))
-        points = np.stack(square_to_cell(NumpyBackend(), s, t, array.grid, array.pitch_mm), axis=1)
-        words = words_of_aims(display, points, WIDEST)
-        return cls(display, pixels, aims_of_words(display, *words, WIDEST))
-
-    def first(self, count: int) -> Sample:
-        """Return the first rays."""
-        return Sample(self.display, self.pixels[:count], None if self.aperture is None else self.aperture[:count])
-
-    def traced(self, model: Model, engine: Engine = "golden", device: str = "llvm") -> Rays:
-        """Trace them with an engine."""
-        return trace(self.display, self.pixels, self.aperture, model, engine, device)
-
-    def digits(self, model: Model) -> Rays:
-        """Trace them in 50 digits."""
-        return true_rays(Out("sample", self.display, self.pixels, self.aperture, model))
+    panel, random = display.panel, np.random.default_rng(seed)
+    pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
+    if aperture == "chief":
+        return Out("sample", display, pixels, None)
+    words = words_of_aims(display, random_aims(display, random, count), WIDEST)
+    return Out("sample", display, pixels, aims_of_words(display, *words, WIDEST))
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
@@ -147,7 +119,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
 
 
 def rates_of(
-    sample: Sample, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
+    sample: Out, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
 ) -> dict[tuple[Model, Engine], list[float]]:
     """Return the rays/s of each model and engine in each round."""
     display, count = sample.display, len(sample.pixels)
@@ -159,9 +131,11 @@ def rates_of(
             build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
             return Simulation(display, build, seed, count, model).rtl_rate
 
+        rays = replace(sample, model=model)
+
         def arrays() -> float:
             started = time.perf_counter()
-            sample.traced(model, engine)
+            rays.traced(engine)
             return count / (time.perf_counter() - started)
 
         return arrays
@@ -182,17 +156,17 @@ def measure_rays(
 
     The own errors, `own_...`, are those against golden with the same model; golden's own are against 50 digits.
     """
-    sample = Sample.of(display, aperture, plan.rays, seed)
-    some = sample.first(plan.digits_rays)
-    rates = rates_of(sample.first(plan.timed_rays), aperture, models, engines, plan, seed)
-    exact = sample.traced("exact")
+    sample = random_rays(display, aperture, plan.rays, seed)
+    rates = rates_of(sample.some(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
+    exact = sample.traced()
     rows = []
     for model in models:
-        golden = sample.traced(model)
+        sample = replace(sample, model=model)
+        golden, some = sample.traced(), sample.some(slice(plan.digits_rays))
         for engine in engines:
-            rays = golden if engine == "golden" else sample.traced(model, engine, current_device())
+            rays = golden if engine == "golden" else sample.traced(engine, current_device())
             if engine == "golden":
-                own = errors(some.digits(model), some.traced(model), depths_mm) if plan.digits_rays else {}
+                own = errors(true_rays(some), some.traced(), depths_mm) if plan.digits_rays else {}
             else:
                 own = errors(golden, rays, depths_mm)
             whole = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)

@@ -129,13 +129,13 @@ def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
         raise _broken(path, "holds no measured values with their spread")
     try:
         values = [{c: row[c] if c in keys else _measured(row, c) for c in (*keys, *figures)} for row in rows]
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise _broken(path, str(error)) from None
     return origin, Figures(path.stem, keys, values)
 
 
-def _measured(row: Mapping[str, str], column: str) -> Measured | None:
-    if not row[column]:
+def _measured(row: Row, column: str) -> Measured | None:
+    if row[column] is None:
         return None
     value = Measured(float(row[column]), float(row[column + SPREAD]))
     if not (math.isfinite(value.median) and value.spread >= 0.0):
@@ -143,10 +143,11 @@ def _measured(row: Mapping[str, str], column: str) -> Measured | None:
     return value
 
 
-def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
-    """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows, all values as text.
+def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
+    """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows.
 
-    Raises InputError when the file cannot be read, or a row has another number of values than the heading.
+    Numbers are read as numbers, empty cells as None. Raises InputError when the file cannot be read, or a row has
+    another number of values than the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -158,7 +159,15 @@ def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     if any(None in row or None in row.values() for row in rows):
         raise _broken(path, "has rows of another length than its heading")
-    return {key.strip(): value.strip() for key, _, value in origin}, rows
+    values = [{key: _value(text) for key, text in row.items()} for row in rows]
+    return {key.strip(): value.strip() for key, _, value in origin}, values
+
+
+def _value(text: str) -> Any:
+    try:
+        return int(text) if text.isdecimal() else float(text)
+    except ValueError:
+        return text or None
 
 
 def _broken(path: Path, what: str) -> InputError:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.conditioning import word_sets
 from lippmann.conditioning.word_sets import Words
@@ -24,14 +23,12 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named, chosen
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.words import WIDEST, Ints
+from lippmann.fixed.words import WIDEST, Bools, Ints
 from lippmann.measure.figures import Figures, Measured
 from lippmann.measure.plan import Plan
 from lippmann.measure.stages import hybrid, steps_of
 from lippmann.optics.rays import Floats, Rays, Status, gets_through
 from lippmann.optics.system import System
-
-Bools = npt.NDArray[np.bool_]
 
 #: Rays of each adversarial set, and of the budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
@@ -205,7 +202,7 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
     build = named.build
     random = np.random.default_rng(seed)
     count = min(count, WHOLE)
-    words = Words(*word_sets.random_pixels(display, random, count), *word_sets.cell_aims(build, random, count))
+    words = Words(*word_sets.random_pixels(display, random, count), *word_sets.cell_aims(display, build, random, count))
     config = configuration(display, build, build.model)
     pixel = pixels_of_words(display, words.u, words.v)
     golden = trace(display, pixel, word_sets.aims_of(display, build, words), build.model)

@@ -10,11 +10,7 @@ from lippmann.conditioning.measure import Row, measure_fixed
 from lippmann.conditioning.measure import measure as measure_engines
 from lippmann.display import load_display
 from lippmann.fixed.words import COMPACT, WIDEST
-from lippmann.optics.rays import Engine
 from lippmann.sim.harness import rtl_pipeline
-
-#: Engines that are compared with 50 digits.
-REAL: tuple[Engine, ...] = ("golden", "fast")
 
 
 def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) -> tuple[list[Row], list[Row]]:
@@ -28,7 +24,7 @@ def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) ->
     for display in (one for pair in zip(shipped, turned, strict=True) for one in pair):
         log(f"{display.name}, plano side to the {display.array.plano_side} ...")
         for rays in hard_sets(display, "all", seed):
-            real += measure_engines(rays, REAL, device)
+            real += measure_engines(rays, ("golden", "fast"), device)
             if isinstance(rays, Out):
                 fixed.append(measure_fixed(rays, COMPACT))
                 fixed.append(measure_fixed(rays, WIDEST, rtl_pipeline))

@@ -67,12 +67,7 @@ def steps_of(build: Build) -> list[str]:
 def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple[Floats, Floats, Floats]:
     """Run the first `cut` steps of an exact build in integers and the others in float64.
 
-    Returns
-    -------
-    point, direction
-        Of the exit ray, (N, 3), the point in radii from the lenslet's vertex.
-    lenslet
-        (N, 2), whole numbers.
+    Returns the exit rays' points (N, 3), in radii from the lenslet's vertex, directions (N, 3), and lenslets (N, 2).
     """
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)

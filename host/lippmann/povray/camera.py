@@ -9,12 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from lippmann.optics.rays import Floats
 from lippmann.povray.text import block, rows, vector
 from lippmann.rendering.placement import Triple
-
-Floats = npt.NDArray[np.float64]
 
 #: Size of the triangles that define rays, mm: POV-Ray stores their corners in float32, which 100 mm from the origin
 #: rotates the normal of a triangle of 10 mm by a microradian.

@@ -90,10 +90,7 @@ class View:
 def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     """Write all files; they appear in `folder`, which is made when missing, all at once.
 
-    Raises
-    ------
-    InputError
-        When POV-Ray cannot express a part of the scene, or the folder cannot be written.
+    Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
     """
     check_folder(folder)
     name = plain(scene.path.stem)
@@ -154,10 +151,8 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     The lenslets are not in POV-Ray's scene: each pixel's line of sight is traced from in front of the scene towards the
     display, which no camera behind lenslets can do. The golden engine computes the rays, one for each pixel.
 
-    Raises
-    ------
-    InputError
-        When the panel has colour stripes or too many pixels, or POV-Ray cannot express a part of the scene.
+    Raises InputError when the panel has colour stripes or too many pixels, or POV-Ray cannot express a part of the
+    scene.
     """
     panel = display.panel
     if panel.subpixels != "none":

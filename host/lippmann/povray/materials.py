@@ -3,7 +3,7 @@
 **Factors.** A diffuse surface in Mitsuba has the radiance a / pi times the irradiance E = I cos / d^2 of a point light
 of intensity I. In POV-Ray, `diffuse 1` has the radiance a c cos for a light of colour c, times 2 / (1 + (d / f)^2) with
 `fade_power 2` and `fade_distance f`, which is 2 f^2 / d^2 for small f. Both agree when c = I / (2 pi f^2), as
-`point_light` writes it, to a relative f^2 / d^2: a millionth at 1 mm.
+`povray.scene` writes it, to a relative f^2 / d^2: a millionth at 1 mm.
 
 The diffuse part of a smooth plastic is a (1 - F(i)) (1 - F(o)) / (eta^2 (1 - Fdr)) in Mitsuba, with the Fresnel
 reflectances F of both directions. POV-Ray has no such factors; those of normal incidence are used, which are accurate
@@ -13,7 +13,6 @@ to 2 % up to 50 degrees and too bright beyond. The specular reflection follows F
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -22,9 +21,6 @@ from lippmann.povray.source import Item
 from lippmann.povray.text import block, identifier, number, plain, vector
 from lippmann.rendering.placement import Triple
 from lippmann.variant import mitsuba
-
-#: Fade distance of point lights, mm.
-FADE_MM = 1e-3
 
 SUBSET = "use diffuse, plastic, conductor (a mirror) or dielectric, two-sided or not"
 
@@ -76,6 +72,7 @@ def _plain(colour: Triple, finish: str) -> Side:
     return Side(pigment, pigment, finish)
 
 
+WHITE = (1.0, 1.0, 1.0)
 BLACK = _plain((0.0, 0.0, 0.0), "diffuse 0")
 CLEAR = block("pigment", "rgbt <1, 1, 1, 1>")
 
@@ -84,8 +81,7 @@ class Materials:
     """Reads each material once, and copies its image textures into the exported folder."""
 
     def __init__(self, folder: Path) -> None:
-        mi = mitsuba()
-        self._mi = mi
+        self._mi = mitsuba()
         self._folder = folder
         self._known: dict[int, Material] = {}
         self._pictures: dict[tuple[Path, bool], str] = {}
@@ -94,63 +90,52 @@ class Materials:
         """Return the material of a BSDF; InputError names the part that POV-Ray cannot express."""
         if item.index not in self._known:
             name = identifier("material", len(self._known), item.id)
-            self._known[item.index] = self._read(item, name)
+            if item.plugin == "twosided":
+                (front, index), *others = [self._one(inner) for inner in item.children()]
+                item.refuse_leftovers()
+                back = others[-1][0] if others else front
+            else:
+                front, index = self._one(item)
+                back = front if front.pigment == CLEAR else BLACK
+            self._known[item.index] = Material(name, front, back, index)
         return self._known[item.index]
-
-    def _read(self, item: Item, name: str) -> Material:
-        if item.plugin == "twosided":
-            sides = [self._one(inner) for inner in item.children()]
-            item.refuse_leftovers()
-            return Material(name, sides[0][0], sides[-1][0], sides[0][1])
-        front, index = self._one(item)
-        return Material(name, front, front if front.pigment == CLEAR else BLACK, index)
 
     def _one(self, item: Item) -> tuple[Side, float | None]:
         """Return the look of a material's front, and the index of what it encloses."""
-        readers = {
-            "diffuse": self._diffuse,
-            "conductor": self._mirror,
-            "dielectric": self._glass,
-            "plastic": self._plastic,
-        }
-        if item.plugin not in readers:
-            raise item.refusal("has no counterpart in POV-Ray", SUBSET)
-        side = readers[item.plugin](item)
+        index = None
+        match item.plugin:
+            case "diffuse":
+                side = self._coloured(item, "reflectance", "diffuse 1")
+            case "conductor":
+                if item.value("material", "Cu") != "none" or item.has("eta") or item.has("k"):
+                    raise item.refusal("has a complex index", "give material none and a specular_reflectance")
+                tint = item.triple("specular_reflectance", WHITE)
+                side = _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}")
+            case "dielectric":
+                for name in ("specular_reflectance", "specular_transmittance"):
+                    if item.triple(name, WHITE) != WHITE:
+                        raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
+                side = Side(CLEAR, CLEAR, "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy")
+                index = self._index(item, "bk7")
+            case "plastic":
+                if item.value("nonlinear", False):
+                    raise item.refusal("is nonlinear", "leave nonlinear out")
+                tint = item.triple("specular_reflectance", WHITE)
+                index = self._index(item, "1.49")
+                normal = ((index - 1.0) / (index + 1.0)) ** 2
+                inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
+                diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
+                finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
+                side = self._coloured(item, "diffuse_reflectance", finish)
+            case _:
+                raise item.refusal("has no counterpart in POV-Ray", SUBSET)
         item.refuse_leftovers()
-        return side
+        return side, index
 
-    def _diffuse(self, item: Item) -> tuple[Side, float | None]:
-        return self._coloured(item, "reflectance", "diffuse 1"), None
-
-    def _mirror(self, item: Item) -> tuple[Side, float | None]:
-        if item.value("material", "Cu") != "none" or item.has("eta") or item.has("k"):
-            raise item.refusal("has a complex index", "give material none and a specular_reflectance")
-        tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
-        return _plain((0.0, 0.0, 0.0), f"diffuse 0 reflection {{ rgb {vector(tint)} }}"), None
-
-    def _glass(self, item: Item) -> tuple[Side, float | None]:
-        for name in ("specular_reflectance", "specular_transmittance"):
-            if item.triple(name, (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
-                raise item.refusal(f"has a {name} other than 1", "leave it out: clear glass")
-        finish = "diffuse 0 reflection { 0, 1 fresnel on } conserve_energy"
-        return Side(CLEAR, CLEAR, finish), self._index(item)
-
-    def _plastic(self, item: Item) -> tuple[Side, float | None]:
-        if item.value("nonlinear", False):
-            raise item.refusal("is nonlinear", "leave nonlinear out")
-        tint = item.triple("specular_reflectance", (1.0, 1.0, 1.0))
-        index = self._index(item)
-        normal = ((index - 1.0) / (index + 1.0)) ** 2
-        inner = float(self._mi.fresnel_diffuse_reflectance(1.0 / index)[0])
-        diffuse = (1.0 - normal) ** 2 / (index**2 * (1.0 - inner))
-        finish = f"diffuse {number(diffuse)} reflection {{ rgb 0, rgb {vector(tint)} fresnel on }}"
-        return self._coloured(item, "diffuse_reflectance", finish), index
-
-    def _index(self, item: Item) -> float:
-        """Return the relative index; names are looked up in Mitsuba's own table of materials."""
-        # Defaults from the documentation of Mitsuba's dielectric and plastic.
-        inside = item.value("int_ior", "bk7" if item.plugin == "dielectric" else "1.49")
-        given: dict[str, float | str] = {"int_ior": inside, "ext_ior": item.value("ext_ior", "air")}
+    def _index(self, item: Item, default: str) -> float:
+        """Return the relative index, by default Mitsuba's; it looks up names in its own table of materials."""
+        given: dict[str, float | str] = {"int_ior": item.value("int_ior", default)}
+        given["ext_ior"] = item.value("ext_ior", "air")
         for name, value in given.items():
             with contextlib.suppress(ValueError):  # the name of a material
                 given[name] = float(value)
@@ -190,19 +175,8 @@ class Materials:
                 raise texture.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
             if bitmap.component_format() != self._mi.Struct.Type.UInt8:
                 raise texture.refusal("has more than 8 bits a colour", "save it as an 8-bit PNG")
-            taken = set(self._pictures.values())
-            stem = plain(path.stem)
-            while f"{stem}.png" in taken:
-                stem += "_"
-            bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma()).write(
-                str(self._folder / f"{stem}.png")
-            )
-            self._pictures[key] = f"{stem}.png"
+            name = f"{plain(path.stem)}-{len(self._pictures)}.png"
+            bitmap = bitmap.convert(self._mi.Bitmap.PixelFormat.RGB, self._mi.Struct.Type.UInt8, bitmap.srgb_gamma())
+            bitmap.write(str(self._folder / name))
+            self._pictures[key] = name
         return self._pictures[key]
-
-
-def point_light(position_mm: Triple, intensity: Triple) -> str:
-    """Return a point light of an intensity (radiance times mm^2)."""
-    colour = [value / (2.0 * math.pi * FADE_MM**2) for value in intensity]
-    fade = f"fade_distance {number(FADE_MM)} fade_power 2"
-    return block("light_source", f"{vector(position_mm)} rgb {vector(colour)}", fade)

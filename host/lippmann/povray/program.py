@@ -29,12 +29,8 @@ class Run:
 def run_povray(ini: Path, *options: str) -> Run:
     """Render an exported folder's .ini file; options of POV-Ray override the file's.
 
-    Raises
-    ------
-    InputError
-        When POV-Ray refuses the files, with its first error.
-    MissingLibraryError
-        When POV-Ray is not installed.
+    Raises InputError when POV-Ray refuses the files, with its first error; MissingLibraryError when POV-Ray is not
+    installed.
     """
     program = POVRAY.path()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -5,15 +5,16 @@ The result is in the display's frame, in mm: points and matrices include the pla
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.povray.materials import Material, Materials, point_light
+from lippmann.povray.materials import Material, Materials
 from lippmann.povray.source import Item, Tree
-from lippmann.povray.text import block, identifier, matrix, plain, rows
+from lippmann.povray.text import block, identifier, matrix, number, plain, rows, vector
 from lippmann.rendering.placement import ORIGIN, Placement
 from lippmann.variant import mitsuba
 
@@ -22,6 +23,8 @@ Array = npt.NDArray[Any]
 #: Objects of a scene file that are no part of the scene.
 ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
 SHAPES = ("sphere", "rectangle", "ply", "obj")
+#: Fade distance of point lights, mm.
+FADE_MM = 1e-3
 #: Vertices of a mesh closer than this share of its size count as one vertex.
 GRAIN = 1e-6
 
@@ -50,18 +53,19 @@ def write_scene(path: Path, placement: Placement, folder: Path) -> None:
 def _light(item: Item, placement: Placement) -> str:
     if item.plugin != "point":
         raise item.refusal("has no counterpart in POV-Ray", "use point lights")
-    x, y, z, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
+    *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
     # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
-    area = placement.scale**2
-    red, green, blue = item.triple("intensity", (1.0, 1.0, 1.0))
+    intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
     item.refuse_leftovers()
-    return point_light((x, y, z), (area * red, area * green, area * blue))
+    fade = f"fade_distance {number(FADE_MM)} fade_power 2"
+    colour = intensity / (2.0 * math.pi * FADE_MM**2)
+    return block("light_source", f"{vector(position)} rgb {vector(colour)}", fade)
 
 
 def _shape(
-    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, number: int
+    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, place: int
 ) -> list[str]:
-    """Return the objects of a shape, and add its textures to those declared; `number` makes its names unique."""
+    """Return the objects of a shape, and add its textures to those declared; `place` makes its names unique."""
     if item.plugin not in SHAPES:
         raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
     material = None
@@ -73,12 +77,21 @@ def _shape(
         raise item.refusal("has no material", "give it one")
     if material.clear and item.plugin == "rectangle":
         raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
-    if item.plugin == "sphere":
-        geometry = _sphere(item, placement)
-    else:
-        geometry = _mesh(item, material, placement, folder, number)
+    spherical = item.plugin == "sphere"
+    # `@` stands for texture and interior.
+    geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, folder, place)
     item.refuse_leftovers()
-    return _object(geometry, material, textures, spherical=item.plugin == "sphere")
+    declared = material.declarations(spherical)
+    textures.update(declared)
+    front, back = next(iter(declared)), list(declared)[-1]
+    look = f"texture {{ {front} }} interior_texture {{ {back} }}"
+    if material.index is not None:
+        look += f" interior {{ ior {material.index:.9g} }}"
+    if not material.clear:
+        return [geometry.replace("@", look)]
+    # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.
+    shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
+    return [geometry.replace("@", f"{look} no_shadow"), shadow]
 
 
 def _sphere(item: Item, placement: Placement) -> str:
@@ -95,7 +108,7 @@ def _sphere(item: Item, placement: Placement) -> str:
     return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
 
 
-def _mesh(item: Item, material: Material, placement: Placement, folder: Path, number: int) -> str:
+def _mesh(item: Item, material: Material, placement: Placement, folder: Path, place: int) -> str:
     """Write a mesh's file and return the lines that include it."""
     mesh, stem = _load(item)
     points = _column(mesh.vertex_positions_buffer(), 3)
@@ -119,9 +132,9 @@ def _mesh(item: Item, material: Material, placement: Placement, folder: Path, nu
     elif material.pictures:
         raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
     parts["face_indices"] = faces
-    name = f"{stem}-{number}.inc"
+    name = f"{stem}-{place}.inc"
     body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())
-    declared = identifier("mesh", number, stem)
+    declared = identifier("mesh", place, stem)
     (folder / name).write_text(f"#declare {declared} = mesh2 {{\n{body}\n}}\n")
     return f'#include "{name}"\nobject {{ {declared} @ }}'
 
@@ -190,18 +203,3 @@ def _load(item: Item) -> tuple[Any, str]:
 
 def _column(buffer: Any, width: int) -> Array:
     return np.array(buffer, np.float64).reshape(-1, width)
-
-
-def _object(geometry: str, material: Material, textures: dict[str, str], spherical: bool) -> list[str]:
-    """Return the objects of a shape; `@` in `geometry` is replaced by texture and interior."""
-    declared = material.declarations(spherical)
-    textures.update(declared)
-    front, back = next(iter(declared)), list(declared)[-1]
-    look = f"texture {{ {front} }} interior_texture {{ {back} }}"
-    if material.index is not None:
-        look += f" interior {{ ior {material.index:.9g} }}"
-    if not material.clear:
-        return [geometry.replace("@", look)]
-    # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.
-    shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
-    return [geometry.replace("@", f"{look} no_shadow"), shadow]

@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
-from lippmann.rendering.placement import Triple
+from lippmann.rendering.placement import Matrix, Triple
 from lippmann.rendering.scene import parsed
 from lippmann.variant import mitsuba
 
-Matrix = npt.NDArray[np.float64]
 Value = TypeVar("Value", float, str, bool)
 
 
@@ -35,11 +33,6 @@ class Item:
         self._read: set[str] = set()
         self._node = node
 
-    @property
-    def where(self) -> str:
-        """Its file, line and column."""
-        return str(self.tree.mi.parser.file_location(self.tree.state, self._node))
-
     def path(self, name: str) -> Path:
         """Return the path that a property names, relative to the scene or to the included file that names it."""
         given = self.value(name, "")
@@ -47,9 +40,10 @@ class Item:
         return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
 
     def refusal(self, what: str, remedy: str) -> InputError:
-        """Return an error that names this object and the part that POV-Ray cannot express."""
+        """Return an error that names this object, its place in the file, and the part that POV-Ray cannot express."""
         named = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
-        return input_error(self.where, f"{named} {what}", remedy)
+        where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
+        return input_error(where, f"{named} {what}", remedy)
 
     def _take(self, name: str) -> Any:
         self._read.add(name)

@@ -60,12 +60,15 @@ def render_image(
     `progress` is called with (tiles done, tiles in all), `note` with remarks: which model was chosen, and a scene of an
     odd size.
 
-    Raises
-    ------
-    InputError, MissingLibraryError
-        As `render_integral` and `choose_model`.
+    Raises InputError and MissingLibraryError as `render_integral` and `choose_model`.
     """
-    _note_odd_size(scene, display, note)
+    width = scene.width_mm
+    share = width / display.panel.width_mm
+    if width > 0.0 and not SIZE_SHARE[0] <= share <= SIZE_SHARE[1]:
+        note(
+            f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
+            "if its units are not millimetres give --scale, such as 1000 for metres"
+        )
     settings = options.settings
     if options.model == "auto":
         choice = choose_model(display, scene.depth_range_mm, settings.aperture, options.tolerance)
@@ -76,17 +79,6 @@ def render_image(
     rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits)
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
     return IntegralImage(rendered.radiance, display, carried, rendered.measured)
-
-
-def _note_odd_size(scene: Scene, display: Display, note: Callable[[str], None]) -> None:
-    """Remark on a scene so small or large that its units may be wrong."""
-    width = scene.width_mm
-    share = width / display.panel.width_mm
-    if width > 0.0 and not SIZE_SHARE[0] <= share <= SIZE_SHARE[1]:
-        note(
-            f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
-            "if its units are not millimetres give --scale, such as 1000 for metres"
-        )
 
 
 def image_metadata(

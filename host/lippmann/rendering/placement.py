@@ -71,11 +71,7 @@ class Placement:
     @property
     def scene_from_display(self) -> Matrix:
         """(4, 4) inverse of `display_from_scene`."""
-        forward = self.display_from_scene
-        inverse = np.eye(4)
-        inverse[:3, :3] = forward[:3, :3].T / self.scale**2
-        inverse[:3, 3] = -inverse[:3, :3] @ forward[:3, 3]
-        return inverse
+        return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def then(self, other: Placement) -> Placement:
         """Return the placement that stands a scene by this one and then moves all of it by another.

@@ -131,10 +131,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
     """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all).
 
-    Raises
-    ------
-    InputError
-        When the image exceeds the memory limit, or there is no such integrator.
+    Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
     mi = mitsuba()
     import drjit as dr
@@ -148,27 +145,6 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
-    def traced(first_tile: Any, count: int, seed: Any, stripe: tuple[Any, float]) -> Any:
-        """Return (pixel numbers, inside the image, mean radiance) of `count` tiles' pixels, and the lost samples."""
-        index = dr.arange(mi.UInt32, count * tile_pixels * samples)
-        place = index // samples
-        pixel, inside = _pixel_of(first_tile, place, width, height)
-        lines = _lines(source, settings, pixel, index - place * samples, stripe)
-        active = lines.active & inside
-        lost = [mask & inside for mask in lines.lost]
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed, count * tile_pixels * samples)
-        ray = _scene_ray(scene, lines)
-        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
-        colour = dr.select(active, mi.Color3f(radiance), 0.0)
-        if samples > 1:
-            # Evaluated before the sums, because each sum would trace the rays again.
-            dr.eval(colour, lost)
-            colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
-            place = dr.arange(mi.UInt32, count * tile_pixels)
-            pixel, inside = _pixel_of(first_tile, place, width, height)
-        return pixel, inside, colour, lost
-
     stripes = source.stripes
     passes: list[tuple[float, float, tuple[int, ...]]] = (
         [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
@@ -179,9 +155,23 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
         for offset, stripe_width, channels in passes:
-            pixel, inside, colour, lost = traced(
-                dr.opaque(mi.UInt32, first_tile), count, seed, (dr.opaque(mi.Float, offset), stripe_width)
-            )
+            first = dr.opaque(mi.UInt32, first_tile)
+            index = dr.arange(mi.UInt32, count * tile_pixels * samples)
+            place = index // samples
+            pixel, inside = _pixel_of(first, place, width, height)
+            stripe = dr.opaque(mi.Float, offset), stripe_width
+            lines = _lines(source, settings, pixel, index - place * samples, stripe)
+            active = lines.active & inside
+            lost = [mask & inside for mask in lines.lost]
+            sampler = mi.load_dict({"type": "independent"})
+            sampler.seed(seed, count * tile_pixels * samples)
+            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, _scene_ray(scene, lines), None, active)
+            colour = dr.select(active, mi.Color3f(radiance), 0.0)
+            if samples > 1:
+                # Evaluated before the sums, because each sum would trace the rays again.
+                dr.eval(colour, lost)
+                colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
+                pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, count * tile_pixels), width, height)
             for k in channels:
                 dr.scatter(planes[k], colour[k], pixel, inside)
             dr.eval(planes, lost)
@@ -309,12 +299,7 @@ def render_integral(
 ) -> Rendered:
     """Render the integral image of a scene for a display (see `render_rays`), with the rays of an engine.
 
-    Raises
-    ------
-    InputError
-        As `render_rays` and `lippmann.engines.trace`.
-    MissingLibraryError
-        When an engine lacks a tool.
+    Raises InputError as `render_rays` and `lippmann.engines.trace`; MissingLibraryError when an engine lacks a tool.
     """
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)

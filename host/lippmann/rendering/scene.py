@@ -80,11 +80,8 @@ def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
 
     In the block Mitsuba finds files beside the scene file, as with its own loader.
 
-    Raises
-    ------
-    InputError
-        For Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a file that cannot
-        be read.
+    Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a
+    file that cannot be read.
     """
     mi = mitsuba()
     before = mi.file_resolver()
@@ -113,10 +110,7 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
 
     Without a placement it stands by `placement_beside`.
 
-    Raises
-    ------
-    InputError
-        When the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape.
+    Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape.
     """
     mi = mitsuba()
     path = check_scene_file(path)

@@ -135,8 +135,8 @@ def measured_page(folder: Path) -> Page:
     origins = {}
     for name in MEASURED:
         if (path := folder / f"measured/{name}.csv").exists():
-            origins[name], rows[name] = _read(path)
-    _, placed = _read(repository() / SYNTHESIS)
+            origins[name], rows[name] = read_csv(path)
+    _, placed = read_csv(repository() / SYNTHESIS)
     context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios(rows["render"])}
     return Page("measured", {}, (), {}, context)
 
@@ -155,16 +155,3 @@ def _ratios(render: Rows) -> list[dict[str, Any]]:
                 what = f"{words}, `{integrator}`"
                 found.setdefault(what, {"what": what})[scene] = row[key]
     return list(found.values())
-
-
-def _read(path: Path) -> tuple[dict[str, str], Rows]:
-    """Read a CSV's origin and rows, with its numbers as numbers, and empty cells as None."""
-
-    def value(text: str) -> Any:
-        try:
-            return int(text) if text.isdecimal() else float(text)
-        except ValueError:
-            return text or None
-
-    origin, rows = read_csv(path)
-    return origin, [{key: value(text) for key, text in row.items()} for row in rows]

@@ -40,7 +40,7 @@ def make_report(
 
     `command` goes into the origin; `log` is called with the name of each measurement when it starts.
     """
-    load, placed = Load.now(), configurations.placed().origin
+    load, (placed, _) = Load.now(), configurations.placed()
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
     tables = {name: measure(scenes, plan, seed, log) for name, (measure, _) in SECTIONS.items()}
     origin["load"] = load_since(load)

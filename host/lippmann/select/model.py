@@ -63,23 +63,10 @@ def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
 def choose_model(
     display: Display, depth_range_mm: tuple[float, float], aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
-    """Choose the cheapest model within a tolerance.
+    """Choose the cheapest model within a tolerance, in pixels of the reconstructed view.
 
-    Parameters
-    ----------
-    display
-        The display.
-    depth_range_mm
-        (far, near) z of the scene, mm.
-    aperture
-        "chief" or "full": the rays that the renderer sends.
-    tolerance
-        Largest error allowed, in pixels of the reconstructed view.
-
-    Raises
-    ------
-    InputError
-        For a tolerance that is not positive and finite.
+    `depth_range_mm` is (far, near) z of the scene; `aperture` ("chief" or "full") the rays that the renderer sends.
+    Raises InputError for a tolerance that is not positive and finite.
     """
     if not 0.0 < tolerance < math.inf:
         raise InputError(f"tolerance {tolerance:g} is not positive and finite; give pixels, such as {TOLERANCE}")

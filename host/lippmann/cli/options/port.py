@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import click
 
 from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
-from lippmann.cli.frame import group, option
+from lippmann.cli.frame import option
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.link.port import DEFAULT_BAUD
@@ -24,13 +25,7 @@ BAUD = option("Baud rate of a serial port.", DEFAULT_BAUD, click.IntRange(1))
 
 
 def chosen_port(port: str | None, baud: int) -> str:
-    """Return `port`, or the port of the only board found when it is None.
-
-    Raises
-    ------
-    DeviceError
-        When no port is named, and no board or more than one answers.
-    """
+    """Return `port`; when it is None, that of the only board that answers. Raises DeviceError unless there is one."""
     return find_board(baud=baud, allowed=_confirmed).url if port is None else port
 
 
@@ -42,7 +37,7 @@ def _opened(*, port: str | None = PORT, baud: int = BAUD) -> OpenBoard:
 
 
 #: Opens the board that --port and --baud name, or the only board found. Raises as `chosen_port` and `Board.open`.
-OPEN_BOARD = group(_opened)
+OPEN_BOARD: Any = _opened
 
 
 def _confirmed(urls: list[str]) -> bool:
@@ -52,15 +47,7 @@ def _confirmed(urls: list[str]) -> bool:
 
 
 def check_board(board: Board, display: Display, path: str, otherwise: str = "") -> None:
-    """Refuse a board that drives another display than that of the file `path`.
-
-    `otherwise` is added to the remedy in the error message.
-
-    Raises
-    ------
-    InputError
-        When the identities differ.
-    """
+    """Refuse a board that drives another display than that of the file `path`; `otherwise` is added to the remedy."""
     own = f"{board.info.identity:016x}"
     if own != display.identity:
         what = f"the board drives display {own}, {path} is {display.identity}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from lippmann.cli.frame import group, option
+from lippmann.cli.frame import option
 from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
@@ -42,7 +42,7 @@ def _render_options(
 
 
 #: The options of a render; the command has --seed too.
-RENDERING = group(_render_options)
+RENDERING: Any = _render_options
 
 
 @dataclass(frozen=True)
@@ -76,4 +76,4 @@ class Moved:
 
 
 #: The options of a scene's placement, as a `Moved`.
-MOVED = group(Moved)
+MOVED: Any = Moved

@@ -6,7 +6,6 @@ The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 from __future__ import annotations
 
 import numpy as np
-
 from lippmann.display import Array, Display, Grid, Panel
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.build import Build
