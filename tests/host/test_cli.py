@@ -109,6 +109,21 @@ def test_inspect_as_json(capfd, display):
     assert isinstance(result["warnings"], list)
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("insect", "inspect"),
+        ("rendr", "render"),
+        ("obsreve", "observe"),
+        ("vektors", "vectors"),
+        ("dispaly", "display"),
+    ],
+)
+def test_a_misspelt_command_is_recognised(capfd, typed, meant):
+    assert refused(capfd, typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
+    assert refused(capfd, "xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
+
+
 def test_inspect_prints_units(capfd):
     code, out, _ = lippmann(capfd, "inspect", SHIPPED[1])
     assert code == 0
@@ -363,7 +378,7 @@ def changed(old: str, new: str) -> str:
     [
         (changed(r"^width_px.*\n", ""), "panel.width_px", "add it"),
         (changed(r"^gap_mm.*\n", ""), "gap_mm", "add it"),
-        (changed(r"^\[array\]", "[lenses]"), "lenses", "unknown key; known here: panel, array"),
+        (changed(r"^\[array\]", "[lenses]"), "lenses", "unknown key; did you mean array?"),
         (changed(r"^grid", "gridd"), "array.gridd", "did you mean grid?"),
         (changed(r"^thickness_mm", "thicknes_mm"), "array.thicknes_mm", "did you mean thickness_mm?"),
         (changed(r"^name", "title"), "title", "known here"),

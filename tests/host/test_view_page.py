@@ -206,7 +206,7 @@ def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye():
         least = 0.5 * display.panel.width_mm + 600.0 * math.tan(math.radians(derived.crosstalk_angle_deg))
         assert eye_reach_mm(display, derived) >= least * (1.0 - 1e-12)
         nearest = next(s.low for s in sliders(display)["Eye"] if s.id == "eye-z")
-        assert 0.0 < focus_reach_mm(derived) < nearest
+        assert 0.0 < focus_reach_mm(display, derived) < nearest
 
 
 def test_direct_eyes_stand_in_the_viewing_zone():

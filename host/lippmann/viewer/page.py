@@ -129,7 +129,7 @@ def _defines(display: Display) -> dict[str, str]:
 
 def _depth_drawing(display: Display) -> str:
     derived = display_properties(display)
-    focus = focus_reach_mm(derived)
+    focus = focus_reach_mm(display, derived)
     scale = focus / DRAWN
     return filled(
         "depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{derived.depth_range_mm[1] / scale:.6g}", left_mm=f"−{focus:g}"
