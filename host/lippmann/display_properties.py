@@ -98,7 +98,7 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
 
 def percent(share: float) -> str:
     """Return a share in per cent; one that is not 0 does not look like 0."""
-    return "less than 0.1 %" if 0.0 < share < 5e-4 else f"{100.0 * share:.1f} %"
+    return "< 0.1 %" if 0.0 < share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
 def table_of_views(display: Display) -> list[EyeView]:

@@ -105,7 +105,7 @@ def _as_json(view: EyeView) -> dict[str, Any]:
 
 def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
     """Yield a line of headings and a line for each eye."""
-    form = "{:>8}  {:<15}{:<17}{:<18}{:<12}{:<10}{}"
+    form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
     yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
     for view in views:
         zone, (far, near), moire = view.zone_mm, view.depth_range_mm, view.moire_lenslets

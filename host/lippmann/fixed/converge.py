@@ -25,7 +25,7 @@ def converge(
     Words as integers, a b >> k the product that `multiplier` cuts by k places, C = (2 i + j, 2 j) half pitches and rows
     (square: (2 i, 2 j)):
 
-        x'   = ((x << 2) + (16 C_x s >> 14) + o_x + 2) >> 2,  y' likewise
+        t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 
     s has F + 11 fraction bits; o = -s A has F + 2.
     """
