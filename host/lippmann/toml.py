@@ -20,10 +20,12 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, likely_file
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
+#: Remedy for text that is not TOML.
+MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
 
 def key(
@@ -137,12 +139,12 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
             yield from tables(option["items"], name)
 
 
-def parse(text: str, source: str) -> dict[str, Any]:
-    """Return the tables of TOML text; `source` names it in errors."""
+def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
+    """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
-        raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
+        raise input_error(source, f"not TOML ({error})", remedy) from None
 
 
 def load(path: Path, what: str) -> dict[str, Any]:
@@ -150,10 +152,11 @@ def load(path: Path, what: str) -> dict[str, Any]:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
-        raise input_error(str(path), "no such file", f"give the path of a {what} file (.toml)") from None
+        remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
+        raise input_error(str(path), "no such file", remedy) from None
     except (OSError, UnicodeDecodeError) as error:
         raise input_error(str(path), f"cannot be read ({error})", f"give a {what} file (.toml)") from None
-    return parse(text, str(path))
+    return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
