@@ -107,7 +107,7 @@ def test_inspect_as_json(capfd, display):
     eye = result["viewing_distance_mm"]
     wider = 1.0 if eye is None else 1.0 + result["aperture_distance_mm"] / eye
     assert result["elemental_image_px"] == pytest.approx(wider * array["pitch_mm"] / panel["pixel_pitch_mm"])
-    half = np.degrees(np.arctan(0.5 * array["pitch_mm"] / result["aperture_distance_mm"]))
+    half = np.degrees(np.arctan(0.5 * wider * array["pitch_mm"] / result["aperture_distance_mm"]))
     assert result["viewing_angle_deg"] == pytest.approx(2 * half)
     assert isinstance(result["warnings"], list)
 

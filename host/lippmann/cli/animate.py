@@ -43,6 +43,7 @@ def command(
     display_path: str = DISPLAY,
     output: str = option("The frames' folder; made when missing.", flag="-o", metavar="FOLDER"),
     scale: float = option("Factor on the whole film, about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    fit: bool = option("Scale and move the whole film into the display's depth range.", False),
     options: RenderOptions = RENDERING,
     video: str | None = option("The panel's frames as a lossless video.", None, metavar="FILE.mkv"),
     view: str | None = option("What an eye sees of the film: .mp4, .gif or .png.", None, metavar="FILE"),
@@ -64,6 +65,8 @@ def command(
         raise InputError("--view and --eye belong together; give both or neither")
     if width is not None and view is None:
         raise InputError("--width belongs to --view; give both or neither")
+    if fit and scale != 1.0:
+        raise InputError("--scale and --fit both place the film; leave one out")
     film = load_film(film_path)
     display = load_display(display_path)
     looker = None if eye is None else Eye(eye)
@@ -87,12 +90,12 @@ def command(
             "give a smaller --width, or an .mp4 file",
         )
     start_mitsuba(device)
-    shots = shots_of(film, display, options, scale)
+    shots = shots_of(film, display, options, None if fit else scale)
 
     def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, IntegralImage]]:
         if cluster is not None:
             return render_on_cluster(cluster, device, missing, log)
-        return ((shot, render_shot(shot)) for shot in missing)
+        return ((shot, render_shot(shot, log if shot is missing[0] else None)) for shot in missing)
 
     started = time.perf_counter()
     with progress_bar("frames") as progress:

@@ -5,9 +5,7 @@ import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.lenslet_hex import lenslet_hex
-from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.test_pattern import centres, located, views
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.sim.harness import packed
@@ -18,31 +16,6 @@ from runner import seed
 OFF, LENS, CENTRES, VIEWS, CHECKER, RAMP = range(6)
 WHITE = 0xFFFFFF
 GRIDS = {"square": 0, "hex": 1}
-
-
-def located(config, grid, f, width, height, columns, rows):
-    """Lenslets of pixels, and the points from their centres."""
-    u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
-    x, y = (
-        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
-        for axis in "xy"
-    )
-    return (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
-
-
-def centres(config, f, x, y):
-    """Whether a lenslet's centre lies in the pixel, from the point x, y from it."""
-    xu, xv, yu, yv = (getattr(config, f"{axis}_from_{of}") >> 17 for axis in "xy" for of in "uv")
-    x, y = ((w << 17) >> f for w in (x, y))
-    det = xu * yv - xv * yu
-    limit = (det >> 3) + (det >> 7)
-    return (abs(yv * x - xv * y) <= limit) & (abs(xu * y - yu * x) <= limit)
-
-
-def views(grid, f, x, y):
-    """Place in the lenslet, to the right and upward, 0 to 255."""
-    side = y - (y >> 2) if grid == "hex" else y
-    return tuple(np.clip((256 * w + (128 << f)) >> f, 0, 255) for w in (x, side))
 
 
 def pattern(kind, lens, config, grid, f, width, height, columns, rows):
