@@ -10,6 +10,8 @@
 ///   hex      q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx; the step goes across the
 ///            flat with the largest |q|, ~q below 0: (1, 0), (0, 1), (-1, 1) or their opposites
 ///
+/// q < -H is tested as ~q >= H, which needs no negation.
+///
 ///   q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
 ///
 /// as integers, ny h >> k the product that `multiplier` cuts by k places. Words: near.
@@ -71,9 +73,9 @@ module cell_step #(
       size1_q <= q1_q[W] ? ~q1_q : q1_q;
       size2_q <= q2_q[W] ? ~q2_q : q2_q;
       {minus0_q, minus1_q, minus2_q} <= {q0_q[W], q1_q[W], q2_q[W]};
-      out0_q <= q0_q >= half || q0_q < -half;
-      out1_q <= q1_q >= half || q1_q < -half;
-      out2_q <= q2_q >= half || q2_q < -half;
+      out0_q <= q0_q >= half || ~q0_q >= half;
+      out1_q <= q1_q >= half || ~q1_q >= half;
+      out2_q <= q2_q >= half || ~q2_q >= half;
     end
     logic first0, first1;
     assign first0 = size0_q >= size1_q && size0_q >= size2_q;
@@ -98,9 +100,9 @@ module cell_step #(
     logic right_q, left_q, up_q, down_q;
     always_ff @(posedge clk_i) begin
       right_q <= nx_i >= half_i;
-      left_q <= nx_i < -half_i;
+      left_q <= ~nx_i >= half_i;
       up_q <= ny_i >= half_i;
-      down_q <= ny_i < -half_i;
+      down_q <= ~ny_i >= half_i;
       di_o <= right_q ? 2'sd1 : left_q ? -2'sd1 : '0;
       dj_o <= up_q ? 2'sd1 : down_q ? -2'sd1 : '0;
       inside_o <= !(right_q || left_q || up_q || down_q);

@@ -318,7 +318,6 @@ def small_errors(display, rays, times):
     ("grid", "given", "times"),
     [
         ("hex", ("lenslet",), 1.3),
-        ("square", (), 4.0),
         *(
             pytest.param(grid, given, times, marks=pytest.mark.full)
             for grid in ("square", "hex")

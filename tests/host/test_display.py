@@ -369,6 +369,32 @@ def test_unknown_key(table, key, hint, lacking):
     refused(text, f"{table}.{shown}: unknown key; {hint}" if table else f"{shown}: unknown key; {hint}")
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "instead_of"),
+    [
+        ("array", "f_mm", "focal_length_mm"),
+        ("array", "n", "index"),
+        ("array", "refractive_index", "index"),
+        ("array", "Pitch", "pitch_mm"),
+        ("array", "lattice", "grid"),
+        ("panel", "pitch_mm", "pixel_pitch_mm"),
+        ("panel", "PPI", "dpi"),
+    ],
+)
+def test_an_unknown_key_stands_for_one_that_the_table_lacks(table, key, instead_of):
+    array = {**TABLES["array"], "focal_length_mm": 4.0}
+    tables = {**TABLES, "array": but(array, radius_mm=None)}
+    tables[table] = {**but(tables[table], **{instead_of: None}), key: 1.0}
+    if instead_of == "dpi":
+        del tables["panel"]["pixel_pitch_mm"]
+    assert f"did you mean {instead_of}?" in refused(toml(**tables), f"{table}.{key}: unknown key")
+
+
+def test_an_unknown_table_stands_for_the_missing_one():
+    text = toml().replace("[array]", "[lenslets]")
+    refused(text, "lenslets: unknown key; did you mean array?")
+
+
 NUMBERS = [
     ("panel", "pixel_pitch_mm"),
     ("array", "pitch_mm"),

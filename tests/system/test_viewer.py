@@ -86,6 +86,13 @@ def pixels_of(url):
     return np.asarray(picture.convert("RGB")) / 255.0
 
 
+def opaque_pixels(url):
+    """Values 0 to 1 of a PNG's data URL that has no pixel through which the page shines."""
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGBA"))
+    assert (picture[..., 3] == 255).all()
+    return picture[..., :3] / 255.0
+
+
 def seen_in_page(browser, window, rays, **chosen):
     """The canvas' pixels of a view, values 0 to 1."""
     text = json.dumps(settings(**chosen))
@@ -132,6 +139,47 @@ def test_the_page_shows_what_observe_shows(browser, mi, tmp_path, shape):
         assert view.std() > 0.02
         assert psnr_db(decode(page, "srgb"), view) >= LEAST_DB, one
         assert (np.abs(page - encode(view, "srgb")) > STEP).mean() < 0.01, one
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb"])
+def test_tiles_change_no_pixel(browser, tmp_path, monkeypatch, subpixels):
+    """The same view and the same drawing of the panel from one picture as from 6 x 5, the last ones smaller."""
+    display = small(subpixels=subpixels, rotation=3.0)
+    radiance = painted(display)
+    window = whole_window(display, 130)
+    found = []
+    for limit in (2048, 47):
+        monkeypatch.setattr("lippmann.viewer.page.TILE_PX", limit)
+        open_page(browser, tmp_path, page_html(display, radiance, "x"))
+        assert browser.evaluate("viewer.panel.bitmaps.length") == (1 if limit == 2048 else 30)
+        views = [seen_in_page(browser, window, rays, **one) for one in EYES for rays in (0, 4)]
+        # Four screen pixels to a panel pixel, the edges of both together; and any zoom: no gap between tiles.
+        browser.evaluate(
+            "(() => { const view = viewer.panelView; view.zoom = 4;"
+            "view.centre = [view.canvas.width, view.canvas.height].map((side) => 99 + (side % 2) / 8); })()"
+        )
+        for zoom in (4, 3.7, 1.3):
+            browser.evaluate(f"viewer.panelView.zoom = {zoom}; viewer.panelView.panBy(0, 0)")
+            frame(browser)
+            drawn = opaque_pixels(browser.evaluate("viewer.panelView.canvas.toDataURL()"))
+            views += [drawn] if zoom == 4 else []
+        found.append(views)
+    for one, other in zip(*found, strict=True):
+        assert one.std() > 0.02
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_panel_wider_than_textures_is_shown(browser, tmp_path):
+    """Chromium's WebGL in software takes textures of 8192 pixels: the page shows 9000 columns nevertheless."""
+    display = Display("wide", Panel(9000, 20, 0.05), Array("square", 1.0, 1.65, 1.5, 0.8, "panel"), 3.0)
+    radiance = np.zeros((20, 9000, 3), np.float32)
+    radiance[:, 8500:] = 1.0
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    assert browser.evaluate("viewer.renderer.gl.getParameter(viewer.renderer.gl.MAX_TEXTURE_SIZE)") < 9000
+    seen = seen_in_page(browser, whole_window(display, 450), 4, eye=(0.0, 0.0, 40000.0))
+    # From far away each lenslet shows the pixel behind it: 8500 of 9000 columns are black.
+    assert seen[:, :420].max() < 0.02
+    assert seen[:, 430:445].min() > 0.98
 
 
 @pytest.mark.parametrize("focus", [-60.0, 60.0])

@@ -48,10 +48,10 @@ LINES = {
 }
 
 
-def small(grid="square"):
+def small(grid="square", eye=None):
     display = load_display(f"scenes/displays/paper-{grid}.toml")
     panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
-    return dataclasses.replace(display, name=f"small {grid}", panel=panel)
+    return dataclasses.replace(display, name=f"small {grid}", panel=panel, viewing_distance_mm=eye)
 
 
 #: At every commit without the last: a fault of the pty shows with bytes, one of the wires over TCP. Whether a board
@@ -144,10 +144,12 @@ def test_the_panel_shows_what_was_sent(virtual):
     assert_only(virtual.folder, (first, second, third))
 
 
-@pytest.mark.parametrize("grid", ["square", "hex"])
-def test_rays_of_the_board_are_those_of_the_twin(grid):
+@pytest.mark.parametrize(
+    ("grid", "eye"), [("square", None), ("hex", None), pytest.param("hex", 30.0, marks=pytest.mark.full)]
+)
+def test_rays_of_the_board_are_those_of_the_twin(grid, eye):
     random = np.random.default_rng(SEED)
-    display = small(grid)
+    display = small(grid, eye)
     build = virtual_board.board_build(display)
     config = configuration(display, build, "exact")
     with virtual_board.running(display) as virtual, Board.open(virtual.url) as board:

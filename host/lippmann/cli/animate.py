@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -22,7 +21,7 @@ from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Shot, render_shot, shots_of
-from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, write_video
+from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
 from lippmann.images import check_output, encoded_values
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe, whole_window
@@ -79,7 +78,7 @@ def command(
         suffix = check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
         if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
             raise InputError(f"{view}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
-        seen = _view_window(display, width)
+        seen = even_window(whole_window(display, width or api.VIEW_PX))
         kept = film.frames if suffix in ANIMATION_SUFFIXES else 1
         check_memory_mb(
             BASE_MEMORY_MB + animation_mb(kept, seen.width_px, seen.height_px),
@@ -134,12 +133,6 @@ def command(
 
 def _images(folder: Path, frames: Iterable[int], display: Display) -> Iterator[IntegralImage]:
     return (IntegralImage.load(frame_path(folder, frame), display) for frame in frames)
-
-
-def _view_window(display: Display, width: int | None) -> Window:
-    """Return the window of --view; videos need even sides."""
-    window = whole_window(display, width or api.VIEW_PX)
-    return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
 def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:

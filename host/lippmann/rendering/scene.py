@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, likely_file
 from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
 
@@ -68,7 +68,7 @@ def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = Path(path)
     if not path.is_file():
-        raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
+        raise input_error(str(path), "no such scene", likely_file(path, (".xml",)) or "give a Mitsuba scene (.xml)")
     if path.suffix.lower() != ".xml":
         raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
     return path
