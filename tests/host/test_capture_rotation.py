@@ -56,6 +56,19 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio, eye):
 
 
 @pytest.mark.parametrize("grid", ["square", "hex"])
+def test_wide_elemental_images_are_cut_by_the_picture_s_edge(grid):
+    """Half as wide again as lenslets: pixels that would leave the picture stay, and none changes with another row's."""
+    for offset in np.linspace(0.0, 1.0, 12):
+        display = display_for(
+            grid, 45.0 if grid == "square" else 30.0, (offset, 0.37 * offset), ratio=60.0, eye=(4.0, (0.0, 0.0))
+        )
+        partner = rotation_map(display)
+        assert np.array_equal(partner[partner], np.arange(len(partner)))
+        cell, _, _ = cells_of(display)
+        assert np.array_equal(cell[partner], cell)
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
 def test_cells_of_a_near_eye_are_those_of_the_trace(grid):
     """A cell is what one lenslet owns by golden; its centre is where the line from the eye through the lenslet ends."""
     display = display_for(grid, 11.0, (0.137, -0.41), eye=EYES[1])
