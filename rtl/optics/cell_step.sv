@@ -46,21 +46,23 @@ module cell_step #(
     localparam int Wp = 2 * W - Drop;
     localparam logic signed [W-1:0] HalfSqrt3 =
         W'($rtoi(0.8660254037844386468 * real'(1 << (F + 1)) + 0.5));
-    logic signed [Wp-1:0] rise, sum_q;
+    logic signed [Wp-1:0] rise, half_nx_q, sum_q;
     logic signed [W-1:0] nx_late;
     logic signed [W:0] q0_q, q1_q, q2_q, q1_d;
     multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
       .clk_i, .a_i(ny_i), .b_i(HalfSqrt3), .p_o(rise)
     );
-    delay #(.Width(W), .Cycles(mul_latency(W, W))) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
-    logic signed [W-1:0] nx_q;
-    assign q1_d = (W + 1)'((sum_q + Wp'(4)) >>> Guard);
+    delay #(.Width(W), .Cycles(mul_latency(W, W) - 1)) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
+    logic signed [W-1:0] nx_q, nx_q2;
+    assign q1_d = (W + 1)'(sum_q >>> Guard);
     always_ff @(posedge clk_i) begin
-      sum_q <= rise + (Wp'(nx_late) <<< (Guard - 1));
+      half_nx_q <= (Wp'(nx_late) <<< (Guard - 1)) + Wp'(4);  // with the rounding's half
       nx_q <= nx_late;
-      q0_q <= (W + 1)'(nx_q);
+      sum_q <= rise + half_nx_q;
+      nx_q2 <= nx_q;
+      q0_q <= (W + 1)'(nx_q2);
       q1_q <= q1_d;
-      q2_q <= q1_d - (W + 1)'(nx_q);
+      q2_q <= q1_d - (W + 1)'(nx_q2);
     end
 
     // ---- distances, and which of them are outside the half-open cell ----

@@ -51,6 +51,7 @@ module ray_pipeline #(
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
   localparam int L = IndexBits + F;
+  localparam bit Strays = Aims || Viewer || Converge;  // exact rays can leave their cell
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "ray_pipeline: F must be 14 to 23");
@@ -68,8 +69,7 @@ module ray_pipeline #(
   if (Aims && Model == ModelPinhole) begin : gen_illegal_aims
     $fatal(1, "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray");
   end
-  if (Walk < 0 || Walk > 4
-      || (Walk > 0 && (Model != ModelExact || !(Aims || Viewer || Converge))))
+  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !Strays)))
   begin : gen_illegal_walk
     $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
   end
@@ -319,7 +319,7 @@ module ray_pipeline #(
       .clk_i, .d_i({ex, ey}), .q_o({dome_ex, dome_ey})
     );
     logic inside_late, missed_late, reflected;
-    if (Aims || Viewer || Converge) begin : gen_inside
+    if (Strays) begin : gen_inside
       logic settled;
       logic [1:0] unused_di, unused_dj;
       cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
