@@ -236,7 +236,7 @@ def test_direct_eyes_stand_in_the_viewing_zone():
         display = load_display(path)
         eyes = np.array(grid_of_eyes(display))
         assert eyes.shape == (21, 3)
-        assert (0.0, 0.0, 600.0) in map(tuple, eyes)
+        assert np.abs(eyes - (0.0, 0.0, 600.0)).max(axis=1).min() < 1e-9
         assert np.abs(eyes[:, 0]).max() == pytest.approx(max(display_properties(display).viewing_zone_mm, 30.0))
 
 
