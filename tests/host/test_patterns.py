@@ -149,11 +149,12 @@ def test_ramps_and_checker_by_hand(bits):
             np.testing.assert_array_equal(got[rows][..., k], np.tile(expected, (rows.sum(), 1)))
 
 
+@pytest.mark.parametrize("eye", [None, 90.0])
 @pytest.mark.parametrize("fraction_bits", [16, 23])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_a_boards_words_round_the_same_definitions(grid, fraction_bits):
+def test_a_boards_words_round_the_same_definitions(grid, fraction_bits, eye):
     """At F = 16 a cell is 65536 units: a level changes where 256 of them round, one pixel in a hundred."""
-    display = display_for(generator(SEED, grid, fraction_bits), grid, None)
+    display = display_for(generator(SEED, grid, fraction_bits), grid, eye)
     for kind in ON_BOARD:
         exact, words = (levels(display, kind, fraction_bits=f) for f in (None, fraction_bits))
         differ = (exact != words).any(axis=2).mean()
