@@ -237,8 +237,6 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     if made.thickness_mm is None:
         check_radius(made, f"{where}array.radius_mm")
         made = replace(made, thickness_mm=made.sag_mm)
-    if keys.viewing_distance_mm is None and any(keys.viewing_axis_mm):
-        raise input_error(f"{where}viewing_axis_mm", "nothing converges there", "give viewing_distance_mm too")
     named = keys.name if keys.name is not None else name
     display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)

@@ -84,7 +84,7 @@ FILES = [
     (TOP, "viewing_distance_mm = inf\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = 5\n", "viewing_axis_mm", "give [x, y]"),
     (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = [0, 0, 600]\n", "viewing_axis_mm", "give [x, y]"),
-    (TOP, "viewing_axis_mm = [0, 5]\n", "viewing_axis_mm", "give viewing_distance_mm too"),
+    (TOP, "viewing_axis_mm = [0, 5]\n", "viewing_axis_mm", "add viewing_distance_mm"),
 ]
 
 
