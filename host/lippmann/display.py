@@ -19,11 +19,12 @@ from lippmann import toml
 from lippmann.errors import InputError, input_error
 from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
 from lippmann.toml import documented, key, variant
+from lippmann.tones import MAX_PAIRS, Curve, checked
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
 Subpixels = Literal["none", "rgb", "bgr"]
-Transfer = Literal["srgb", "linear", "gamma2.2"]
+TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
 
@@ -36,10 +37,13 @@ MAX_SIDE_PX = 65535
 MAX_LENGTH_MM = 1e12
 Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
+#: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
+LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 #: Above air, up to the densest optical materials.
 #: None, or the distance of an eye, mm.
 ViewingDistance = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)] | None
+MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
 _CONVERGES = "distance of the eye that sees each pixel through the lenslet that the pixel belongs to"
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
@@ -52,20 +56,40 @@ class Panel:
 
     width_px: Side
     height_px: Side
-    pixel_pitch_mm: Annotated[Length, key("pixel pitch, the same in x and y")]
+    pixel_pitch_mm: Annotated[Length | LengthPair, key("pixel pitch; [x, y] where the pixels are not square")]
     subpixels: Annotated[Subpixels, key("colour stripes of a pixel from left to right, or none")] = "none"
     bits: Annotated[int, key("bits of each colour, for PNG files and boards", low=1, high=16)] = 8
-    transfer: Annotated[Transfer, key("curve between panel value and light, for PNG files and boards")] = "srgb"
+    transfer: Annotated[
+        TransferName | MeasuredCurve, key("curve between panel value and light, for PNG files and boards")
+    ] = "srgb"
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """Pixel pitches in x and y, mm."""
+        pitch = self.pixel_pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def coarsest_mm(self) -> float:
+        """The larger of the pixel pitches, mm: it limits depth and resolution."""
+        return max(self.pitches_mm)
 
     @property
     def width_mm(self) -> float:
         """Width of the emitting area, mm."""
-        return self.width_px * self.pixel_pitch_mm
+        return self.width_px * self.pitches_mm[0]
 
     @property
     def height_mm(self) -> float:
         """Height of the emitting area, mm."""
-        return self.height_px * self.pixel_pitch_mm
+        return self.height_px * self.pitches_mm[1]
+
+    def with_columns(self, width_px: int) -> Panel:
+        """Return the panel with another number of columns, and rows to match, in the same window."""
+        height_px = max(1, round(width_px * self.height_px / self.width_px))
+        x, y = (self.width_px * side / width_px for side in self.pitches_mm)
+        pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
+        return replace(self, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch)
 
 
 @documented
@@ -226,6 +250,13 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
         panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
+    if isinstance(panel["pixel_pitch_mm"], tuple) and len(set(panel["pixel_pitch_mm"])) == 1:
+        panel["pixel_pitch_mm"] = panel["pixel_pitch_mm"][0]  # square pixels have one identity
+    if not isinstance(panel["transfer"], str):
+        try:
+            checked(panel["transfer"])
+        except InputError as error:
+            raise InputError(f"{where}panel.transfer: {error}") from None
     array["index"] = index_of_keys(keys.array, f"{where}array.")
     if focal_mm is not None:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
@@ -273,7 +304,7 @@ def check_radius(array: Array, where: str) -> None:
 
 def _check(display: Display, where: str) -> None:
     """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
-    array, pixel_mm = display.array, display.panel.pixel_pitch_mm
+    array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")

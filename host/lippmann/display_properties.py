@@ -75,7 +75,7 @@ def display_properties(display: Display) -> DisplayProperties:
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
-    reach = pitch * distance / panel.pixel_pitch_mm
+    reach = pitch * distance / panel.coarsest_mm
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
         **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
@@ -84,15 +84,15 @@ def display_properties(display: Display) -> DisplayProperties:
         aperture_distance_mm=distance,
         back_focal_length_mm=array.focal_length_mm - in_glass,
         lenslets=(across, down, across * down),
-        elemental_image_px=pitch / panel.pixel_pitch_mm,
+        elemental_image_px=pitch / panel.coarsest_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
         viewing_zone_mm=max(0.0, 0.5 * (VIEWING_DISTANCE_MM * pitch / distance - panel.width_mm)),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
-        angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),
+        angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
         spatial_resolution_mm=pitch,
-        views=math.floor(pitch / panel.pixel_pitch_mm + 1e-9),
+        views=math.floor(pitch / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg)),
     )
 
@@ -106,11 +106,11 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
     The period is infinite where each lenslet has the same phase.
     """
     array = display.array
-    ratio = array.pitch_mm / display.panel.pixel_pitch_mm
     turn, between = math.radians(array.rotation_deg), math.radians(60.0 if array.grid == "hex" else 90.0)
 
-    def period(along: Callable[[float], float]) -> float:
+    def period(along: Callable[[float], float], pixel_mm: float) -> float:
         """Return a beat's period; `along` gives a unit lattice vector's component across the pixel lines."""
+        ratio = array.pitch_mm / pixel_mm
         phases = [math.remainder(ratio * along(angle), 1.0) for angle in (turn, turn + between)]
         squares = []
         for i, j in itertools.product((-1, 0, 1), repeat=2):
@@ -119,13 +119,14 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
         frequency = math.sqrt(max(min(squares), 0.0)) / math.sin(between)
         return 1.0 / frequency if frequency else math.inf
 
-    return period(math.cos), period(math.sin)
+    across_mm, down_mm = display.panel.pitches_mm
+    return period(math.cos, across_mm), period(math.sin, down_mm)
 
 
 def _warnings(display: Display, half_field_deg: float) -> list[str]:
     panel, array = display.panel, display.array
     found = []
-    ratio = array.pitch_mm / panel.pixel_pitch_mm
+    ratio = array.pitch_mm / panel.coarsest_mm
     if ratio < 2.0:
         found.append(
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "

@@ -16,6 +16,7 @@ from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
 from lippmann.toml import schema
+from lippmann.tones import transfer_name
 
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
@@ -75,8 +76,9 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     place = "at infinity" if math.isinf(plane) else f"z = {plane:+.5g} mm ({'in front' if plane > 0 else 'behind'})"
     yield "display", f"{display.name}, identity {display.identity}"
     yield "panel", f"{panel.width_px} x {panel.height_px} px, {panel.width_mm:.5g} x {panel.height_mm:.5g} mm"
-    details = f"sub-pixels {panel.subpixels}, {panel.bits} bits, {panel.transfer}"
-    yield "pixel pitch", f"{panel.pixel_pitch_mm:.6g} mm, {details}"
+    details = f"sub-pixels {panel.subpixels}, {panel.bits} bits, {transfer_name(panel.transfer)}"
+    pitch = " x ".join(f"{side:.6g}" for side in dict.fromkeys(panel.pitches_mm))
+    yield "pixel pitch", f"{pitch} mm, {details}"
     yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
     yield "gap", f"{display.gap_mm:.6g} mm"
     yield "index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")

@@ -111,7 +111,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     flat_exit = model in ("paraxial", "exact") and array.plano_side == "viewer"
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
     frame = System.of(display).frame
-    c, s, px = frame.cos, frame.sin, frame.pitch_mm
+    c, s, (px, py) = frame.cos, frame.sin, frame.pitch_mm
     zero_x, zero_y = frame.array_from_panel(0.0, 0.0)
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
@@ -122,8 +122,8 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     offsets = _Format(words.OFFSET_BITS, words.OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
     slopes, points = _Format(near, f, _TOO_NEAR), _Format(near, f, _TOO_STEEP)
     registers = {
-        **columns.registers(x_from_u=px * c / p, x_from_v=px * s / p),
-        **rows.registers(y_from_u=-px * s / row, y_from_v=px * c / row),
+        **columns.registers(x_from_u=px * c / p, x_from_v=py * s / p),
+        **rows.registers(y_from_u=-px * s / row, y_from_v=py * c / row),
         **offsets.registers(x_offset=zero_x / p, y_offset=zero_y / row),
         **slopes.registers(slope_x=slope[0] * p, slope_y=slope[0] * row),
         **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),

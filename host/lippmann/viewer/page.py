@@ -64,7 +64,8 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         )
     for direct in directs:
         check_direct(direct, display)
-    aspect = f"{panel.width_px} / {panel.height_px}"
+    square = len(set(panel.pitches_mm)) == 1
+    aspect = f"{panel.width_px} / {panel.height_px}" if square else f"{panel.width_mm:.9g} / {panel.height_mm:.9g}"
     summary = (
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
         f"of {array.pitch_mm:g} mm"
@@ -95,7 +96,7 @@ def check_direct(direct: Direct, display: Display) -> None:
     panel = display.panel
     height, width = direct.radiance.shape[:2]
     # Its height was rounded to integer pixels.
-    if abs(width * panel.height_px / panel.width_px - height) > 1.0:
+    if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
         raise InputError(
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
             f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"

@@ -25,6 +25,6 @@ function systemOf(display, built) {
     offset: [array.offset_mm[0] + built.offset[0], array.offset_mm[1] + built.offset[1]],
     turn: [Math.cos(rotation), Math.sin(rotation)],
     panelPx: [panel.width_px, panel.height_px],
-    pixelPitch: panel.pixel_pitch_mm,
+    pixelPitch: [panel.pixel_pitch_mm, panel.pixel_pitch_mm].flat().slice(0, 2), // x and y, also of one number
   };
 }

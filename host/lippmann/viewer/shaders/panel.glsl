@@ -2,7 +2,7 @@
 
 uniform highp sampler2D panel;  // panel values, sRGB
 uniform vec2 panel_px;
-uniform float pixels_per_mm;
+uniform vec2 pixels_per_mm;     // rows go down
 uniform vec2 offset;            // the array's origin in the panel's frame
 uniform vec2 turn;              // cos and sin of the array's rotation
 
@@ -20,7 +20,7 @@ vec2 panel_from_array(vec2 point) {
 
 // Pixel coordinates of a point in the panel's frame.
 vec2 pixel_from_panel(vec2 point) {
-  return vec2(pixels_per_mm, -pixels_per_mm) * point + 0.5 * panel_px;
+  return pixels_per_mm * point + 0.5 * panel_px;
 }
 
 bool on_panel(vec2 pixel) {
