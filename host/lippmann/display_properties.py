@@ -142,7 +142,8 @@ def _warnings(display: Display, half_field_deg: float) -> list[str]:
     # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
-        found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
+        kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
+        found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
     if half_field_deg < 5.0:
         found.append(
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "

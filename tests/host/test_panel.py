@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lippmann.board.frames import Target, image_frame, load_frame
 from lippmann.capturing.rotation import rotation_map
+from lippmann.cli import run
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.digits import true_rays
 from lippmann.display import MM_PER_INCH, display_text, parse_display
@@ -20,9 +22,15 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.images import decode, encode, encoded_values, read_picture
 from lippmann.integral_image import IntegralImage
+from lippmann.observer import Eye, observe
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Status
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import Window
+from lippmann.subpixels import COLOURS, LAYOUTS, layout_of
 from optics_cases import GRIDS, SIDES, random_display
-from scene_cases import focused_display, generator
+from scene_cases import focused_display, generator, rgb, write_scene
 
 SEED = 5514
 PANEL = "width_px = 2\nheight_px = 1\npixel_pitch_mm = 1.0\n"
@@ -299,3 +307,189 @@ def test_a_broken_curve_in_a_file_is_refused(text):
     with pytest.raises(InputError, match="curve") as refused:
         decode(np.zeros(3), text)
     assert len(str(refused.value)) < 200
+
+
+# --- levels of black and white --------------------------------------------------------------------
+
+
+def under_one_lenslet(keys: str = ""):
+    """Two pixels of 1 mm under a lenslet of 2 mm, the panel in its focus, 4 mm away: far eyes see one point each."""
+    array = ARRAY + "thickness_mm = 0.75\n"
+    return parse_display(f"gap_mm = {4.0 - 0.75 / 1.5}\n[panel]\n{PANEL}{keys}\n{array}", "two.toml")
+
+
+def seen_at(mi, display, image, x, y=0.0):
+    """The light of the panel's point (x, y), mm, for an eye so far away that a lenslet's rays are parallel."""
+    far = 1e7
+    eye = Eye((-x * far / 4.0, -y * far / 4.0, far))
+    # The smallest window on the lenslet's axis: one ray, by the ideal lens.
+    view = observe(np.array(image, np.float32), display, eye, Window(1e-9, 1e-9, 1, 1), samples=1, model="thin")
+    return view.radiance[0, 0]
+
+
+def test_a_black_pixel_shines_by_the_contrast(mi):
+    """Of 400 cd/m2 white and 2 cd/m2 black: 1 / 200, and the light between is between."""
+    display = under_one_lenslet("white_cd_m2 = 400\nblack_cd_m2 = 2")
+    image = [[[0.0, 0.0, 0.0], [1.0, 0.5, 2.0]]]
+    np.testing.assert_allclose(seen_at(mi, display, image, -0.5), [0.005] * 3, rtol=1e-6)
+    np.testing.assert_allclose(seen_at(mi, display, image, 0.5), [1.0, 0.5025, 1.995], rtol=1e-6)
+    # Beside the panel is nothing; a display without levels has a black that is black.
+    np.testing.assert_array_equal(seen_at(mi, display, image, 0.5, 0.7), [0.0] * 3)
+    np.testing.assert_array_equal(seen_at(mi, under_one_lenslet("white_cd_m2 = 400"), image, -0.5), [0.0] * 3)
+
+
+def test_levels_affect_no_ray_and_are_told(capsys, tmp_path):
+    plain, display = under_one_lenslet(), under_one_lenslet("white_cd_m2 = 400\nblack_cd_m2 = 0.5")
+    assert display.identity == plain.identity
+    assert parse_display(display_text(display), "two.toml") == replace(display, name="two")
+    assert "cd_m2" not in display_text(plain)
+    path = tmp_path / "two.toml"
+    path.write_text(display_text(display))
+    assert run(["inspect", str(path)]) == 0
+    assert re.search(r"^white +400 cd/m2, black 0.5 cd/m2: contrast 800 : 1$", capsys.readouterr().out, re.M)
+    path.write_text(display_text(plain))
+    assert run(["inspect", "--json", str(path)]) == 0
+    panel = json.loads(capsys.readouterr().out)["panel"]
+    assert set(panel) == {
+        *("width_px", "height_px", "pixel_pitch_mm", "subpixels", "bits", "transfer"), *("width_mm", "height_mm"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("black_cd_m2 = 0.3", "panel.black_cd_m2: needs white_cd_m2; give both"),
+        ("white_cd_m2 = 100\nblack_cd_m2 = 100", "panel.black_cd_m2: 100 is not below white_cd_m2, 100; give both"),
+        ("white_cd_m2 = 0", "panel.white_cd_m2: 0 is not valid; give a finite number, more than 0"),
+        ("white_cd_m2 = 100\nblack_cd_m2 = -1", "panel.black_cd_m2: -1 is not valid"),
+    ],
+)
+def test_bad_levels_are_one_line(keys, said):
+    assert said in refusal(keys)
+
+
+# --- sub-pixels -----------------------------------------------------------------------------------
+
+QUAD = [
+    ["red", -0.25, 0.25, 0.5, 0.5], ["green", 0.25, 0.25, 0.5, 0.5],
+    ["blue", -0.25, -0.25, 0.5, 0.5], ["white", 0.25, -0.25, 0.5, 0.5],
+]  # fmt: skip
+#: Two pixels that share blue: red above green, then blue above green, with dark borders.
+SHARED = [
+    ["red", 0.0, 0.25, 0.8, 0.4], ["green", 0.0, -0.25, 0.8, 0.4],
+    ["blue", 1.0, 0.25, 0.8, 0.4], ["green", 1.0, -0.25, 0.8, 0.4],
+]  # fmt: skip
+
+
+def test_where_two_pixels_emit_by_hand(mi):
+    """A quad's sub-pixels cover a quarter each: four times as bright. White takes the least of the three colours."""
+    display = under_one_lenslet(f"subpixels = {json.dumps(QUAD)}")
+    image = [[[0.9, 0.5, 0.3], [0.25, 0.25, 0.25]]]
+    for x, y, wanted in (
+        (-0.75, 0.25, [4 * 0.6, 0, 0]), (-0.25, 0.25, [0, 4 * 0.2, 0]), (-0.75, -0.25, [0, 0, 0]),
+        (-0.25, -0.25, [1.2] * 3), (0.25, 0.25, [0, 0, 0]), (0.75, -0.25, [1.0] * 3),
+    ):  # fmt: skip
+        np.testing.assert_allclose(seen_at(mi, display, image, x, y), wanted, rtol=1e-6, atol=1e-6)
+    # One red and one blue of 0.8 x 0.4 on two pixels: 2 / 0.32 as bright; two green ones: half as much.
+    display = under_one_lenslet(f"subpixels = {json.dumps(SHARED)}")
+    image = [[[0.9, 0.5, 0.3], [0.2, 0.4, 0.6]]]
+    for x, y, wanted in (
+        (-0.5, 0.25, [6.25 * 0.9, 0, 0]), (-0.5, -0.25, [0, 3.125 * 0.5, 0]),
+        (0.5, 0.25, [0, 0, 6.25 * 0.6]),
+        (0.5, -0.25, [0, 3.125 * 0.4, 0]), (-0.5, 0.0, [0] * 3), (0.05, 0.25, [0] * 3),
+    ):  # fmt: skip
+        np.testing.assert_allclose(seen_at(mi, display, image, x, y), wanted, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", [*LAYOUTS, QUAD, SHARED], ids=str)
+def test_a_layout_keeps_the_mean(layout):
+    """Over the layout's own area, what the sub-pixels emit is the pixel's light: by a grid of points."""
+    made = layout_of(layout if isinstance(layout, str) else tuple(map(tuple, layout)))
+    n = 240
+    u, v = np.meshgrid((np.arange(n * made.columns) + 0.5) / n, (np.arange(n * made.rows) + 0.5) / n)
+    light = [np.float64(0.9), np.float64(0.5), np.float64(0.3)]
+    parts, total = made.shown(light, min(light)), np.zeros(3)
+    for k, gain, inside in made.emitters(NumpyBackend(), u, v):
+        total[[k] if k < 3 else [0, 1, 2]] += gain * parts[k] * inside.mean()
+    np.testing.assert_allclose(total, light, rtol=1e-9)
+
+
+def test_named_stripes_stand_where_they_did():
+    """In the order of the name, from the left: thirds of a pixel."""
+    for name in ("rgb", "bgr"):
+        order = [colour[0] for colour, *_ in sorted(LAYOUTS[name], key=lambda sub: sub[1])]
+        assert "".join(order) == name
+        boxes = [layout_of(name).boxes(colour)[0] for colour in COLOURS[:3]]
+        assert sorted(box.u for box in boxes) == [-1.0 / 3.0, 0.0, 1.0 / 3.0]
+        assert {(box.v, box.width, box.height) for box in boxes} == {(0.0, 1.0 / 3.0, 1.0)}
+        assert not layout_of(name).borrows
+    assert [len(LAYOUTS[name]) for name in ("rgbw", "pentile")] == [4, 8]
+
+
+@pytest.mark.parametrize("samples", [1, 64])
+def test_each_colour_is_rendered_where_its_sub_pixel_is(mi, tmp_path, samples):
+    """A wall behind the display, red, green and blue by place; each channel against golden's ray of its sub-pixel.
+
+    The second pixel of each pair lacks red and the first lacks blue: they take the neighbour's, a pixel away.
+    """
+    ramp = "".join(
+        f'<shape type="rectangle"><transform name="to_world"><scale x="0.05" y="100"/><translate x="{x:.2f}" z="-5"/>'
+        f'</transform><emitter type="area">{rgb("radiance", [0.05 * (k % 19)] * 3)}</emitter></shape>'
+        for k, x in enumerate(np.arange(-6.0, 6.0, 0.1))
+    )
+    scene = load_scene(write_scene(tmp_path / "wall.xml", ramp, placement="near_mm = 10.0\nfar_mm = -10.0"))
+    display = focused_display("square", width_px=40, height_px=24, pixel_pitch=0.1, subpixels="none")
+    table = tuple(map(tuple, SHARED))
+    display = replace(display, panel=replace(display.panel, subpixels=table))
+    seen = render_integral(scene, display, "exact", Settings(samples, integrator="path", max_depth=1)).radiance
+    row, column = np.mgrid[0:24, 0:40]
+    places = {
+        "red": (np.where(column % 2 == 0, 0.0, -1.0), -0.25), "green": (0.0, 0.25),
+        "blue": (np.where(column % 2 == 0, 1.0, 0.0), -0.25),
+    }  # fmt: skip
+    steps = [0.0] if samples == 1 else (np.arange(8) + 0.5) / 8 - 0.5
+    for k, (dx, dy) in enumerate(places.values()):
+        total, sure = np.zeros((24, 40)), np.ones((24, 40), bool)
+        for across in steps:
+            for down in steps:
+                at = np.stack([column + 0.5 + dx + 0.8 * across, row + 0.5 + dy + 0.4 * down], axis=2).reshape(-1, 2)
+                rays = trace(display, at)
+                x = (rays.origin_mm + (-5 - rays.origin_mm[:, 2:]) / rays.direction[:, 2:] * rays.direction)[:, 0]
+                strip = (x + 6.05) / 0.1
+                total += (0.05 * (np.floor(strip) % 19)).reshape(24, 40) / len(steps) ** 2
+                sure &= (np.abs(strip - np.round(strip)) > 1e-3).reshape(24, 40) & (np.abs(x) < 5.9).reshape(24, 40)
+        if samples == 1:
+            assert sure.mean() > 0.8
+            np.testing.assert_allclose(seen[sure, k], total[sure], atol=1e-6)
+        else:
+            assert np.abs(seen[..., k].mean() - total.mean()) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ([QUAD[0], QUAD[2], QUAD[3]], "the layout has no green; add a sub-pixel of that colour"),
+        (QUAD[1:], "the layout has no red"),
+        ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] has another green one in its pixel"),
+        ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25] is 0.6 x 0.5 pixels and not"),
+        ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
+        ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),
+        ([*QUAD[:3], ["white", 99.0, 0.0, 0.1, 0.1]], "right of and below the first"),
+        ([*QUAD[:3], ["pink", 0.25, -0.25, 0.5, 0.5]], "give a list of [colour, x, y, width, height]"),
+        ([*QUAD[:3], ["white", 0.25]], "give a list of [colour, x, y, width, height]"),
+        ([], 'choose from "bgr", "none", "pentile", "rgb", "rgbw" or give a list of [colour, x, y, width, height]'),
+    ],
+)  # fmt: skip
+def test_a_bad_layout_is_one_line(table, said):
+    line = refusal(f"subpixels = {json.dumps(table)}")
+    assert line.startswith("two.toml: panel.subpixels: ")
+    assert said in line
+
+
+def test_a_layout_has_its_identity_and_its_file():
+    names = [under_one_lenslet(f'subpixels = "{name}"') for name in ("none", *LAYOUTS)]
+    tables = [under_one_lenslet(f"subpixels = {json.dumps(table)}") for table in (QUAD, SHARED, [*QUAD[:3]])]
+    displays = [*names, *tables]
+    assert len({display.identity for display in displays}) == len(displays)
+    for display in displays:
+        assert parse_display(display_text(display), "two.toml") == display

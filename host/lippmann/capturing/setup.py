@@ -299,7 +299,7 @@ def _check(setup: Setup, source: str) -> None:
     """Refuse what stands in the wrong order on the axis; single tables were checked when they were read."""
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
-        what = f"display '{setup.display.name}' has colour stripes, a camera none"
+        what = f"display '{setup.display.name}' has colour sub-pixels, a camera none"
         raise input_error(source, what, "give one without")
     lens, stand = setup.lens, f"{setup.array_distance_mm:.4g} mm behind the lens"
     if lens is not None:

@@ -58,7 +58,7 @@ def command(
     result = {
         "name": display.name,
         "identity": display.identity,
-        "panel": {**dataclasses.asdict(panel), "width_mm": panel.width_mm, "height_mm": panel.height_mm},
+        "panel": {**panel.keys, "width_mm": panel.width_mm, "height_mm": panel.height_mm},
         "array": dataclasses.asdict(array),
         "gap_mm": display.gap_mm,
         **dataclasses.asdict(derived),
@@ -76,9 +76,13 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     place = "at infinity" if math.isinf(plane) else f"z = {plane:+.5g} mm ({'in front' if plane > 0 else 'behind'})"
     yield "display", f"{display.name}, identity {display.identity}"
     yield "panel", f"{panel.width_px} x {panel.height_px} px, {panel.width_mm:.5g} x {panel.height_mm:.5g} mm"
-    details = f"sub-pixels {panel.subpixels}, {panel.bits} bits, {transfer_name(panel.transfer)}"
+    layout = panel.subpixels if isinstance(panel.subpixels, str) else f"by a table of {len(panel.subpixels)}"
+    details = f"sub-pixels {layout}, {panel.bits} bits, {transfer_name(panel.transfer)}"
     pitch = " x ".join(f"{side:.6g}" for side in dict.fromkeys(panel.pitches_mm))
     yield "pixel pitch", f"{pitch} mm, {details}"
+    if panel.white_cd_m2 is not None:
+        contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
+        yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
     yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
     yield "gap", f"{display.gap_mm:.6g} mm"
     yield "index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")

@@ -27,10 +27,25 @@ bool on_panel(vec2 pixel) {
   return all(greaterThanEqual(pixel, vec2(0.0))) && all(lessThan(pixel, panel_px));
 }
 
-#ifdef STRIPES
-// A stripe emits its one colour from a third of the pixel, three times as bright there.
-vec3 stripe_at(vec2 pixel) {
-  int stripe = clamp(int(3.0 * fract(pixel.x)), 0, 2);
-  return 3.0 * vec3(equal(ivec3(stripe), STRIPES));
+#ifdef EMITS
+#ifdef SUBPIXELS
+// Left, top, right and bottom of the sub-pixels, and their gains for red, green, blue and white: subpixels.py.
+const vec4 boxes[SUBPIXELS] = BOXES, gains[SUBPIXELS] = GAINS;
+#endif
+
+// What the panel emits at a point of a pixel that shows a light. A black pixel is not quite dark.
+vec3 emitted(vec2 pixel, vec3 light) {
+  light = BLACK + (1.0 - BLACK) * light;
+#ifdef SUBPIXELS
+  vec2 place = mod(pixel, PERIOD);
+  float darkest = WHITE * min(light.r, min(light.g, light.b));
+  vec4 parts = vec4(light - darkest, darkest), sum = vec4(0.0);
+  for (int k = 0; k < SUBPIXELS; ++k) {
+    bool inside = all(greaterThanEqual(place, boxes[k].xy)) && all(lessThan(place, boxes[k].zw));
+    sum += inside ? gains[k] * parts : vec4(0.0);
+  }
+  light = sum.rgb + sum.a;
+#endif
+  return light;
 }
 #endif
