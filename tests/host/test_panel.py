@@ -426,14 +426,25 @@ def test_named_stripes_stand_where_they_did():
     assert [len(LAYOUTS[name]) for name in ("rgbw", "pentile")] == [4, 8]
 
 
-@pytest.mark.parametrize("samples", [1, 64])
-def test_each_colour_is_rendered_where_its_sub_pixel_is(mi, tmp_path, samples):
-    """A wall behind the display, red, green and blue by place; each channel against golden's ray of its sub-pixel.
+def test_pentile_borrows_from_the_nearest():
+    """Pixels, row by row: red green, blue green / blue green, red green. Neighbours in a column are the nearest."""
+    layout = layout_of("pentile")
+    places = {colour: [box[:2] for box in layout.boxes(colour)] for colour in COLOURS[:3]}
+    assert places["red"] == [(-0.25, 0.0), (-0.25, 1.0), (0.75, 0.0), (-0.25, 0.0)]
+    assert places["blue"] == [(0.75, 0.0), (-0.25, 0.0), (-0.25, 0.0), (-0.25, -1.0)]
+    assert places["green"] == [(0.25, 0.0)] * 4
+    assert layout.borrows
+
+
+@pytest.mark.parametrize(("samples", "axis"), [(1, 0), (1, 1), (64, 1)])
+def test_each_colour_is_rendered_where_its_sub_pixel_is(mi, tmp_path, samples, axis):
+    """A wall of strips across x or y behind the display; each channel against golden's ray of its sub-pixel.
 
     The second pixel of each pair lacks red and the first lacks blue: they take the neighbour's, a pixel away.
     """
+    size = ('x="0.05" y="100"', 'x="100" y="0.05"')[axis]
     ramp = "".join(
-        f'<shape type="rectangle"><transform name="to_world"><scale x="0.05" y="100"/><translate x="{x:.2f}" z="-5"/>'
+        f'<shape type="rectangle"><transform name="to_world"><scale {size}/><translate {"xy"[axis]}="{x:.2f}" z="-5"/>'
         f'</transform><emitter type="area">{rgb("radiance", [0.05 * (k % 19)] * 3)}</emitter></shape>'
         for k, x in enumerate(np.arange(-6.0, 6.0, 0.1))
     )
@@ -454,7 +465,7 @@ def test_each_colour_is_rendered_where_its_sub_pixel_is(mi, tmp_path, samples):
             for down in steps:
                 at = np.stack([column + 0.5 + dx + 0.8 * across, row + 0.5 + dy + 0.4 * down], axis=2).reshape(-1, 2)
                 rays = trace(display, at)
-                x = (rays.origin_mm + (-5 - rays.origin_mm[:, 2:]) / rays.direction[:, 2:] * rays.direction)[:, 0]
+                x = (rays.origin_mm + (-5 - rays.origin_mm[:, 2:]) / rays.direction[:, 2:] * rays.direction)[:, axis]
                 strip = (x + 6.05) / 0.1
                 total += (0.05 * (np.floor(strip) % 19)).reshape(24, 40) / len(steps) ** 2
                 sure &= (np.abs(strip - np.round(strip)) > 1e-3).reshape(24, 40) & (np.abs(x) < 5.9).reshape(24, 40)
