@@ -427,7 +427,9 @@ def test_named_stripes_stand_where_they_did():
 
 
 def test_pentile_borrows_from_the_nearest():
-    """Pixels, row by row: red green, blue green / blue green, red green. Neighbours in a column are the nearest."""
+    """Red green, blue green / blue green, red green: the left stripe of the pixel to the right is 3/4 pixel away, of the
+    one above or below sqrt(17)/4 = 1.03, of the one to the left 5/4.
+    """
     layout = layout_of("pentile")
     places = {colour: [box[:2] for box in layout.boxes(colour)] for colour in COLOURS[:3]}
     assert places["red"] == [(-0.25, 0.0), (-0.25, 1.0), (0.75, 0.0), (-0.25, 0.0)]
