@@ -427,7 +427,7 @@ def test_named_stripes_stand_where_they_did():
 
 
 def test_pentile_borrows_from_the_nearest():
-    """Red green, blue green / blue green, red green: the left stripe of the pixel to the right is 3/4 pixel away, of the
+    """Red green, blue green / blue green, red green: the left stripe to the right is 3/4 pixel away, of the pixel
     one above or below sqrt(17)/4 = 1.03, of the one to the left 5/4.
     """
     layout = layout_of("pentile")
