@@ -22,8 +22,10 @@ from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, View, whole_window
 from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.arrange import Arrange, arranged
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
 from lippmann.rendering.placement import Placement
+from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, check_memory
 from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.scene import load_scene as load_scene_file
@@ -96,10 +98,11 @@ def render(
     fraction_bits: int | None = None,
     tolerance: float = TOLERANCE,
     placement: Placement | None = None,
+    arrange: Arrange | None = None,
     memory_mb: float | None = None,
     device: str = "auto",
     progress: Progress | None = None,
-    note: Note = _silent,
+    note: Note | None = None,
 ) -> IntegralImage:
     """Render the integral image of a scene for a display.
 
@@ -115,12 +118,16 @@ def render(
         See `lippmann.rendering.integral.RenderOptions`.
     placement
         See `load_scene`.
+    arrange
+        "fit": the scene is scaled and moved into the display's depth range; "camera": it stands as the camera in its
+        file sees it. None: the placement holds.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto": for the fast engine and Mitsuba.
     progress
         Called with (tiles done, tiles in all).
     note
-        Called with remarks, such as the model that "auto" chose.
+        Called with remarks, such as the model that "auto" chose, or that the scene lies outside the depth range.
+        Without it, nothing is tried before the render.
 
     Raises
     ------
@@ -131,7 +138,7 @@ def render(
     """
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
-    return render_with(options, scene, display, placement, device, progress, note)
+    return render_with(options, scene, display, placement, arrange, device, progress, note)
 
 
 def render_with(
@@ -139,9 +146,10 @@ def render_with(
     scene: str | Path | Scene,
     display: str | Path | Display,
     placement: Placement | None = None,
+    arrange: Arrange | None = None,
     device: str = "auto",
     progress: Progress | None = None,
-    note: Note = _silent,
+    note: Note | None = None,
 ) -> IntegralImage:
     """Render the integral image of a scene for a display, with options; see `render`."""
     built = display if isinstance(display, Display) else load_display(display)
@@ -151,7 +159,10 @@ def render_with(
         where = f"display '{built.name}'" if isinstance(display, Display) else display
         raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
     with _loaded(scene, placement, device) as loaded:
-        return render_image(loaded, built, options, progress, note)
+        placed = loaded if arrange is None else arranged(loaded, built, arrange)
+        if arrange is not None and note is not None:
+            note(f"placed by {placed.placement}")
+        return render_image(placed, built, options, progress, note)
 
 
 def capture(
@@ -208,6 +219,8 @@ def capture(
         path = None if isinstance(setup, Setup) else setup
         placement = placement_before(built, check_scene_file(scene), path)
     with _loaded(scene, placement, device) as loaded:
+        for remark in overridden(loaded, settings):
+            note(remark)
         captured = capture_scene(loaded, built, settings, rotated, progress)
     lens_percent, array_percent = captured.lost_percent
     if lens_percent > NOTED_PERCENT:
@@ -284,6 +297,7 @@ def view(
     *,
     title: str = "Integral image",
     placement: Placement | None = None,
+    arrange: Arrange | None = None,
     seed: int = 0,
     device: str = "auto",
 ) -> Path:
@@ -299,8 +313,8 @@ def view(
         Mitsuba XML, or what `load_scene` returned, to render direct views of beside the image's.
     title
         Heading of the page.
-    placement
-        See `load_scene`.
+    placement, arrange
+        See `render`.
     seed
         Of the direct views.
     device
@@ -317,7 +331,7 @@ def view(
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)
-    page = view_page(image, scene, title=title, placement=placement, seed=seed, device=device)
+    page = view_page(image, scene, title=title, placement=placement, arrange=arrange, seed=seed, device=device)
     with replacing(target) as partial:
         partial.write_bytes(page)
     if path is None:
@@ -332,6 +346,7 @@ def view_page(
     *,
     title: str = "Integral image",
     placement: Placement | None = None,
+    arrange: Arrange | None = None,
     seed: int = 0,
     device: str = "auto",
     progress: Progress | None = None,
@@ -339,5 +354,6 @@ def view_page(
     """Return the page of `view`; `directs` are direct views that were rendered before."""
     if scene is not None:
         with _loaded(scene, placement, device) as loaded:
-            directs = [*directs, *render_directs(loaded, image.display, seed, progress)]
+            placed = loaded if arrange is None else arranged(loaded, image.display, arrange)
+            directs = [*directs, *render_directs(placed, image.display, seed, progress)]
     return page_html(image.display, image.radiance, title, directs).encode("utf-8")

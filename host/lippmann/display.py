@@ -43,13 +43,12 @@ Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 #: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
 LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
+ViewingDistance = Length | None
+_CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 #: Above air, up to the densest optical materials.
-#: None, or the distance of an eye, mm.
-ViewingDistance = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)] | None
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(3, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
-_CONVERGES = "distance of the eye that sees each pixel through the lenslet that the pixel belongs to"
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -176,6 +175,11 @@ class Display:
         """D / E: by this share elemental images are farther apart than lenslets; 0 without a viewing distance."""
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
+
+    @property
+    def nearest_eye_mm(self) -> float:
+        """Least viewing distance: an eye nearer than that is within the lenslets' focal zone."""
+        return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
 
     @property
     def aperture_distance_mm(self) -> float:
@@ -335,8 +339,13 @@ def _check(display: Display, where: str) -> None:
     if array.pitch_mm < pixel_mm:
         what = f"{array.pitch_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
         raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
-    nearest = NEAREST_EYE * max(array.focal_length_mm, display.aperture_distance_mm)
-    if display.viewing_distance_mm is not None and not display.viewing_distance_mm >= nearest:
+    if display.viewing_distance_mm is None:
+        if display.viewing_axis_mm != (0.0, 0.0):
+            what = "says where the eye of viewing_distance_mm is, which is missing"
+            raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or leave both out")
+        return
+    nearest = display.nearest_eye_mm
+    if not display.viewing_distance_mm >= nearest:
         what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, {nearest:.4g} mm"
         raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann.display import Display, Pair
 from lippmann.toml import documented, key
+from lippmann.viewing import Zone, middle_eye, remedy, status_share, viewing_distance, zones
 
-#: Assumed distance of the eyes from the display, mm.
-VIEWING_DISTANCE_MM = 600.0
+#: Distances of the eyes in the table of views, in viewing distances.
+DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 #: A beat between lenslets and pixels is visible as moire when it is longer than this many lenslets ...
 MOIRE_FROM_LENSLETS = 4.0
 #: ... and an elemental image has fewer pixels than this: beyond, the contrast is too low.
@@ -21,10 +22,7 @@ MOIRE_BELOW_PIXELS = 60.0
 PARALLEL_DEG = 0.05
 
 Lenslets = tuple[int, int, int]
-_ZONE = (
-    "largest distance from the axis at which an eye at VIEWING_DISTANCE_MM sees the whole panel without crosstalk; 0 "
-    "when no eye there does"
-)
+_ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
 _DEPTHS = (
     "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
 )
@@ -50,7 +48,7 @@ class DisplayProperties:
     lenslets: Annotated[
         Lenslets, key("(across, down, total): equation 5, rounded up; a hexagonal array has closer rows")
     ]
-    elemental_image_px: Annotated[float, key("pixels across an elemental image: lenslet pitch over pixel pitch")]
+    elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
     viewing_angle_deg: Annotated[float, key("full angle of a lenslet's own elemental image: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
         float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
@@ -64,6 +62,50 @@ class DisplayProperties:
     warnings: Annotated[tuple[str, ...], key("one sentence each, with a remedy")]
 
 
+_RANGE = "depths whose rays from neighbouring pixels are, as the eye sees them, at most a lenslet apart"
+
+
+@documented
+@dataclass(frozen=True)
+class EyeView:
+    """What an eye sees of a display."""
+
+    eye_mm: Annotated[tuple[float, float, float], key("where the eye is")]
+    status_share: Annotated[dict[str, float], key("share of the eye's rays to the panel by status, as of `observe`")]
+    zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk; None without")]
+    depth_range_mm: Annotated[Pair, key(f"(far, near): {_RANGE}")]
+    view_step_mm: Annotated[float, key("distance of eyes that see neighbouring pixels: pixel pitch z / D")]
+    lenslet_arcmin: Annotated[float, key("angle of a lenslet, the pixel of the view: pitch / z")]
+    moire_lenslets: Annotated[float | None, key("period of the moire that is visible from there; None without")]
+
+
+def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
+    """Return what eyes before a display see of it, each by itself.
+
+    Raises InputError for an eye that is not before the display.
+    """
+    pitch, distance = display.array.pitch_mm, display.aperture_distance_mm
+    shares = [status_share(display, eye) for eye in eyes_mm]
+    reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
+    views = []
+    for eye, share, zone in zip(eyes_mm, shares, zones(display, [eye[2] for eye in eyes_mm]), strict=True):
+        z = eye[2]
+        depths = (z * reach / (reach - z) if z > reach else -math.inf, z * reach / (reach + z))
+        arcmin, moire = 60.0 * math.degrees(pitch / z), visible_moire(display, z)
+        views.append(EyeView(eye, share, zone, depths, z * step, arcmin, moire))
+    return views
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent; one that is not 0 does not look like 0."""
+    return "< 0.1 %" if 0.0 < share < 5e-4 else f"{100.0 * share:.1f} %"
+
+
+def table_of_views(display: Display) -> list[EyeView]:
+    """Return what the middle eyes see at several distances."""
+    return eye_views(display, [middle_eye(display, factor * viewing_distance(display)) for factor in DISTANCES])
+
+
 def display_properties(display: Display) -> DisplayProperties:
     """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
@@ -71,7 +113,9 @@ def display_properties(display: Display) -> DisplayProperties:
     # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
     across = math.ceil(panel.width_mm / pitch - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
-    half_field_deg = math.degrees(math.atan2(0.5 * pitch, distance))
+    image = pitch * (1.0 + display.convergence)
+    half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
+    (zone,) = zones(display, [viewing_distance(display)])
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
@@ -84,21 +128,23 @@ def display_properties(display: Display) -> DisplayProperties:
         aperture_distance_mm=distance,
         back_focal_length_mm=array.focal_length_mm - in_glass,
         lenslets=(across, down, across * down),
-        elemental_image_px=pitch / panel.coarsest_mm,
+        elemental_image_px=image / panel.coarsest_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
-        viewing_zone_mm=max(0.0, 0.5 * (VIEWING_DISTANCE_MM * pitch / distance - panel.width_mm)),
+        viewing_zone_mm=0.0 if zone is None else 0.5 * (zone.right_mm - zone.left_mm),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
         angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
         spatial_resolution_mm=pitch,
-        views=math.floor(pitch / panel.coarsest_mm + 1e-9),
-        warnings=tuple(_warnings(display, half_field_deg)),
+        views=math.floor(image / panel.coarsest_mm + 1e-9),
+        warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
 
 
-def beats_in_lenslets(display: Display) -> tuple[float, float]:
+def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
     """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
+
+    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches apart.
 
     From a lenslet to its neighbour along a lattice vector a, the phase of the pixel columns, of frequency k = (1/p, 0),
     advances by k . a cycles. Whole cycles are invisible, so the eye sees the longest wave whose frequency f satisfies
@@ -106,11 +152,12 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
     The period is infinite where each lenslet has the same phase.
     """
     array = display.array
+    pitch_mm = array.pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm)
     turn, between = math.radians(array.rotation_deg), math.radians(60.0 if array.grid == "hex" else 90.0)
 
     def period(along: Callable[[float], float], pixel_mm: float) -> float:
         """Return a beat's period; `along` gives a unit lattice vector's component across the pixel lines."""
-        ratio = array.pitch_mm / pixel_mm
+        ratio = pitch_mm / pixel_mm
         phases = [math.remainder(ratio * along(angle), 1.0) for angle in (turn, turn + between)]
         squares = []
         for i, j in itertools.product((-1, 0, 1), repeat=2):
@@ -123,7 +170,15 @@ def beats_in_lenslets(display: Display) -> tuple[float, float]:
     return period(math.cos, across_mm), period(math.sin, down_mm)
 
 
-def _warnings(display: Display, half_field_deg: float) -> list[str]:
+def visible_moire(display: Display, distance_mm: float = math.inf) -> float | None:
+    """Return the longest period of a visible beat in lenslets; None without one."""
+    panel, pitch = display.panel, display.array.pitch_mm
+    widest = max(panel.width_mm, panel.height_mm) / pitch
+    beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
+    return max(beats) if beats and pitch / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
+
+
+def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:
     panel, array = display.panel, display.array
     found = []
     ratio = array.pitch_mm / panel.coarsest_mm
@@ -132,11 +187,10 @@ def _warnings(display: Display, half_field_deg: float) -> list[str]:
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
             "take a finer panel or a coarser array"
         )
-    widest = max(panel.width_mm, panel.height_mm) / array.pitch_mm
-    beats = [beat for beat in beats_in_lenslets(display) if MOIRE_FROM_LENSLETS < beat < widest]
-    if beats and ratio < MOIRE_BELOW_PIXELS:
+    moire = visible_moire(display)
+    if moire is not None:
         found.append(
-            f"moire: pixels and lenslets beat every {max(beats):.3g} lenslets; change the pitch of either, or the "
+            f"moire: pixels and lenslets beat every {moire:.3g} lenslets; change the pitch of either, or the "
             "angle of the array by some degrees"
         )
     # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
@@ -148,6 +202,13 @@ def _warnings(display: Display, half_field_deg: float) -> list[str]:
         found.append(
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "
             "elemental image; shorten the focal length and the gap"
+        )
+    if zone is None:
+        distance = viewing_distance(display)
+        share = status_share(display, middle_eye(display, distance))["crosstalk"]
+        found.append(
+            f"no eye at {distance:g} mm sees the whole panel: {percent(share)} of the view from the middle is "
+            f"crosstalk; {remedy(display)}"
         )
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Self
 
 
@@ -38,3 +41,15 @@ class MissingLibraryError(LippmannError):
 
 #: The errors whose line says where, what and the remedy.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the remedy that names the likeliest of the known names, or an empty text."""
+    names = {one.casefold(): one for one in known}
+    return "".join(f"did you mean {names[likely]}?" for likely in difflib.get_close_matches(name.casefold(), names, 1))
+
+
+def likely_file(path: Path, suffixes: Iterable[str]) -> str:
+    """Return the remedy that names the likeliest file in a missing file's folder, or an empty text."""
+    files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes}
+    return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))

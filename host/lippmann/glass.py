@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from lippmann.errors import InputError
+from lippmann.errors import InputError, did_you_mean
 
 #: Helium d line, the wavelength at which a display file states its focal length (nm).
 DESIGN_WAVELENGTH_NM = 587.5618
@@ -37,7 +37,8 @@ def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
     by_folded_name = {name.casefold(): terms for name, terms in SELLMEIER.items()}
     terms = by_folded_name.get(glass.casefold())
     if terms is None:
-        raise InputError(f"unknown glass '{glass}'; known are {', '.join(SELLMEIER)}, or give index")
+        likely = did_you_mean(glass, SELLMEIER)
+        raise InputError(f"unknown glass '{glass}'; {likely or 'known are ' + ', '.join(SELLMEIER)}, or give index")
     low, high = WAVELENGTH_RANGE_NM
     if not low <= wavelength_nm <= high:
         raise InputError(f"wavelength {wavelength_nm} nm is outside {low:g} to {high:g} nm")

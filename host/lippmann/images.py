@@ -11,7 +11,7 @@ import io
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError, MissingLibraryError, input_error
+from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -35,6 +35,10 @@ HALF_MAX = 65504.0
 MAX_CHANNELS = 4
 #: Most bytes of compressed texts in a PNG: each may expand a thousandfold, and all are read at once.
 MAX_TEXT_BYTES = 1 << 18
+#: Rows that are encoded, written and compared at once: a multiple of EXR's 16, so that no block is split.
+BAND_ROWS = 64
+#: Names by which OpenImageIO writes a PNG's gamma chunk for each transfer curve: 1/2.2 for sRGB too, beside its own.
+COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
 
@@ -72,9 +76,13 @@ def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) ->
     """
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
-    level = np.rint(encode(radiance, transfer) * levels)
-    # In double: float32 would round the spread levels of 9 to 15 bits twice.
-    return np.rint(level * np.float64(np.iinfo(kind).max / levels)).astype(kind)
+    values = np.empty(radiance.shape, kind)
+    for first in range(0, len(values), BAND_ROWS):
+        rows = slice(first, first + BAND_ROWS)
+        level = np.rint(encode(radiance[rows], transfer) * levels)
+        # In double: float32 would round the spread levels of 9 to 15 bits twice.
+        values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
+    return values
 
 
 def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
@@ -168,17 +176,14 @@ def write_picture(
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
-    pixels: npt.NDArray[Any] = np.asarray(radiance, np.float32)
     entries, kind = dict(metadata), oiio.FLOAT
     setting = "compression", "zip"
     if suffix == ".png":
-        pixels = encoded_values(radiance, transfer, bits)
         entries["transfer"] = transfer_text(transfer)
-        kind = oiio.UINT8 if pixels.dtype == np.uint8 else oiio.UINT16
-        setting = "oiio:ColorSpace", "sRGB" if transfer == "srgb" else "Linear"
+        kind = oiio.UINT8 if bits <= 8 else oiio.UINT16
+        setting = "oiio:ColorSpace", COLOUR_SPACES.get(transfer_text(transfer), "")
     elif suffix == ".exr":
         kind = oiio.HALF
-        pixels = np.minimum(pixels, np.float32(HALF_MAX))
     spec = oiio.ImageSpec(width, height, 3, kind)
     spec.attribute(*setting)
     if suffix in (".tif", ".tiff"):
@@ -187,32 +192,43 @@ def write_picture(
     else:
         for key, value in entries.items():
             spec.attribute(PREFIX + key, value)
+
+    def bands() -> Iterator[tuple[int, int, npt.NDArray[Any]]]:
+        """Yield first row, last row + 1 and the file's values of each band: no copy of the whole image is made."""
+        for first in range(0, height, BAND_ROWS):
+            rows: npt.NDArray[Any] = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
+            if suffix == ".png":
+                rows = encoded_values(rows, transfer, bits)
+            elif suffix == ".exr":
+                rows = np.minimum(rows, np.float32(HALF_MAX))
+            yield first, first + len(rows), np.ascontiguousarray(rows)
+
     with replacing(path) as partial:
         out = oiio.ImageOutput.create(str(partial))
         if out is None:
             raise input_error(str(path), oiio.geterror(), "choose another extension")
         with silent_stderr():
-            good = out.open(str(partial), spec) and out.write_image(np.ascontiguousarray(pixels))
+            good = out.open(str(partial), spec) and all(out.write_scanlines(a, b, 0, rows) for a, b, rows in bands())
             trouble = _first_line(out.geterror(), partial)
             good = out.close() and good
         # OpenImageIO does not notice when a full disk truncates a PNG.
-        if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, pixels, kind):
+        if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, bands(), kind):
             good, trouble = False, "the disk holds only part of it"
         if not good:
             raise input_error(str(path), f"cannot be written ({trouble})", "free space or choose another place")
 
 
-def _holds(oiio: Any, path: Path, pixels: npt.NDArray[Any], kind: Any) -> bool:
-    """Tell whether a file contains these pixels."""
+def _holds(oiio: Any, path: Path, bands: Iterable[tuple[int, int, npt.NDArray[Any]]], kind: Any) -> bool:
+    """Tell whether a file contains these bands of rows."""
     with silent_stderr():
         source = oiio.ImageInput.open(str(path))
         if source is None:
             oiio.geterror()  # otherwise printed at exit
             return False
         try:
-            found = source.read_image(kind)
+            same = all(np.array_equal(source.read_scanlines(0, 0, a, b, 0, 0, 3, kind), rows) for a, b, rows in bands)
             source.geterror()
-            return found is not None and np.array_equal(found, pixels)
+            return same
         finally:
             source.close()
 
@@ -230,7 +246,7 @@ def read_picture(
     oiio = _openimageio()
     path = Path(path)
     if not path.is_file():
-        raise input_error(str(path), "no such image", "render it first: lippmann render")
+        raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
     try:
         with silent_stderr():
             return _read(oiio, path, limit, accept)
@@ -266,14 +282,17 @@ def _read(
     finally:
         source.close()
     values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
-    if not np.isfinite(values).all():
-        raise input_error(str(path), "contains pixels that are not finite", "render it again")
     if values.shape[2] < 3:
         values = np.repeat(values[:, :, :1], 3, axis=2)
     values = np.ascontiguousarray(values[:, :, :3])
     # The transfer curve in a linear file's metadata is the panel's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
-    return Picture(decode(values, "linear" if linear else metadata.get("transfer", "srgb")), metadata)
+    for first in range(0, spec.height, BAND_ROWS):
+        rows = values[first : first + BAND_ROWS]
+        if not np.isfinite(rows).all():
+            raise input_error(str(path), "contains pixels that are not finite", "render it again")
+        rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+    return Picture(values, metadata)
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:

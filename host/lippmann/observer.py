@@ -128,7 +128,7 @@ def observe(
         index = dr.arange(mi.UInt32, count * samples)
         pixel = first + index // samples
         sample = index % samples
-        origin, direction = _eye_rays(b, eye, window, pixel, sample, seed)
+        origin, direction = eye_rays(b, eye, window, pixel, sample, seed)
         hits = pixels_from_rays(b, system, origin, direction, model)
         seen = (hits.status == int(Status.OK)) | (
             (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
@@ -162,7 +162,7 @@ def observe(
     return View(out.reshape(window.height_px, window.width_px, 3), share)
 
 
-def _eye_rays(
+def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Return origins and unit directions (double) from the pupil through the window's pixels."""

@@ -20,10 +20,12 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, likely_file
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
+#: Remedy for text that is not TOML.
+MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
 
 def key(
@@ -145,12 +147,12 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
             yield from tables(option["items"], name)
 
 
-def parse(text: str, source: str) -> dict[str, Any]:
-    """Return the tables of TOML text; `source` names it in errors."""
+def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
+    """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
-        raise input_error(source, f"not TOML ({error})", "mend the syntax there") from None
+        raise input_error(source, f"not TOML ({error})", remedy) from None
 
 
 def load(path: Path, what: str) -> dict[str, Any]:
@@ -158,10 +160,11 @@ def load(path: Path, what: str) -> dict[str, Any]:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
-        raise input_error(str(path), "no such file", f"give the path of a {what} file (.toml)") from None
+        remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
+        raise input_error(str(path), "no such file", remedy) from None
     except (OSError, UnicodeDecodeError) as error:
         raise input_error(str(path), f"cannot be read ({error})", f"give a {what} file (.toml)") from None
-    return parse(text, str(path))
+    return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
@@ -174,7 +177,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
     for name, (value, node) in nodes.items():
         for unknown in value if isinstance(value, dict) and "properties" in node else ():
             if unknown not in node["properties"] and not node["additionalProperties"]:
-                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", _hint(top, node, name, unknown))
+                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", _hint(top, node, value, unknown))
     for name, (value, node) in nodes.items():
         for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():
             given = [rival for rival in group if rival in value]
@@ -219,9 +222,19 @@ def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schem
             yield from _walk(item, node["items"], f"{name}[{place}]")
 
 
-def _hint(top: Schema, here: Schema, name: str, unknown: str) -> str:
+def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> str:
     """Say which key an unknown one may stand for."""
-    similar = difflib.get_close_matches(unknown, here["properties"], 1)
+    missing = {*here.get("required", ())}.difference(given)
+    for group, needed in rivals(here):
+        if needed and not set(group) & set(given):
+            missing.update(group)
+
+    def likeness(name: str) -> float:
+        alike = difflib.SequenceMatcher(None, unknown.lower(), name).ratio()
+        part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
+        return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first
+
+    similar = [name for name in sorted(here["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
     homes = [table for table, node in tables(top) if unknown in node["properties"]]
     places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
     hints = [f"it belongs {' or '.join(places)}"] if places else []
@@ -229,6 +242,7 @@ def _hint(top: Schema, here: Schema, name: str, unknown: str) -> str:
         everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
         last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
         similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
+        similar = similar or (list(missing) if len(missing) == 1 else [])
     if similar:
         hints.append(f"did you mean {similar[0]}?")
     return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"

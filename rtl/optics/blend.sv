@@ -8,15 +8,16 @@
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
 /// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 omits the
-/// second product. Latency blend_latency(F).
+/// second product. Latency blend_latency(F, Wx).
 module blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
-  parameter bit Second = 1'b1
+  parameter bit Second = 1'b1,
+  parameter int Wx = F + 2          // bits of x, a wide word or more
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] k_i,
-  input  logic signed [F+1:0] x_i,
+  input  logic signed [Wx-1:0] x_i,
   input  logic signed [F+1:0] l_i,
   input  logic signed [F+1:0] a_i,
   output logic signed [F+2:0] y_o
@@ -25,20 +26,27 @@ module blend #(
 
   localparam int W = F + 2;
   localparam int Drop = F - Guard;
-  localparam int Wp = 2 * W - Drop;
+  localparam int Wp = Wx + W - Drop;
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "blend: F must be 14 to 23");
   end
+  if (Wx < W || Wx > W + 2) begin : gen_illegal_width
+    $fatal(1, "blend: Wx must be F + 2 to F + 4");
+  end
 
   logic signed [Wp-1:0] kx, la, sum_q;
   multiplier #(
-    .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+    .CrossCells(CrossCells), .Wa(Wx), .Wb(W), .Drop(Drop)
   ) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
   if (Second) begin : gen_second
+    logic signed [2*W-Drop-1:0] la_early;
     multiplier #(
       .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
-    ) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la));
+    ) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la_early));
+    delay #(.Width(Wp), .Cycles(mul_latency(Wx, W) - mul_latency(W, W))) i_la_match (
+      .clk_i, .d_i(Wp'(la_early)), .q_o(la)
+    );
   end else begin : gen_alone
     assign la = '0;
     logic unused_second;

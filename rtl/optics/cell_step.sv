@@ -10,6 +10,8 @@
 ///   hex      q0 = nx, q1 = nx / 2 + (sqrt(3)/2) ny, q2 = q1 - nx; the step goes across the
 ///            flat with the largest |q|, ~q below 0: (1, 0), (0, 1), (-1, 1) or their opposites
 ///
+/// q < -H is tested as ~q >= H, which needs no negation.
+///
 ///   q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
 ///
 /// as integers, ny h >> k the product that `multiplier` cuts by k places. Words: near.
@@ -44,21 +46,23 @@ module cell_step #(
     localparam int Wp = 2 * W - Drop;
     localparam logic signed [W-1:0] HalfSqrt3 =
         W'($rtoi(0.8660254037844386468 * real'(1 << (F + 1)) + 0.5));
-    logic signed [Wp-1:0] rise, sum_q;
+    logic signed [Wp-1:0] rise, half_nx_q, sum_q;
     logic signed [W-1:0] nx_late;
     logic signed [W:0] q0_q, q1_q, q2_q, q1_d;
     multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
       .clk_i, .a_i(ny_i), .b_i(HalfSqrt3), .p_o(rise)
     );
-    delay #(.Width(W), .Cycles(mul_latency(W, W))) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
-    logic signed [W-1:0] nx_q;
-    assign q1_d = (W + 1)'((sum_q + Wp'(4)) >>> Guard);
+    delay #(.Width(W), .Cycles(mul_latency(W, W) - 1)) i_nx (.clk_i, .d_i(nx_i), .q_o(nx_late));
+    logic signed [W-1:0] nx_q, nx_q2;
+    assign q1_d = (W + 1)'(sum_q >>> Guard);
     always_ff @(posedge clk_i) begin
-      sum_q <= rise + (Wp'(nx_late) <<< (Guard - 1));
+      half_nx_q <= (Wp'(nx_late) <<< (Guard - 1)) + Wp'(4);  // with the rounding's half
       nx_q <= nx_late;
-      q0_q <= (W + 1)'(nx_q);
+      sum_q <= rise + half_nx_q;
+      nx_q2 <= nx_q;
+      q0_q <= (W + 1)'(nx_q2);
       q1_q <= q1_d;
-      q2_q <= q1_d - (W + 1)'(nx_q);
+      q2_q <= q1_d - (W + 1)'(nx_q2);
     end
 
     // ---- distances, and which of them are outside the half-open cell ----
@@ -71,9 +75,9 @@ module cell_step #(
       size1_q <= q1_q[W] ? ~q1_q : q1_q;
       size2_q <= q2_q[W] ? ~q2_q : q2_q;
       {minus0_q, minus1_q, minus2_q} <= {q0_q[W], q1_q[W], q2_q[W]};
-      out0_q <= q0_q >= half || q0_q < -half;
-      out1_q <= q1_q >= half || q1_q < -half;
-      out2_q <= q2_q >= half || q2_q < -half;
+      out0_q <= q0_q >= half || ~q0_q >= half;
+      out1_q <= q1_q >= half || ~q1_q >= half;
+      out2_q <= q2_q >= half || ~q2_q >= half;
     end
     logic first0, first1;
     assign first0 = size0_q >= size1_q && size0_q >= size2_q;
@@ -98,9 +102,9 @@ module cell_step #(
     logic right_q, left_q, up_q, down_q;
     always_ff @(posedge clk_i) begin
       right_q <= nx_i >= half_i;
-      left_q <= nx_i < -half_i;
+      left_q <= ~nx_i >= half_i;
       up_q <= ny_i >= half_i;
-      down_q <= ny_i < -half_i;
+      down_q <= ~ny_i >= half_i;
       di_o <= right_q ? 2'sd1 : left_q ? -2'sd1 : '0;
       dj_o <= up_q ? 2'sd1 : down_q ? -2'sd1 : '0;
       inside_o <= !(right_q || left_q || up_q || down_q);

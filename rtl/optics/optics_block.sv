@@ -20,7 +20,8 @@ module optics_block #(
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
-  parameter int Walk = 0
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
@@ -106,6 +107,7 @@ module optics_block #(
   assign status.build.aims.next = Aims;
   assign status.build.walk.next = 3'(Walk);
   assign status.build.cross_cells.next = CrossCells;
+  assign status.build.converge.next = Converge;
   assign status.status.busy.next = busy || apply_q;
   assign status.status.running.next = running || start_q;
   assign status.status.refused.next = refused;
@@ -136,6 +138,9 @@ module optics_block #(
     optics.cell_half = set.optics.cell_half.value.value;
     optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
     optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
+    optics.converge_share = set.optics_converge.share.value.value;
+    optics.converge_x = set.optics_converge.x.value.value;
+    optics.converge_y = set.optics_converge.y.value.value;
   end
 
   assign optics_o = optics;
@@ -195,7 +200,7 @@ module optics_block #(
   // ---- the optics ----
   ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk)
+    .Walk(Walk), .Converge(Converge)
   ) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
@@ -205,7 +210,8 @@ module optics_block #(
 
   // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
   // for each ray.
-  localparam int AddressBits = $clog2(ray_latency(F, Grid, Model, Viewer, Aims, Walk) + 16);
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge);
+  localparam int AddressBits = $clog2(Latency + 16);
   logic unused_valid;
   fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
     .clk_i, .rst_ni, .write_i(accept), .data_i({first, last}),

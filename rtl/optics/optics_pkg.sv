@@ -64,9 +64,9 @@ package optics_pkg;
     logic signed [SlopeBits-1:0]  y_from_v;
     logic signed [OffsetBits-1:0] x_offset;
     logic signed [OffsetBits-1:0] y_offset;
-    logic signed [31:0] slope_x;         // wide: slope from a - x (exact), from x (others)
+    logic signed [31:0] slope_x;         // wide: slope from a - x (exact), from x (others, Converge)
     logic signed [31:0] slope_y;
-    logic signed [31:0] slope_aim_x;     // wide: slope from a (paraxial)
+    logic signed [31:0] slope_aim_x;     // wide: slope from a (paraxial, Converge)
     logic signed [31:0] slope_aim_y;
     logic signed [31:0] point_x;         // wide: point on the first face, in radii, from x
     logic signed [31:0] point_y;
@@ -82,6 +82,9 @@ package optics_pkg;
     logic signed [31:0] cell_half;       // near: p / (2 R)
     logic signed [31:0] cell_pitch_x;    // wide: p / R
     logic signed [31:0] cell_pitch_y;    // wide: row distance / R
+    logic signed [31:0] converge_share;  // s = D / (D + E), F + 11 fraction bits (Converge)
+    logic signed [31:0] converge_x;      // -s A, F + 2 fraction bits
+    logic signed [31:0] converge_y;
   } optics_config_t;
 
   /// Columns and rows of a panel: unsigned.
@@ -177,9 +180,19 @@ package optics_pkg;
     return lenslet_latency(grid) + 1;
   endfunction
 
-  /// Latency of a sum of two products of `wide` words, rounded.
-  function automatic int blend_latency(int f);
-    return mul_latency(f + 2, f + 2) + 2;
+  /// Latency of `converge`.
+  function automatic int converge_latency(int f);
+    return mul_latency(MulBits, f + 9) + 2;
+  endfunction
+
+  /// Bits of a pixel's point relative to its lenslet's centre: a wide word, [-2, 2), or [-8, 8).
+  function automatic int local_bits(int f, bit converge);
+    return f + (converge ? 4 : 2);
+  endfunction
+
+  /// Latency of a sum of two products, one of wx bits and the others `wide` words, rounded.
+  function automatic int blend_latency(int f, int wx);
+    return mul_latency(wx, f + 2) + 2;
   endfunction
 
   /// Latency of `unit_slope`: squares, their sum, the root, the product.
@@ -223,13 +236,14 @@ package optics_pkg;
   endfunction
 
   /// Cycles from the point on the panel to the slope and the point on the first face.
-  function automatic int slope_latency(int f);
-    return 1 + blend_latency(f);
+  function automatic int slope_latency(int f, bit converge);
+    return 1 + blend_latency(f, local_bits(f, converge));
   endfunction
 
-  /// Cycles from the pixel to the lenslet aimed at.
-  function automatic int lens_latency(int grid, bit aims);
-    return pixel_latency() + lenslet_latency(grid) + (aims ? aim_latency(grid) : 0);
+  /// Cycles from the pixel to the lenslet aimed at, and to the pixel's point relative to it.
+  function automatic int lens_latency(int f, int grid, bit aims, bit converge);
+    return pixel_latency() + lenslet_latency(grid) + (aims ? aim_latency(grid) : 0)
+        + (converge ? converge_latency(f) : 0);
   endfunction
 
   /// Cycles for each further dome that is tried.
@@ -239,9 +253,10 @@ package optics_pkg;
 
   /// Latency of `ray_pipeline`.
   function automatic int ray_latency(
-      int f, int grid, int model, bit viewer, bit aims, int walk);
+      int f, int grid, int model, bit viewer, bit aims, int walk, bit converge);
     int before_dome, after_dome;
-    before_dome = lens_latency(grid, aims) + slope_latency(f) + unit_latency(f);
+    before_dome = lens_latency(f, grid, aims, converge) + slope_latency(f, converge)
+        + unit_latency(f);
     if (model != ModelExact) return before_dome + 2;
     if (!viewer) before_dome += enter_flat_latency(f);
     after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 1);

@@ -2,7 +2,7 @@
 
 /// All steps of a ray, from pixel to exit ray: one ray every clock, without stalls.
 ///
-///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> blend, unit_slope ->
+///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> (converge) -> blend, unit_slope ->
 ///     pinhole, paraxial:              the slope is the exit ray's
 ///     exact, plano side to the panel:  enter_flat -> meet_dome -> leave_dome
 ///     exact, plano side to the viewer: meet_dome -> enter_dome -> leave_flat
@@ -17,7 +17,8 @@
 /// Logic that a Model or an orientation does not use is not built. Walk is the number of further
 /// domes tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
 /// A ray that leaves the dome downward is blocked; neighbouring domes are not checked again.
-/// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk).
+/// Converge is for displays whose pixels belong to the lenslet through which a near eye sees them.
+/// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge).
 module ray_pipeline #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
@@ -25,7 +26,8 @@ module ray_pipeline #(
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,  // plano side to the viewer
   parameter bit Aims = 1'b0,    // rays aim at aperture points
-  parameter int Walk = 0
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0  // elemental images converge on a near eye
 ) (
   input  logic                                     clk_i,
   input  optics_pkg::optics_config_t               config_i,
@@ -49,6 +51,7 @@ module ray_pipeline #(
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
   localparam int L = IndexBits + F;
+  localparam bit Strays = Aims || Viewer || Converge;  // exact rays can leave their cell
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "ray_pipeline: F must be 14 to 23");
@@ -66,7 +69,7 @@ module ray_pipeline #(
   if (Aims && Model == ModelPinhole) begin : gen_illegal_aims
     $fatal(1, "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray");
   end
-  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !(Aims || Viewer))))
+  if (Walk < 0 || Walk > 4 || (Walk > 0 && (Model != ModelExact || !Strays)))
   begin : gen_illegal_walk
     $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
   end
@@ -101,10 +104,10 @@ module ray_pipeline #(
   end
 
   // ---- aperture point ----
-  localparam int LensAt = lens_latency(Grid, Aims);
-  logic signed [IndexBits-1:0] lens_i, lens_j;
-  logic signed [W-1:0] x, y, a, b;
-  logic stray, beyond;
+  localparam int AimAt = lens_latency(F, Grid, Aims, 1'b0);
+  logic signed [IndexBits-1:0] aim_i, aim_j;
+  logic signed [W-1:0] aim_x, aim_y, aim_a, aim_b;
+  logic aim_stray, aim_beyond;
   if (Aims) begin : gen_aim
     logic signed [W-1:0] a_late, b_late;
     delay #(.Width(2 * W), .Cycles(pixel_latency() + lenslet_latency(Grid))) i_aim_match (
@@ -112,42 +115,70 @@ module ray_pipeline #(
     );
     aim #(.F(F), .Grid(Grid)) i_aim (
       .clk_i, .i_i(own_i), .j_i(own_j), .x_i(own_x), .y_i(own_y), .a_i(a_late), .b_i(b_late),
-      .i_o(lens_i), .j_o(lens_j), .x_o(x), .y_o(y), .a_o(a), .b_o(b),
-      .stray_o(stray), .beyond_o(beyond)
+      .i_o(aim_i), .j_o(aim_j), .x_o(aim_x), .y_o(aim_y), .a_o(aim_a), .b_o(aim_b),
+      .stray_o(aim_stray), .beyond_o(aim_beyond)
     );
   end else begin : gen_chief
-    assign {lens_i, lens_j, x, y} = {own_i, own_j, own_x, own_y};
-    assign a = '0;
-    assign b = '0;
-    assign stray = 1'b0;
-    assign beyond = 1'b0;
+    assign {aim_i, aim_j, aim_x, aim_y} = {own_i, own_j, own_x, own_y};
+    assign aim_a = '0;
+    assign aim_b = '0;
+    assign aim_stray = 1'b0;
+    assign aim_beyond = 1'b0;
     logic unused_aim;
     assign unused_aim = ^{a_i, b_i};
   end
 
-  // ---- slope of the ray, and its point on the first face ----
-  localparam int SlopeAt = LensAt + slope_latency(F);
-  logic signed [Wh-1:0] towards_x_d, towards_y_d;
-  logic signed [W-1:0] x_q, y_q, a_q, b_q, from_x_q, from_y_q;
-  logic stray_q, beyond_q;
-  assign towards_x_d = Wh'(a) - Wh'(x);
-  assign towards_y_d = Wh'(b) - Wh'(y);
-  always_ff @(posedge clk_i) begin
-    {x_q, y_q, a_q, b_q, stray_q} <= {x, y, a, b, stray};
-    // The exact slope follows from a - x; the other models have a coefficient for each of a and x.
-    from_x_q <= Model == ModelExact ? W'(towards_x_d) : x;
-    from_y_q <= Model == ModelExact ? W'(towards_y_d) : y;
-    beyond_q <= beyond || towards_x_d[Wh-1] != towards_x_d[Wh-2]
-        || towards_y_d[Wh-1] != towards_y_d[Wh-2];
+  // ---- the pixel relative to that lenslet ----
+  localparam int LensAt = lens_latency(F, Grid, Aims, Converge);
+  localparam int Wx = local_bits(F, Converge);
+  logic signed [IndexBits-1:0] lens_i, lens_j;
+  logic signed [W-1:0] a, b;
+  logic signed [Wx-1:0] x, y;
+  logic stray, beyond;
+  delay #(.Width(2 * IndexBits + 2 * W + 1), .Cycles(LensAt - AimAt)) i_lens_match (
+    .clk_i, .d_i({aim_i, aim_j, aim_a, aim_b, aim_stray}), .q_o({lens_i, lens_j, a, b, stray})
+  );
+  if (Converge) begin : gen_converge
+    logic outside, beyond_late;
+    converge #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_converge (
+      .clk_i, .i_i(aim_i), .j_i(aim_j), .x_i(aim_x), .y_i(aim_y),
+      .share_i(config_i.converge_share[F+8:0]),
+      .offset_x_i(config_i.converge_x[F+8:0]), .offset_y_i(config_i.converge_y[F+8:0]),
+      .x_o(x), .y_o(y), .beyond_o(outside)
+    );
+    delay #(.Width(1), .Cycles(LensAt - AimAt)) i_beyond_match (
+      .clk_i, .d_i(aim_beyond), .q_o(beyond_late)
+    );
+    assign beyond = beyond_late || outside;
+  end else begin : gen_parallel
+    assign {x, y, beyond} = {aim_x, aim_y, aim_beyond};
   end
 
-  localparam bit SlopeAims = Aims && Model == ModelParaxial;
+  // ---- slope of the ray, and its point on the first face ----
+  localparam int SlopeAt = LensAt + slope_latency(F, Converge);
+  // The exact slope follows from a - x; otherwise there is a coefficient for each of a and x.
+  localparam bit Difference = Model == ModelExact && !Converge;
+  logic signed [Wx:0] towards_x_d, towards_y_d;
+  logic signed [W-1:0] a_q, b_q;
+  logic signed [Wx-1:0] x_q, y_q, from_x_q, from_y_q;
+  logic stray_q, beyond_q;
+  assign towards_x_d = (Wx + 1)'(a) - (Wx + 1)'(x);
+  assign towards_y_d = (Wx + 1)'(b) - (Wx + 1)'(y);
+  always_ff @(posedge clk_i) begin
+    {x_q, y_q, a_q, b_q, stray_q} <= {x, y, a, b, stray};
+    from_x_q <= Difference ? Wx'(towards_x_d) : x;
+    from_y_q <= Difference ? Wx'(towards_y_d) : y;
+    beyond_q <= beyond || (!Converge && (towards_x_d[Wx] != towards_x_d[Wx-1]
+        || towards_y_d[Wx] != towards_y_d[Wx-1]));
+  end
+
+  localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
   logic signed [Wh-1:0] mx, my, hx, hy;
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims)) i_mx (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx)) i_mx (
     .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
     .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx)
   );
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims)) i_my (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx)) i_my (
     .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
     .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my)
   );
@@ -157,11 +188,11 @@ module ray_pipeline #(
     logic unused_point;
     assign unused_point = ^{x_q, y_q};
   end else begin : gen_point
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims)) i_hx (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx)) i_hx (
       .clk_i, .k_i(config_i.point_x[W-1:0]), .x_i(x_q),
       .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx)
     );
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims)) i_hy (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx)) i_hy (
       .clk_i, .k_i(config_i.point_y[W-1:0]), .x_i(y_q),
       .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy)
     );
@@ -176,7 +207,7 @@ module ray_pipeline #(
   assign unused_slope = mx[Wh-1] ^ my[Wh-1];
 
   // ---- delays to the end of the pipeline ----
-  localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk) - 2;
+  localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge) - 2;
   logic stray_late, beyond_late;
   delay #(.Width(2), .Cycles(OutAt - LensAt - 1)) i_flags (
     .clk_i, .d_i({stray_q, beyond_q}), .q_o({stray_late, beyond_late})
@@ -200,7 +231,7 @@ module ray_pipeline #(
     assign out_y = Wf'(hy_late) <<< 1;
     assign out_z = config_i.exit_z[Wf-1:0];
     assign {out_dx, out_dy, out_dz} = {ex, ey, ez};
-    assign out_missed = Aims && beyond_late;
+    assign out_missed = (Aims || Converge) && beyond_late;
     assign out_reflected = 1'b0;
     assign out_crosstalk = stray_late && Model != ModelPinhole;
   end else begin : gen_exact
@@ -288,7 +319,7 @@ module ray_pipeline #(
       .clk_i, .d_i({ex, ey}), .q_o({dome_ex, dome_ey})
     );
     logic inside_late, missed_late, reflected;
-    if (Aims || Viewer) begin : gen_inside
+    if (Strays) begin : gen_inside
       logic settled;
       logic [1:0] unused_di, unused_dj;
       cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
@@ -378,7 +409,7 @@ module ray_pipeline #(
     end else begin : gen_aimed
       assign {own_i_late, own_j_late} = '0;
     end
-    assign out_missed = missed_late || !inside_late || (Aims && beyond_late);
+    assign out_missed = missed_late || !inside_late || ((Aims || Converge) && beyond_late);
     assign out_reflected = reflected;
     assign out_crosstalk = Walk > 0 ? out_i != own_i_late || out_j != own_j_late : stray_late;
     logic unused_late;

@@ -8,6 +8,7 @@ package board_map_pkg;
       [10'h214:10'h214],
       [10'h240:10'h2B4],
       [10'h2C0:10'h2D0],
+      [10'h2E0:10'h2E8],
       [10'h300:10'h3FC]
     };
   endfunction

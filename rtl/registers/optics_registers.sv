@@ -122,6 +122,11 @@ module optics_registers (
             logic jitter;
             logic seed;
         } raster;
+        struct {
+            logic share;
+            logic x;
+            logic y;
+        } optics_converge;
     } decoded_reg_strb_t;
     decoded_reg_strb_t decoded_reg_strb;
     logic decoded_err;
@@ -259,6 +264,15 @@ module optics_registers (
         decoded_reg_strb.raster.seed = cpuif_req_masked & (cpuif_addr == 8'hd0);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hd0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hd0);
+        decoded_reg_strb.optics_converge.share = cpuif_req_masked & (cpuif_addr == 8'he0);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he0);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he0);
+        decoded_reg_strb.optics_converge.x = cpuif_req_masked & (cpuif_addr == 8'he4);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he4);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he4);
+        decoded_reg_strb.optics_converge.y = cpuif_req_masked & (cpuif_addr == 8'he8);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he8);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he8);
         decoded_err = (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & decoded_req;
     end
 
@@ -523,6 +537,26 @@ module optics_registers (
                 } value;
             } seed;
         } raster;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } share;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } x;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } y;
+        } optics_converge;
     } field_combo_t;
     field_combo_t field_combo;
 
@@ -734,6 +768,23 @@ module optics_registers (
                 } value;
             } seed;
         } raster;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } share;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } x;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } y;
+        } optics_converge;
     } field_storage_t;
     field_storage_t field_storage;
 
@@ -1732,6 +1783,75 @@ module optics_registers (
         end
     end
     assign hwif_out.raster.seed.value.value = field_storage.raster.seed.value.value;
+    // Field: optics_registers.optics_converge.share.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_converge.share.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_converge.share && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_converge.share.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_converge.share.value.next = next_c;
+        field_combo.optics_converge.share.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_converge.share.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_converge.share.value.load_next) begin
+                field_storage.optics_converge.share.value.value <= field_combo.optics_converge.share.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_converge.share.value.value = field_storage.optics_converge.share.value.value;
+    // Field: optics_registers.optics_converge.x.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_converge.x.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_converge.x && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_converge.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_converge.x.value.next = next_c;
+        field_combo.optics_converge.x.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_converge.x.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_converge.x.value.load_next) begin
+                field_storage.optics_converge.x.value.value <= field_combo.optics_converge.x.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_converge.x.value.value = field_storage.optics_converge.x.value.value;
+    // Field: optics_registers.optics_converge.y.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_converge.y.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_converge.y && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_converge.y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_converge.y.value.next = next_c;
+        field_combo.optics_converge.y.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_converge.y.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_converge.y.value.load_next) begin
+                field_storage.optics_converge.y.value.value <= field_combo.optics_converge.y.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_converge.y.value.value = field_storage.optics_converge.y.value.value;
 
     //--------------------------------------------------------------------------
     // Write response
@@ -1766,7 +1886,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h0)][31:0] = 32'h4c495050;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h4)) begin
-            readback_data_var[ad_hi(8'h4)][15:0] = 16'h0;
+            readback_data_var[ad_hi(8'h4)][15:0] = 16'h1;
             readback_data_var[ad_hi(8'h4)][31:16] = 16'h1;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h8)) begin
@@ -1777,6 +1897,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h8)][9] = hwif_in.build.aims.next;
             readback_data_var[ad_hi(8'h8)][12:10] = hwif_in.build.walk.next;
             readback_data_var[ad_hi(8'h8)][13] = hwif_in.build.cross_cells.next;
+            readback_data_var[ad_hi(8'h8)][14] = hwif_in.build.converge.next;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h10)) begin
             readback_data_var[ad_hi(8'h10)][0] = hwif_in.status.busy.next;
@@ -1895,6 +2016,15 @@ module optics_registers (
         end
         if(ad_low(rd_mux_addr) == ad_low(8'hd0)) begin
             readback_data_var[ad_hi(8'hd0)][31:0] = field_storage.raster.seed.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'he0)) begin
+            readback_data_var[ad_hi(8'he0)][31:0] = field_storage.optics_converge.share.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'he4)) begin
+            readback_data_var[ad_hi(8'he4)][31:0] = field_storage.optics_converge.x.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'he8)) begin
+            readback_data_var[ad_hi(8'he8)][31:0] = field_storage.optics_converge.y.value.value;
         end
         readback_data_rt_c = readback_data_var;
     end

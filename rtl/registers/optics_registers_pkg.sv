@@ -6,7 +6,7 @@ package optics_registers_pkg;
 
     localparam OPTICS_REGISTERS_DATA_WIDTH = 32;
     localparam OPTICS_REGISTERS_MIN_ADDR_WIDTH = 8;
-    localparam OPTICS_REGISTERS_SIZE = 'hd4;
+    localparam OPTICS_REGISTERS_SIZE = 'hec;
 
     typedef struct {
         logic [4:0] next;
@@ -37,6 +37,10 @@ package optics_registers_pkg;
     } optics_registers__build__cross_cells__in_t;
 
     typedef struct {
+        logic next;
+    } optics_registers__build__converge__in_t;
+
+    typedef struct {
         optics_registers__build__fraction_bits__in_t fraction_bits;
         optics_registers__build__grid__in_t grid;
         optics_registers__build__model__in_t model;
@@ -44,6 +48,7 @@ package optics_registers_pkg;
         optics_registers__build__aims__in_t aims;
         optics_registers__build__walk__in_t walk;
         optics_registers__build__cross_cells__in_t cross_cells;
+        optics_registers__build__converge__in_t converge;
     } optics_registers__build__in_t;
 
     typedef struct {
@@ -437,10 +442,41 @@ package optics_registers_pkg;
     } optics_registers__raster__out_t;
 
     typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_converge__share__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_converge__share__value__out_t value;
+    } optics_registers__optics_converge__share__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_converge__x__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_converge__x__value__out_t value;
+    } optics_registers__optics_converge__x__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_converge__y__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_converge__y__value__out_t value;
+    } optics_registers__optics_converge__y__out_t;
+
+    typedef struct {
+        optics_registers__optics_converge__share__out_t share;
+        optics_registers__optics_converge__x__out_t x;
+        optics_registers__optics_converge__y__out_t y;
+    } optics_registers__optics_converge__out_t;
+
+    typedef struct {
         optics_registers__control__out_t control;
         optics_registers__source__out_t source;
         optics_registers__optics__out_t optics;
         optics_registers__raster__out_t raster;
+        optics_registers__optics_converge__out_t optics_converge;
     } optics_registers__out_t;
 
     typedef enum logic {

@@ -11,7 +11,8 @@ module probe_top #(
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
-  parameter int Walk = 0
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0
 ) (
   input  logic clk_i,
   input  logic rst_ni,
@@ -49,7 +50,7 @@ module probe_top #(
 
   ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk)
+    .Walk(Walk), .Converge(Converge)
   ) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .ray_valid_i(valid_q), .ray_ready_o(ready),

@@ -44,17 +44,26 @@ def trace(display, pixels, aims, fault=""):
     x, y = x - offset[0], y - offset[1]
     X, Y = c * x + s * y, c * y - s * x
 
+    # Where the straight line to the eye passes the aperture plane; without an eye, or with it left out, right above.
+    seen_x, seen_y = X, Y
+    if display.viewing_distance_mm is not None and fault != "missing eye":
+        ax, ay = (0.0, 0.0) if fault == "missing axis" else display.viewing_axis_mm
+        depth = gap + T / n
+        height = display.viewing_distance_mm + (0.0 if fault == "eye from the panel" else depth)
+        dx, dy = (depth / height * (ax - px), depth / height * (ay - py))
+        seen_x, seen_y = X + c * dx + s * dy, Y + c * dy - s * dx
+
     # The cell: the nearest centre, ties to the larger coordinate.
     row = pitch if array.grid == "square" else pitch * math.sqrt(0.75)
     best = np.full(len(X), np.inf)
     i, j = np.zeros((2, len(X)))
     for k in (-1, 0, 1):
-        jj = np.floor(Y / row + 0.5) + k
+        jj = np.floor(seen_y / row + 0.5) + k
         shift = 0.0 if array.grid == "square" else jj / 2
-        ii = np.floor(X / pitch - shift + 0.5)
+        ii = np.floor(seen_x / pitch - shift + 0.5)
         if fault == "tie rule":
-            ii = np.ceil(X / pitch - shift - 0.5)
-        near = (X - (ii + shift) * pitch) ** 2 + (Y - jj * row) ** 2
+            ii = np.ceil(seen_x / pitch - shift - 0.5)
+        near = (seen_x - (ii + shift) * pitch) ** 2 + (seen_y - jj * row) ** 2
         closer = near < best
         best, i, j = np.where(closer, near, best), np.where(closer, ii, i), np.where(closer, jj, j)
     if fault == "neighbour's lenslet":

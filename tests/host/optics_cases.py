@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 import truth
 from lippmann.display import Array, Display, Grid, Panel, PlanoSide
 
 GRIDS: tuple[Grid, ...] = ("square", "hex")
 SIDES: tuple[PlanoSide, ...] = ("panel", "viewer")
+#: Elemental images right behind their lenslets, and such that converge on an eye.
+eyes = pytest.mark.parametrize("converged", [False, True], ids=["far", "near"])
 LONG_PI = np.longdouble("3.14159265358979323846264338327950288")
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +35,8 @@ def display_of(
     width_px: int = 200,
     height_px: int = 160,
     pixel_pitch: float = 0.0625,
+    eye: float | None = None,
+    axis: tuple[float, float] = (0.0, 0.0),
 ) -> Display:
     """A display of plain numbers, mm and degrees; thickness None is the thinnest lenslet."""
     array = Array(grid, pitch, radius, index, math.nan, side, None, rotation, offset)
@@ -45,7 +51,7 @@ def display_of(
         rotation,
         offset,
     )
-    return Display("case", Panel(width_px, height_px, pixel_pitch), made, gap)
+    return Display("case", Panel(width_px, height_px, pixel_pitch), made, gap, eye, axis)
 
 
 def random_display(
@@ -57,11 +63,13 @@ def random_display(
     shallowest: float = 30.0,
     index: tuple[float, float] = (1.3, 2.4),
     widest_mm: float = 700.0,
+    converged: bool = False,
 ) -> Display:
     """A display that could be built, drawn wide: pitch 0.1 to 5 mm, panels to 700 mm, any turn.
 
     R goes from `steepest` half diagonals (nearly hemispheres) logarithmically to `shallowest`; a
-    third of the lenslets are as thin as can be, a third of the panels in contact.
+    third of the lenslets are as thin as can be, a third of the panels in contact. `converged`: on an
+    eye from half a diagonal of the panel to ten times as far, which is off the panel's centre.
     """
     pitch = float(np.exp(rng.uniform(np.log(0.1), np.log(5.0))))
     rho = pitch / math.sqrt({"square": 2, "hex": 3}[grid])
@@ -73,7 +81,7 @@ def random_display(
     gap = 0.0 if rng.random() < 1 / 3 else float(rng.uniform(0, 1.5 * focal))
     pixel_pitch = pitch / float(rng.uniform(2, 40))
     sides = [int(min(rng.uniform(10, widest_mm) / pixel_pitch + 4, 65535)) for _ in range(2)]
-    return display_of(
+    made = display_of(
         grid,
         side,
         pitch=pitch,
@@ -87,6 +95,17 @@ def random_display(
         height_px=sides[1],
         pixel_pitch=pixel_pitch,
     )
+    return with_random_eye(rng, made) if converged else made
+
+
+def with_random_eye(rng: np.random.Generator, display: Display) -> Display:
+    """The display, converged on an eye as `random_display` draws it."""
+    panel = display.panel
+    nearest = 4.0 * max(display.array.focal_length_mm, display.aperture_distance_mm)
+    nearest = max(nearest, 0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    eye = 1.001 * nearest * float(np.exp(rng.uniform(0.0, math.log(20.0))))
+    x, y = (float(side * rng.uniform(-0.6, 0.6)) for side in (panel.width_mm, panel.height_mm))
+    return replace(display, viewing_distance_mm=eye, viewing_axis_mm=(x, y))
 
 
 def random_pixels(rng: np.random.Generator, display: Display, n: int) -> Floats:
@@ -124,6 +143,8 @@ def optics_of(display: Display) -> truth.Optics:
         plano_side=array.plano_side,
         rotation_rad=truth.mp.mpf(array.rotation_deg) * truth.mp.pi / 180,
         offset_mm=array.offset_mm,
+        eye_mm=display.viewing_distance_mm,
+        axis_mm=display.viewing_axis_mm,
     )
 
 

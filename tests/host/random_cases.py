@@ -5,8 +5,10 @@ The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from lippmann.display import Array, Display, Grid, Panel
+from lippmann.display import NEAREST_EYE, Array, Display, Grid, Panel
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
@@ -17,8 +19,11 @@ from lippmann.optics.rays import Model
 REACH = 1.07
 
 
-def random_display(random: np.random.Generator, grid: Grid, viewer: bool) -> Display:
-    """Return optics near the limits of the registers: strong and weak domes, thick and thin, rotated and shifted."""
+def random_display(random: np.random.Generator, grid: Grid, viewer: bool, converge: bool = False) -> Display:
+    """Return optics near the limits of the registers: strong and weak domes, thick and thin, rotated and shifted.
+
+    With `converge` most have an eye nearby, in front of any point of the panel.
+    """
     pitch = float(np.exp(random.uniform(np.log(0.3), np.log(3.0))))
     rho = pitch / (np.sqrt(2.0) if grid == "square" else np.sqrt(3.0))
     radius = rho * float(np.exp(random.uniform(np.log(1.02), np.log(20.0))))
@@ -35,13 +40,19 @@ def random_display(random: np.random.Generator, grid: Grid, viewer: bool) -> Dis
     )
     size = int(random.integers(100, 8000))
     panel = Panel(size, size, pitch / float(random.uniform(4.5, 60.0)))
-    return Display("random", panel, array, float(random.choice([0.0, random.uniform(0.3, 4.0) * pitch])))
+    display = Display("random", panel, array, float(random.choice([0.0, random.uniform(0.3, 4.0) * pitch])))
+    if not converge or random.random() < 0.1:
+        return display
+    nearest = max(NEAREST_EYE * array.focal_length_mm, 7.0 * display.aperture_distance_mm)
+    eye = max(1.001 * nearest, panel.width_mm * float(np.exp(random.uniform(np.log(0.4), np.log(8.0)))))
+    axis = random.choice([0.0, 1.0]) * random.uniform(-0.5, 0.5, 2) * panel.width_mm
+    return replace(display, viewing_distance_mm=eye, viewing_axis_mm=(float(axis[0]), float(axis[1])))
 
 
 def configured_display(random: np.random.Generator, build: Build, model: Model) -> tuple[Display, Configuration]:
     """Return a random display that fits the registers, and its registers."""
     for _ in range(1000):
-        display = random_display(random, build.grid, build.viewer)
+        display = random_display(random, build.grid, build.viewer, build.converge)
         try:
             return display, configuration(display, build, model, REACH * display.array.pitch_mm)
         except InputError:

@@ -45,9 +45,12 @@ def focused_display(
 def display_toml(display: Display) -> str:
     """The display as a file."""
     panel, array = display.panel, display.array
+    eye_mm, axis_mm = display.viewing_distance_mm, list(display.viewing_axis_mm)
+    eye = "" if eye_mm is None else f"viewing_distance_mm = {eye_mm!r}\nviewing_axis_mm = {axis_mm!r}"
     return f"""
 name = "{display.name}"
 gap_mm = {display.gap_mm!r}
+{eye}
 [panel]
 width_px = {panel.width_px}
 height_px = {panel.height_px}

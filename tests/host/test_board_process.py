@@ -15,6 +15,10 @@ from lippmann.sim import virtual_board
 from lippmann.sim.virtual_board import RunningBoard
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True); time.sleep(60)"
+SMALL = (
+    "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 600\n"
+    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
+)
 
 
 @pytest.fixture
@@ -49,12 +53,24 @@ def test_board_stop_waits_as_long_as_the_board_may_take(seconds, code, tmp_path,
     assert ("does not end" in capsys.readouterr().err) == bool(code)
 
 
+@pytest.mark.parametrize(("folder", "code", "told"), [("new/screen", 1, "stop here"), ("file/screen", 2, "no folder")])
+def test_the_captures_folder_is_made(tmp_path, monkeypatch, capsys, folder, code, told):
+    def refuse(*_, **__):
+        raise DeviceError("stop here")
+
+    monkeypatch.setattr(virtual_board, "start", refuse)
+    monkeypatch.setattr(command.signal, "signal", lambda *_: None)
+    (tmp_path / "small.toml").write_text(SMALL)
+    (tmp_path / "file").write_text("")
+    words = ["board", "start", "--display", str(tmp_path / "small.toml"), "--capture", str(tmp_path / folder)]
+    assert run(words) == code
+    assert told in capsys.readouterr().err.splitlines()[-1]
+    assert (tmp_path / folder).is_dir() == (code == 1)
+
+
 def test_a_board_in_the_background_gets_the_parsed_options(tmp_path, monkeypatch):
     """Not the words of this process: a program may call the command, and options may be abbreviated or joined."""
-    (tmp_path / "small.toml").write_text(
-        "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 600\n"
-        '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-    )
+    (tmp_path / "small.toml").write_text(SMALL)
     ready = tmp_path / "board.json"
     called = []
 

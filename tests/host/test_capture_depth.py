@@ -70,6 +70,28 @@ def test_an_ideal_lens_and_a_pickup(mi):
     assert float(shown_depth(setup, 0.0, True)) == pytest.approx(60.0)
 
 
+@pytest.mark.parametrize(("name", "rotated"), [("fig8a", True), ("fig8a", False), ("pickup", True), ("pickup", False)])
+def test_a_display_for_a_near_eye(mi, name, rotated):
+    """Light of an elemental image leans towards the eye: 1/z = (1 + g/E) / z0 + 1/E behind a camera, z0 without an eye.
+
+    A pickup's light leans as the display's; rotated it leans the other way, twice as much.
+    """
+    eye_mm = 250.0
+    setup = strip_of(load_setup(SETUPS / f"{name}.toml"))
+    z = float(shown_depth(setup, 0.0, rotated))
+    setup = replace(setup, display=replace(setup.display, viewing_distance_mm=eye_mm))
+    g = setup.display.aperture_distance_mm
+    if name == "fig8a":
+        expected = 1.0 / ((1.0 + g / eye_mm) / z + 1.0 / eye_mm)
+    else:
+        expected = 1.0 / (1.0 / z + 2.0 / eye_mm) if rotated else z
+    assert float(shown_depth(setup, 0.0, rotated)) == pytest.approx(expected, rel=1e-12)
+    (depth,) = measure_depths(setup, 0.0, rotated)
+    print(f"{name} {'rotated' if rotated else 'as captured'}: {depth:.2f}, theory {expected:.2f}, far eye {z:.2f}")
+    assert depth == pytest.approx(expected, rel=0.05)
+    assert abs(expected - z) > 0.1 * abs(z) or (name == "pickup" and not rotated)
+
+
 def test_concave_lenslets_need_no_rotation(mi):
     setup = strip_of(load_setup(SETUPS / "concave.toml"))
     (depth,) = measure_depths(setup, 0.0, False)

@@ -20,10 +20,17 @@ OBJECT_MM = 150.0
 CAMERA_MM = 900.0
 
 
-def setup_of(grid="square", side="panel", lens=None, pickup=None, concave=False, rotation=0.0, offset=(0.0, 0.0)):
+#: Distance and axis of an eye on which the display's elemental images converge.
+EYE = {"eye": 80.0, "axis": (3.0, -5.0)}
+
+
+def setup_of(
+    grid="square", side="panel", lens=None, pickup=None, concave=False, rotation=0.0, offset=(0.0, 0.0), **eye
+):
     display = display_of(
-        grid, side, radius=1.65, thickness=None, gap=4.8, rotation=rotation, offset=offset, width_px=300, height_px=200
-    )
+        grid, side, radius=1.65, thickness=None, gap=4.8, rotation=rotation, offset=offset, width_px=300, height_px=200,
+        **eye,
+    )  # fmt: skip
     subject = Subject(OBJECT_MM)
     return Setup("case", subject, lens, display, display.array, concave, 0.0, pickup or Camera(CAMERA_MM))
 
@@ -38,14 +45,15 @@ def from_array(rays):
     return np.column_stack([ray.x, ray.y, OBJECT_MM - ray.z]), np.column_stack([ray.dx, ray.dy, -ray.dz])
 
 
+@pytest.mark.parametrize("eye", [{}, EYE], ids=["far", "near"])
 @pytest.mark.parametrize("rotation", [0.0, 23.0])
 @pytest.mark.parametrize("side", ["panel", "viewer"])
 @pytest.mark.parametrize("grid", ["square", "hex"])
-def test_traced_back_they_meet_the_pinhole(grid, side, rotation):
+def test_traced_back_they_meet_the_pinhole(grid, side, rotation, eye):
     """The other way through the array, by the tracer for rays from the world, onto two panels: the line through both
     hits comes from the pinhole, and goes where the picture says through the first principal plane.
     """
-    setup = setup_of(grid, side, rotation=rotation, offset=(0.21, -0.13))
+    setup = setup_of(grid, side, rotation=rotation, offset=(0.21, -0.13), **eye)
     points = picture_points(11)
     rays = rays_from_picture(B, setup, *points.T)
     origin, direction = from_array(rays)
@@ -66,17 +74,22 @@ def test_traced_back_they_meet_the_pinhole(grid, side, rotation):
     assert np.abs(at_pinhole[good]).max() < 1e-9
     pitch = setup.display.panel.pixel_pitch_mm
     asked = np.column_stack([points[:, 0] - 150.0, 100.0 - points[:, 1]]) * pitch
+    if eye:
+        # The point of the display's panel is seen on the way to the eye.
+        glass = setup.array.thickness_mm / setup.array.index if side == "panel" else 0.0
+        asked = asked + (np.array(EYE["axis"]) - asked) * (4.8 + glass) / (4.8 + glass + EYE["eye"])
     assert np.abs(place[0] + slope * (lifted - depth[0]) - asked)[good].max() < 1e-9
 
 
-def test_a_pickup_is_the_display_s_own_trace():
+@pytest.mark.parametrize(("gap", "eye"), [(4.1, {}), (4.8, EYE)])
+def test_a_pickup_is_the_display_s_own_trace(gap, eye):
     """Without a lens a sensor at a gap captures along the rays that a display of that gap sends out."""
-    setup = setup_of("hex", pickup=Pickup(4.1), rotation=11.0)
+    setup = setup_of("hex", pickup=Pickup(gap), rotation=11.0, **eye)
     points = picture_points(12)
     aim = generator(13).uniform(-0.3, 0.3, (len(points), 2))
     for aperture in (None, aim):
         rays = rays_from_picture(B, setup, *points.T, None if aperture is None else tuple(aperture.T))
-        expected = trace(replace(setup.display, gap_mm=4.1), points, aperture)
+        expected = trace(replace(setup.display, gap_mm=gap), points, aperture)
         origin, direction = from_array(rays)
         assert origin == pytest.approx(expected.origin_mm, abs=1e-12)
         assert direction == pytest.approx(expected.direction, abs=1e-14)

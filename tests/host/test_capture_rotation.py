@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from lippmann.capturing.rotation import cells_of, rotated, rotation_map
+from lippmann.engines import trace
 from optics_cases import display_of
 from scene_cases import generator
 
@@ -14,18 +15,21 @@ CASES = [
     )
     for ratio in (2.0, 5.0, 23.6220472440945)
 ]  # fmt: skip
+#: Without an eye, and with one so near that elemental images are a fifth wider than lenslets; distance and axis.
+EYES = [(None, (0.0, 0.0)), (9.2, (1.3, -0.8))]
 
 
-def display_for(grid, rotation=0.0, offset=(0.0, 0.0), ratio=10.0, width_px=211, height_px=163):
+def display_for(grid, rotation=0.0, offset=(0.0, 0.0), ratio=10.0, width_px=211, height_px=163, eye=EYES[0]):
     return display_of(
         grid, "panel", radius=1.65, pixel_pitch=1.0 / ratio, rotation=rotation, offset=offset,
-        width_px=width_px, height_px=height_px,
+        width_px=width_px, height_px=height_px, eye=eye[0], axis=eye[1],
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize(("grid", "rotation", "offset", "ratio"), CASES)
-def test_involution_within_each_cell(grid, rotation, offset, ratio):
-    display = display_for(grid, rotation, offset, ratio)
+def test_involution_within_each_cell(grid, rotation, offset, ratio, eye):
+    display = display_for(grid, rotation, offset, ratio, eye=eye)
     partner = rotation_map(display)
     cell, centre, _ = cells_of(display)
     assert np.array_equal(partner[partner], np.arange(len(partner)))
@@ -36,7 +40,7 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio):
     off = np.abs(place[partner] - (2.0 * centre[cell] - place))[moved]
     assert off.max() <= 1.0 + 1e-9
     # Cells that lie wholly in the picture: what stays is at most a rim, a pixel wide, of part of the cell.
-    reach = display.array.half_diagonal_mm / display.panel.pixel_pitch_mm
+    reach = 1.21 * display.array.half_diagonal_mm / display.panel.pixel_pitch_mm
     whole = ((centre > reach) & (centre < [display.panel.width_px - reach, display.panel.height_px - reach])).all(
         axis=1
     )
@@ -49,6 +53,38 @@ def test_involution_within_each_cell(grid, rotation, offset, ratio):
         assert (still <= 1).all()
     elif ratio > 10.0:
         assert still.sum() < 0.05 * size.sum()
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_wide_elemental_images_are_cut_by_the_picture_s_edge(grid):
+    """Half as wide again as lenslets: pixels that would leave the picture stay, and none changes with another row's."""
+    for offset in np.linspace(0.0, 1.0, 12):
+        display = display_for(
+            grid, 45.0 if grid == "square" else 30.0, (offset, 0.37 * offset), ratio=60.0, eye=(4.0, (0.0, 0.0))
+        )
+        partner = rotation_map(display)
+        assert np.array_equal(partner[partner], np.arange(len(partner)))
+        cell, _, _ = cells_of(display)
+        assert np.array_equal(cell[partner], cell)
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_cells_of_a_near_eye_are_those_of_the_trace(grid):
+    """A cell is what one lenslet owns by golden; its centre is where the line from the eye through the lenslet ends."""
+    display = display_for(grid, 11.0, (0.137, -0.41), eye=EYES[1])
+    panel = display.panel
+    row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
+    rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, "pinhole")
+    cell, centre, _ = cells_of(display)
+    _, owner = np.unique(rays.lenslet, axis=0, return_inverse=True)
+    assert len(set(zip(owner.tolist(), cell.tolist(), strict=True))) == len(centre) == owner.max() + 1
+    eye_mm, axis_mm = EYES[1]
+    # D = 0.5 + 2 / 1.5 by hand; the eye stands at D + 9.2 before the panel.
+    depth = 0.5 + 2.0 / 1.5
+    at = np.array(axis_mm) + (rays.centre_mm - axis_mm) * (depth + eye_mm) / eye_mm
+    pixel = np.array([panel.width_px, panel.height_px]) / 2 + at / panel.pixel_pitch_mm * (1, -1)
+    assert np.abs(centre[cell] - pixel).max() < 1e-9
+    assert display.convergence == pytest.approx(0.2, abs=0.01)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.137, -0.41), (0.05, 0.05)])

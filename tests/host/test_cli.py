@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
 from lippmann import interrupts
@@ -103,10 +104,27 @@ def test_inspect_as_json(capfd, display):
     assert result["name"] == display.stem
     # R = (n - 1) f and half viewing angle atan(p / 2D), computed here.
     assert result["radius_mm"] == pytest.approx((array["index"] - 1) * result["focal_length_mm"])
-    assert result["elemental_image_px"] == pytest.approx(array["pitch_mm"] / panel["pixel_pitch_mm"])
-    half = np.degrees(np.arctan(0.5 * array["pitch_mm"] / result["aperture_distance_mm"]))
+    eye = result["viewing_distance_mm"]
+    wider = 1.0 if eye is None else 1.0 + result["aperture_distance_mm"] / eye
+    assert result["elemental_image_px"] == pytest.approx(wider * array["pitch_mm"] / panel["pixel_pitch_mm"])
+    half = np.degrees(np.arctan(0.5 * wider * array["pitch_mm"] / result["aperture_distance_mm"]))
     assert result["viewing_angle_deg"] == pytest.approx(2 * half)
     assert isinstance(result["warnings"], list)
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("insect", "inspect"),
+        ("rendr", "render"),
+        ("obsreve", "observe"),
+        ("vektors", "vectors"),
+        ("dispaly", "display"),
+    ],
+)
+def test_a_misspelt_command_is_recognised(capfd, typed, meant):
+    assert refused(capfd, typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
+    assert refused(capfd, "xyzzy") == "lippmann: No such command 'xyzzy'. (see --help)"
 
 
 def test_inspect_prints_units(capfd):
@@ -162,6 +180,24 @@ def test_sweeps_make_an_animation_and_a_sheet(place, capfd, mi):
         assert film.n_frames == 8
     assert (place / "sheet.png").stat().st_size > 0
     assert sorted(path.name for path in place.iterdir()) == ["a.png", "ball.xml", "s.gif", "sheet.png", "tiny.toml"]
+
+
+def test_sweeps_make_a_video(place, capfd, mi):
+    """To and fro at 80 ms a view; 21 columns become 22, 15.75 rows 16."""
+    assert lippmann(capfd, *render("-o", "a.png"))[0] == 0
+    words = ("observe", "a.png", "--display", "tiny.toml", "--eye", "0,10,600", "--device", "llvm", "--json")
+    code, out, _ = lippmann(capfd, *words, "-o", "s.mp4", "--width", 21, "--sweep=-300,300", "--frames", 5)
+    assert code == 0
+    result = json.loads(out)
+    assert (result["width_px"], result["height_px"]) == (22, 16)
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", "s.mp4", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run(command, capture_output=True, check=True).stdout
+    shown = np.frombuffer(raw, np.uint8).reshape(-1, 16, 22, 3)
+    assert imageio_ffmpeg.count_frames_and_secs("s.mp4")[1] == pytest.approx(8 / 12.5, abs=0.01)
+    assert len(shown) == 8
+    means = [frame[:, :, 0].mean() for frame in shown]
+    assert means[1:4] == pytest.approx(means[:4:-1], abs=4.0)
+    assert np.ptp(means) > 10.0
 
 
 def test_doctor(capfd):
@@ -235,6 +271,43 @@ def test_true_processes(place):
     assert command.exists()
     version = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
     assert "0.1.0" in version.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["obs"], {"observe"}),
+        (["board", "s"], {"start", "setup", "stop"}),
+        (["bench", "re"], {"render"}),
+        (["render", "--sam"], {"--samples"}),
+        (["render", "--model", "p"], {"pinhole", "paraxial"}),
+        (["inspect", "--schema", "d"], {"display"}),
+    ],
+)
+def test_bash_completes(words, expected):
+    """The line of the manual, and then what bash calls for a Tab at the end of the words."""
+    page = (ROOT / "docs/reference/command-line.md").read_text()
+    (line,) = re.findall(r"`(eval .*bash.*)`", page)
+    typed = " ".join(["lippmann", *words])
+    script = f"""{line}
+COMP_WORDS=({typed}); COMP_CWORD={len(words)}; COMP_LINE='{typed}'; COMP_POINT={len(typed)}
+complete -p lippmann >&2
+$(complete -p lippmann | sed 's/.*-F \\([a-z_]*\\).*/\\1/') lippmann
+printf '%s\n' "${{COMPREPLY[@]}}"
+"""
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, env=environment)
+    assert set(done.stdout.split()) == expected, done.stderr
+
+
+@pytest.mark.parametrize("typed", ["lippmann inspect ", "lippmann render a.xml --display ", "lippmann view a.exr -o "])
+def test_bash_completes_file_names(typed):
+    """bash itself does, when click says that a word is a file."""
+    environment = {**os.environ, "_LIPPMANN_COMPLETE": "bash_complete", "COMP_WORDS": typed}
+    environment["COMP_CWORD"] = str(len(typed.split()))
+    command = Path(sys.executable).with_name("lippmann")
+    done = subprocess.run([command], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.strip().split(",")[0] == "file", done.stdout
 
 
 # --- trace ----------------------------------------------------------------------------------------
@@ -363,7 +436,7 @@ def changed(old: str, new: str) -> str:
     [
         (changed(r"^width_px.*\n", ""), "panel.width_px", "add it"),
         (changed(r"^gap_mm.*\n", ""), "gap_mm", "add it"),
-        (changed(r"^\[array\]", "[lenses]"), "lenses", "unknown key; known here: panel, array"),
+        (changed(r"^\[array\]", "[lenses]"), "lenses", "unknown key; did you mean array?"),
         (changed(r"^grid", "gridd"), "array.gridd", "did you mean grid?"),
         (changed(r"^thickness_mm", "thicknes_mm"), "array.thicknes_mm", "did you mean thickness_mm?"),
         (changed(r"^name", "title"), "title", "known here"),

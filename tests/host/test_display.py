@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lippmann.display import Array, Display, Panel, load_display, parse_display
+from lippmann.display import Array, Display, Panel, display_text, load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.glass import SELLMEIER, index_of
 from lippmann.subpixels import LAYOUTS
@@ -71,14 +71,22 @@ def displays(draw):
         black_cd_m2=None if white is None else draw(st.sampled_from((None, white / 1000))),
     )
     name = draw(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=12))
-    return Display(name, panel, array, draw(st.floats(0, 100)))
+    display = Display(name, panel, array, draw(st.floats(0, 100)))
+    nearest = 4.0001 * max(array.focal_length_mm, display.aperture_distance_mm)
+    if draw(st.booleans()):
+        axis = (draw(st.floats(-300, 300)), draw(st.floats(-300, 300)))
+        display = replace(display, viewing_distance_mm=nearest * draw(st.floats(1, 1e4)), viewing_axis_mm=axis)
+    return display
 
 
 def as_toml(display: Display) -> str:
     panel, array = but(vars(display.panel)), dict(vars(display.array))
     array["offset_mm"] = list(array["offset_mm"])
     del array["glass" if display.array.glass is None else "index"]
-    return toml(panel, array, display.gap_mm, name=display.name)
+    viewing = {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": list(display.viewing_axis_mm)}
+    return toml(
+        panel, array, display.gap_mm, name=display.name, **(viewing if display.viewing_distance_mm is not None else {})
+    )
 
 
 @given(displays())
@@ -87,6 +95,7 @@ def test_round_trip(display):
     read = parse_display(as_toml(display))
     assert read == display
     assert read.identity == display.identity
+    assert parse_display(display_text(display)) == display
 
 
 @given(displays())
@@ -211,6 +220,10 @@ OPTICAL_CHANGES = [
     {"array": but(ARRAY, offset_mm=[0.001, 0.0])},
     {"array": but(ARRAY, offset_mm=[0.0, 0.001])},
     {"gap_mm": 0.5000001},
+    {"viewing_distance_mm": 600.0},
+    {"viewing_distance_mm": 600.0000001},
+    {"viewing_distance_mm": 600.0, "viewing_axis_mm": [0.001, 0.0]},
+    {"viewing_distance_mm": 600.0, "viewing_axis_mm": [0.0, 0.001]},
 ]
 
 
@@ -233,6 +246,7 @@ def test_identity_changes_with_every_optical_key():
         {"array": but(ARRAY, plano_side="panel", rotation_deg=0, offset_mm=[0, 0])},
         {"array": but(ARRAY, radius_mm=None, focal_length_mm=4.0)},
         {"array": but(ARRAY, radius_mm=2)},
+        {"viewing_axis_mm": [0, 0.0]},
     ],
 )
 def test_identity_ignores_the_rest(change):
@@ -242,6 +256,7 @@ def test_identity_ignores_the_rest(change):
 def test_identities_of_the_shipped_displays():
     """Images that were rendered for them carry these; a new key with a default leaves them as they are."""
     shipped = {
+        "desktop-hex": "3ab680fe0f19c324",
         "paper-hex": "52c22853410732dc",
         "paper-hex-real": "353d2e342a917c34",
         "paper-square": "79ee8471d40b2533",
@@ -363,6 +378,32 @@ def test_unknown_key(table, key, hint, lacking):
         text = text.replace(f"[{table}]\n", f'[{table}]\n"{key}" = 1\n')
     shown = key.replace("\\n", " ")
     refused(text, f"{table}.{shown}: unknown key; {hint}" if table else f"{shown}: unknown key; {hint}")
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "instead_of"),
+    [
+        ("array", "f_mm", "focal_length_mm"),
+        ("array", "n", "index"),
+        ("array", "refractive_index", "index"),
+        ("array", "Pitch", "pitch_mm"),
+        ("array", "lattice", "grid"),
+        ("panel", "pitch_mm", "pixel_pitch_mm"),
+        ("panel", "PPI", "dpi"),
+    ],
+)
+def test_an_unknown_key_stands_for_one_that_the_table_lacks(table, key, instead_of):
+    array = {**TABLES["array"], "focal_length_mm": 4.0}
+    tables = {**TABLES, "array": but(array, radius_mm=None)}
+    tables[table] = {**but(tables[table], **{instead_of: None}), key: 1.0}
+    if instead_of == "dpi":
+        del tables["panel"]["pixel_pitch_mm"]
+    assert f"did you mean {instead_of}?" in refused(toml(**tables), f"{table}.{key}: unknown key")
+
+
+def test_an_unknown_table_stands_for_the_missing_one():
+    text = toml().replace("[array]", "[lenslets]")
+    refused(text, "lenslets: unknown key; did you mean array?")
 
 
 NUMBERS = [
@@ -493,6 +534,47 @@ def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
     for thin in (sag * (1 - 1e-11), sag / 2):
         text = toml(panel, but(array, thickness_mm=thin))
         refused(text, "array.thickness_mm: ", "sag", "at least", "leave it out")
+
+
+@pytest.mark.parametrize(
+    ("array", "gap", "zone"),
+    [
+        # f = R / (n - 1) = 4 mm; D = gap + sag / n, or the gap.
+        (ARRAY, 0.5, 16.0),
+        (ARRAY, 30.0, 4 * (30.0 + (2.0 - math.sqrt(4.0 - 1 / 3)) / 1.5)),
+        (but(ARRAY, plano_side="viewer"), 30.0, 120.0),
+    ],
+)
+def test_an_eye_within_the_focal_zone(array, gap, zone):
+    near = toml(array=array, gap_mm=gap, viewing_distance_mm=zone * (1 - 1e-9))
+    line = refused(near, "viewing_distance_mm: ", "focal zone", "such as 600")
+    assert f"{zone:.4g} mm" in line
+    assert parse_display(toml(array=array, gap_mm=gap, viewing_distance_mm=zone * (1 + 1e-9))).convergence < 0.2501
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "remedy"),
+    [
+        ({"viewing_distance_mm": -600.0}, "viewing_distance_mm: ", "give"),
+        ({"viewing_distance_mm": "near"}, "viewing_distance_mm: ", "give"),
+        ({"viewing_distance_mm": 600.0, "viewing_axis_mm": [1.0]}, "viewing_axis_mm: ", "give"),
+        ({"viewing_distance_mm": 600.0, "viewing_axis_mm": 3.0}, "viewing_axis_mm: ", "give"),
+        ({"viewing_axis_mm": [1.0, 0.0]}, "viewing_axis_mm: ", "add viewing_distance_mm"),
+        ({"viewing_distanc_mm": 600.0}, "viewing_distanc_mm: ", "viewing_distance_mm"),
+        ({"viewing_axis": [0.0, 0.0]}, "viewing_axis: ", "viewing_axis_mm"),
+    ],
+)
+def test_bad_eyes(keys, key, remedy):
+    refused(toml(**keys), key, remedy)
+
+
+def test_misaligned_keeps_the_eye_and_its_zone():
+    """The eye belongs to the pixels: a moved array leaves it where it is."""
+    display = parse_display(toml(viewing_distance_mm=20.0, viewing_axis_mm=[3.0, -4.0]))
+    moved = display.misaligned(2.0, (0.3, 0.1), 1.0, 1.01)
+    assert (moved.viewing_distance_mm, moved.viewing_axis_mm) == (20.0, (3.0, -4.0))
+    with pytest.raises(InputError, match=r"misaligned: viewing_distance_mm.*focal zone"):
+        display.misaligned(gap_mm=5.0)
 
 
 def test_lenslets_finer_than_pixels():

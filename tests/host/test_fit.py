@@ -1,5 +1,6 @@
 """`fit`: model, samples and build within a tolerance, against brute force."""
 
+import dataclasses
 import itertools
 import json
 import math
@@ -13,7 +14,7 @@ from lippmann.display import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.optics.rays import MODELS
-from lippmann.select.build import choose_build, choose_samples, fit, gap
+from lippmann.select.build import INSIDE, away_from_borders, choose_build, choose_samples, fit, gap
 from lippmann.select.model import choose_model
 from lippmann.sim.tools import repository
 from optics_cases import GRIDS, SIDES, random_display
@@ -235,6 +236,20 @@ def test_no_build_is_no_infinite_error(tmp_path, capfd):
     out = capfd.readouterr().out
     assert "RTL" in out
     assert "inf" not in out
+
+
+def test_a_display_for_a_near_eye_gets_a_build_that_converges():
+    """Its pixels lie up to a pitch and a half from their lenslets: those near borders alone are left out."""
+    display = load_display("scenes/displays/uhd-4k.toml")
+    near = dataclasses.replace(display, viewing_distance_mm=600.0)
+    rng = np.random.default_rng(SEED)
+    pixels = rng.uniform(0.0, (display.panel.width_px, display.panel.height_px), (20_000, 2))
+    for shown in (display, near):
+        kept = len(away_from_borders(shown, pixels)) / len(pixels)
+        assert kept == pytest.approx(INSIDE**2, abs=4.0 * math.sqrt(0.06 / len(pixels)))
+    build, error = choose_build(near, (-4.0, 3.0), 0.1)
+    assert (build.converge, build.model, build.max_cell_steps) == (True, "exact", 0)
+    assert 0.0 < error <= 0.1
 
 
 @pytest.mark.parametrize("tolerance", ["inf", "nan", "-inf", "0"])

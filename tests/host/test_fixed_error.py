@@ -175,7 +175,10 @@ def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
 
 # ---- the budget ----
 
-BUDGETED = ["widest-square", "widest-hex", "widest-aims-square", "widest-aims-hex", "compact-hex", "viewer-square"]
+BUDGETED = [
+    *("widest-square", "widest-hex", "widest-aims-square", "widest-aims-hex", "compact-hex", "converged-hex"),
+    "viewer-square",
+]
 
 
 @pytest.mark.parametrize("name", BUDGETED)

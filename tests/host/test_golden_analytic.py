@@ -18,6 +18,7 @@ from optics_cases import (
     GRIDS,
     SIDES,
     display_of,
+    eyes,
     optics_of,
     random_display,
     random_in_cell,
@@ -140,7 +141,7 @@ def local_of(display, pixels):
     rows = []
     for u, v in pixels:
         x, y, _ = truth.panel_point(optics, u, v)
-        lenslet = truth.lenslet_of(optics, x, y)
+        lenslet = truth.owner_of(optics, x, y)
         cx, cy = truth.centre_of(optics, lenslet)
         turn = mp.mpf(display.array.rotation_deg) * mp.pi / 180
         c, s = mp.cos(turn), mp.sin(turn)
@@ -149,12 +150,13 @@ def local_of(display, pixels):
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
+@eyes
 @everywhere
-def test_ideal_models_against_their_formulas_in_50_digits(grid, side, model):
+def test_ideal_models_against_their_formulas_in_50_digits(grid, side, converged, model):
     """Chief and other rays; the ABCD matrices are multiplied out by hand here."""
-    rng = generator(grid, side, model)
+    rng = generator(grid, side, model, *(["eye"] if converged else []))
     for _ in range(10):
-        display = random_display(rng, grid, side)
+        display = random_display(rng, grid, side, converged=converged)
         array, n = display.array, 8
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * 0.999
@@ -239,12 +241,13 @@ def test_ray_matrix_in_50_digits(side):
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
+@eyes
 @everywhere
-def test_ideal_models_there_and_back(grid, side, model):
+def test_ideal_models_there_and_back(grid, side, converged, model):
     """Backwards they undo themselves. A pinhole's rays all leave through the centre."""
-    rng = generator(3, grid, side, model)
+    rng = generator(3, grid, side, model, *(["eye"] if converged else []))
     for _ in range(20):
-        display = random_display(rng, grid, side)
+        display = random_display(rng, grid, side, converged=converged)
         array = display.array
         pixels = random_pixels(rng, display, 100)
         aperture = random_in_cell(rng, display, 100) * 0.99

@@ -263,6 +263,61 @@ def test_a_picture_of_another_size_is_refused(tmp_path):
         read_picture(tmp_path / "a.exr", limit=(13, 17))
 
 
+def chunks(path):
+    """A PNG's chunks by their names, read byte by byte."""
+    data, at, found = path.read_bytes(), 8, {}
+    while at < len(data):
+        size, name = struct.unpack(">I4s", data[at : at + 8])
+        found.setdefault(name, data[at + 8 : at + 8 + size])
+        at += 12 + size
+    return found
+
+
+@pytest.mark.parametrize("bits", [6, 8, 12])
+@pytest.mark.parametrize(("transfer", "gamma"), [("srgb", 1 / 2.2), ("gamma2.2", 1 / 2.2), ("linear", 1.0)])
+def test_a_pngs_gamma_is_its_curves(tmp_path, transfer, gamma, bits):
+    """PNG 11.3.2.2: gAMA is the exponent of the encoding times 100000; sRGB comes with 45455."""
+    path = tmp_path / "a.png"
+    write_picture(path, picture("gamma"), {}, transfer, bits)
+    found = chunks(path)
+    assert struct.unpack(">I", found[b"gAMA"]) == (round(100_000 * gamma),)
+    assert (b"sRGB" in found) == (transfer == "srgb")
+
+
+@pytest.mark.parametrize("height", [1, 63, 64, 65, 130])
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_bands_leave_no_seams(tmp_path, suffix, height):
+    light = picture("bands", suffix, height=height)
+    write_picture(tmp_path / f"a{suffix}", light, {}, bits=16)
+    back = read_picture(tmp_path / f"a{suffix}").radiance
+    assert back.shape == light.shape
+    # Half floats keep 11 bits; 16-bit sRGB steps times the slope of the curve, and float32's powers.
+    assert np.abs(back - light).max() <= {".exr": 2.0**-12, ".tif": 0.0, ".png": 2e-5}[suffix]
+
+
+@pytest.mark.parametrize("suffix", [pytest.param(".exr", marks=pytest.mark.full), ".png"])
+def test_an_8k_file_takes_no_copy_of_the_image(tmp_path, suffix):
+    """7680 x 4320, 398 MB of light: in a process of its own, writing adds less than a quarter of that."""
+    script = """
+        import resource, sys
+        import numpy as np
+        from lippmann.images import write_picture
+        peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+        write_picture(sys.argv[1], np.full((64, 7680, 3), 0.5, np.float32), {})
+        light = np.empty((4320, 7680, 3), np.float32)
+        light[:] = np.linspace(0.0, 1.0, 7680, dtype=np.float32)[:, None]
+        before = peak()
+        write_picture(sys.argv[1], light, {})
+        print(before, peak())
+    """
+    words = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / f"a{suffix}")]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    before, after = map(float, done.stdout.split())
+    print(f"{before:.0f} MB before, {after:.0f} MB at most")
+    assert before > 398.0
+    assert after - before < 100.0
+
+
 # --- whole or not at all --------------------------------------------------------------------------
 
 
@@ -280,7 +335,7 @@ def test_a_failing_write_leaves_the_old_file_alone(tmp_path, monkeypatch, suffix
             self.name = name
             return True
 
-        def write_image(self, pixels):
+        def write_scanlines(self, first, end, z, pixels):
             with open(self.name, "wb") as stream:
                 stream.write(b"half")
             if failure == "interrupt":

@@ -2,6 +2,7 @@
 
 import errno
 import grp
+import json
 import os
 import pty
 import re
@@ -426,3 +427,33 @@ def test_closed_and_opened_again(monkeypatch):
                 # Half a packet before the port is closed spoils nothing of the next session.
                 board.line.send(b"\x20half", 1.0)
     assert len(model.shown) == 1
+
+
+SHOWN = ["0x018  0x000004FF  display", "brightness = 255", "pattern = 4 (checker)"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told", "fields"),
+    [
+        (["display"], SHOWN, True),
+        (["0x18"], SHOWN, False),
+        (["lens"], ["0x01C  0x00020FFD  lens", "i = -3", "j = 2"], True),
+        (
+            ["0x18", "2"],
+            [*SHOWN, "0x01C  0x00020FFD  lens", "i = -3", "j = 2"],
+            False,
+        ),
+        (["0x100"], ["0x100  0x00000007"], False),
+    ],
+)
+def test_registers_are_read_with_their_fields(words, told, fields, capsys):
+    """Also several, and by their addresses; i and j have twelve bits with a sign, from bits 0 and 16."""
+    with ModelBoard() as model:
+        model.registers |= {0x18: 0x4FF, 0x1C: 2 << 16 | 0x1000 - 3, 0x100: 7}
+        assert run(["board", "read", *words, "--port", model.url]) == 0
+        assert [line.strip() for line in capsys.readouterr().out.splitlines()] == told
+        assert run(["board", "read", *words, "--port", model.url, "--json"]) == 0
+        result = json.loads(capsys.readouterr().out)
+    assert set(result) == {"address", "words", "fields"}
+    assert [f"0x{word:08X}" for word in result["words"]] == [line.split()[1] for line in told if line.startswith("0x")]
+    assert bool(result["fields"]) == fields

@@ -57,10 +57,11 @@ def rays_at(mi, sensor, u, v, display, aperture=(0.5, 0.5)):
     return sensor.sample_ray(0.0, 0.5, place, mi.Point2f(*aperture), True)
 
 
+@pytest.mark.parametrize("eye", [{}, {"eye": 9.0, "axis": (1.5, -1.0)}], ids=["far", "near"])
 @pytest.mark.parametrize("model", ["pinhole", "exact"])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_its_rays_are_golden_s_seen_from_the_viewer(mi, sensor_of, grid, model):
-    display = focused_display(grid, width_px=40, height_px=30, pixel_pitch=0.1, rotation=3.0, offset=(0.2, 0.1))
+def test_its_rays_are_golden_s_seen_from_the_viewer(mi, sensor_of, grid, model, eye):
+    display = focused_display(grid, width_px=40, height_px=30, pixel_pitch=0.1, rotation=3.0, offset=(0.2, 0.1), **eye)
     sensor = sensor_of(display, f'<string name="model" value="{model}"/>').mitsuba.sensors()[0]
     rng = generator(SEED, grid, model)
     points = rng.uniform((0, 0), (40, 30), (2000, 2))

@@ -419,10 +419,11 @@ def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
         export("whole", '<boolean name="flip_normals" value="true"/>')
 
 
+@pytest.mark.parametrize("eye", [{}, {"eye": 60.0, "axis": (4.0, 1.0)}], ids=["far", "near"])
 @pytest.mark.parametrize("grid", GRIDS)
-def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid):
+def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid, eye):
     """Real and virtual objects, one ray a pixel: the picture that `lippmann render` makes."""
-    display = focused_display(grid, width_px=64, height_px=48, pixel_pitch=0.1, rotation=7.0)
+    display = focused_display(grid, width_px=64, height_px=48, pixel_pitch=0.1, rotation=7.0, **eye)
     path = write_scene(
         tmp_path / "s.xml",
         light(),

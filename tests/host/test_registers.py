@@ -98,12 +98,13 @@ def optics_registers():
 def test_registers_package_and_configuration_agree():
     package, registers = package_fields(), optics_registers()
     names = [field.name for field in dataclasses.fields(Configuration)]
-    assert len(names) == 24
+    assert len(names) == 27
     assert list(package) == names
     assert list(registers) == names
     # The formats that the host's words have (lippmann.fixed.configuration).
     fraction = dict.fromkeys(names, "F")
     fraction.update(dict.fromkeys(("index_inverse", "exit_z", "cell_half"), "F + 1"), depth_rest="F + 3")
+    fraction.update(dict.fromkeys(("converge_x", "converge_y"), "F + 2"), converge_share="F + 11")
     for name, (bits, text) in registers.items():
         assert package[name][0] == bits, name
         if "_from_" in name:
@@ -140,7 +141,7 @@ def test_a_configuration_is_written_and_read_back():
     for sign in (1, -1):
         values = {name: sign * ((1 << (widths[name] - 2)) + 977 * k) for k, name in enumerate(names)}
         written = {w.address: w.word for w in optics_writes(Configuration(**values))}
-        assert len(written) == 30
+        assert len(written) == 33
         assert all(0 <= word < 1 << 32 for word in written.values())
         for name, value in values.items():
             if widths[name] == 32:
@@ -200,6 +201,7 @@ def test_a_block_tells_its_build():
     build = Build(23, "hex", "exact", viewer=True, aims=True, max_cell_steps=3)
     assert build_of(words) == build
     assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
+    assert build_of({**words, "build": words["build"] | 1 << 14}) == dataclasses.replace(build, converge=True)
     with pytest.raises(InputError, match="0x4C495051"):
         build_of({**words, "identity": 0x4C495051})
     for major in (0, 2):

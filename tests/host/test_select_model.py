@@ -64,7 +64,7 @@ def brute_force(display, model, depths):
 
 
 @seed(SEED)
-@settings(max_examples=60, deadline=None, derandomize=True, print_blob=True)
+@settings(max_examples=30, deadline=None, derandomize=True, print_blob=True)
 @given(
     display=displays(),
     far=st.floats(-200.0, 0.0),

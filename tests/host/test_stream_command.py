@@ -152,6 +152,22 @@ def test_another_board_that_comes_back_is_refused(picture, capsys):
     assert model.shown == []
 
 
+@pytest.mark.parametrize("more", [[], ["--verify"], ["--force"]])
+def test_a_test_pattern_that_hides_the_frame_is_told(picture, capsys, more):
+    """Before anything is sent: the frame would arrive and not be seen."""
+    with ModelBoard() as model:
+        path, image = picture(model)
+        words = ["stream", path, "--port", model.url]
+        model.registers[DISPLAY] = 0x2FF
+        assert run([*words, *more]) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "the panel shows test pattern 2 (lens_centres), not the frame; end it with lippmann board write" in line
+        assert (model.shown, model.tile_writes.total()) == ([], 0)
+        assert run(["board", "write", "display", "pattern=0", "--port", model.url]) == 0
+        assert run(words) == 0
+    np.testing.assert_array_equal(model.shown, [image])
+
+
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-1", "soon"])
 def test_a_time_to_wait_that_is_none_is_refused(seconds, capsys):
     assert run(["stream", "image.png", "--port", "socket://127.0.0.1:1", "--resume", seconds]) == 2

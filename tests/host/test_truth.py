@@ -124,6 +124,19 @@ def test_cell_is_the_nearest_centre(grid):
         assert truth.lenslet_of(optics, x, y) == nearest
 
 
+def test_owner_is_passed_on_the_way_to_the_eye_by_hand():
+    """D = 1/2 + 4/3 = 11/6 and an eye 9 D further, before x = 1: the line passes the aperture plane at 0.9 x + 0.1."""
+    optics = replace(PLAIN, eye_mm=mp.mpf(11) / 6 * 9, axis_mm=(1.0, 0.0))
+    assert far(truth.seen_through(optics, 5, -2), (mp.mpf(46) / 10, mp.mpf(-18) / 10)) < TINY
+    # 0.9 x + 0.1 = 1/2 at x = 4/9, and 9.5 at x = 94/9; y is cut at 0.9 y = 1/2.
+    edges = ((mp.mpf(4) / 9, 0, (0, 0), (1, 0)), (mp.mpf(94) / 9, 0, (9, 0), (10, 0)))
+    for x, y, below, above in edges:
+        assert truth.owner_of(optics, x - TINY, y) == below
+        assert truth.owner_of(optics, x + TINY, y) == above
+    assert [truth.owner_of(optics, 1, y)[1] for y in (0.55, 0.56, -0.55, -0.56)] == [0, 1, 0, -1]
+    assert [truth.lenslet_of(optics, 1, y)[1] for y in (0.55, -0.55)] == [1, -1]
+
+
 def test_aperture_point_turns_with_the_array():
     """By hand: a quarter turn carries the aperture point (a, 0) to (0, a) of the panel."""
     optics = replace(PLAIN, rotation_rad=mp.pi / 2, offset_mm=(0.25, 0.5))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display import Panel, load_display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError
 from lippmann.images import decode, write_picture
@@ -75,18 +75,40 @@ def page():
     return page_html(small(), light(values("panel")), 'A <fish> & "co" </script>', [direct])
 
 
+def panel_of(page, across=1):
+    """The panel's pictures, in rows of `across`."""
+    texts = re.findall(r'<script type="text/plain" class="panel-tile">([^<]*)</script>', page)
+    tiles = [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in texts]
+    return [tiles[k : k + across] for k in range(0, len(tiles), across)]
+
+
 # --- what the page holds --------------------------------------------------------------------------
 
 
 def test_the_panel_travels_value_by_value(page):
     """8-bit panel values come through light and back without a change."""
     reader = Reader(page)
-    png = base64.b64decode(reader.texts["panel-png"])
-    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png))), values("panel"))
+    np.testing.assert_array_equal(panel_of(page)[0][0], values("panel"))
     (direct,) = json.loads(reader.texts["directs"])
     assert direct["eye_mm"] == [10.0, -5.0, 600.0]
     png = base64.b64decode(direct["png"].removeprefix("data:image/png;base64,"))
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png))), values("direct"))
+
+
+@pytest.mark.parametrize(("limit", "across", "width", "height"), [(20, 4, 16, 16), (30, 3, 22, 24), (63, 2, 32, 48)])
+def test_a_large_panel_travels_in_tiles(monkeypatch, limit, across, width, height):
+    """Tiles of one size, at most the limit; those at the right and at the bottom may be smaller."""
+    monkeypatch.setattr("lippmann.viewer.page.TILE_PX", limit)
+    rows = panel_of(page_html(small(), light(values("panel")), "x"), across)
+    assert rows[0][0].shape == (height, width, 3)
+    np.testing.assert_array_equal(np.vstack([np.hstack(row) for row in rows]), values("panel"))
+
+
+def test_a_panel_that_no_browser_holds_is_refused():
+    display = dataclasses.replace(small(), panel=Panel(32768, 18432, 0.05))
+    nothing = np.broadcast_to(np.float32(0.0), (18432, 32768, 3))
+    with pytest.raises(InputError, match=r"32768 x 18432 pixels are more than browsers hold.*; show a smaller panel"):
+        page_html(display, nothing, "x")
 
 
 def test_nothing_comes_from_outside(page):
@@ -209,7 +231,7 @@ def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye():
         least = 0.5 * display.panel.width_mm + 600.0 * math.tan(math.radians(derived.crosstalk_angle_deg))
         assert eye_reach_mm(display, derived) >= least * (1.0 - 1e-12)
         nearest = next(s.low for s in sliders(display)["Eye"] if s.id == "eye-z")
-        assert 0.0 < focus_reach_mm(derived) < nearest
+        assert 0.0 < focus_reach_mm(display, derived) < nearest
 
 
 def test_direct_eyes_stand_in_the_viewing_zone():
@@ -217,7 +239,7 @@ def test_direct_eyes_stand_in_the_viewing_zone():
         display = load_display(path)
         eyes = np.array(grid_of_eyes(display))
         assert eyes.shape == (21, 3)
-        assert (0.0, 0.0, 600.0) in map(tuple, eyes)
+        assert np.abs(eyes - (0.0, 0.0, 600.0)).max(axis=1).min() < 1e-9
         assert np.abs(eyes[:, 0]).max() == pytest.approx(max(display_properties(display).viewing_zone_mm, 30.0))
 
 

@@ -90,6 +90,8 @@ class Optics:
     plano_side: Literal["panel", "viewer"]
     rotation_rad: float = 0.0
     offset_mm: tuple[float, float] = (0.0, 0.0)
+    eye_mm: float | None = None
+    axis_mm: tuple[float, float] = (0.0, 0.0)
 
 
 class Ray(NamedTuple):
@@ -321,6 +323,28 @@ def lenslet_of(optics: Optics, x: Any, y: Any) -> Lenslet:
     return cell_of(optics.grid, *_lattice(optics, mp.mpf(x), mp.mpf(y)))
 
 
+def seen_through(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
+    """Return where the straight line from the eye to a panel point crosses the aperture plane, mm.
+
+    Without an eye (it is infinitely far, in front of every point) that is the point itself.
+    """
+    x, y = mp.mpf(x), mp.mpf(y)
+    if optics.eye_mm is None:
+        return x, y
+    plane = _model(optics).z_panel + aperture_distance(optics)
+    eye = (mp.mpf(optics.axis_mm[0]), mp.mpf(optics.axis_mm[1]), plane + mp.mpf(optics.eye_mm))
+    crossed = _to_plane(eye, _minus((x, y, _model(optics).z_panel), eye), plane)
+    return crossed[0], crossed[1]
+
+
+def owner_of(optics: Optics, x: Any, y: Any) -> Lenslet:
+    """Return (i, j) of the lenslet that owns a panel-frame point in mm.
+
+    It is the lenslet whose cell the straight line to the eye crosses.
+    """
+    return lenslet_of(optics, *seen_through(optics, x, y))
+
+
 def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
     """Return the panel-frame centre (x, y) of a lenslet, mm."""
     m = _model(optics)
@@ -487,8 +511,8 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
     """
     m = _model(optics)
     start = panel_point(optics, u, v)
-    home = lenslet_of(optics, start[0], start[1])
-    margin = _clearance(optics.grid, *_lattice(optics, start[0], start[1]), home)
+    home = owner_of(optics, start[0], start[1])
+    margin = _clearance(optics.grid, *_lattice(optics, *seen_through(optics, start[0], start[1])), home)
     d = chief_or_aperture_direction(optics, start[0], start[1], home, a, b)
     none = mp.mpf(0)
 
@@ -621,7 +645,7 @@ def world_to_panel(  # noqa: PLR0911 (one return a fate)
     margin = min(margin, *(abs(q) * m.pixel / m.p for q in (u, v, u - optics.width_px, v - optics.height_px)))
     if not (0 <= u < optics.width_px and 0 <= v < optics.height_px):
         return Landing(BLOCKED, meeting.lenslet, (u, v), point, out, margin)
-    u_cell, w_cell = _lattice(optics, point[0], point[1])
+    u_cell, w_cell = _lattice(optics, *seen_through(optics, point[0], point[1]))
     owner = cell_of(optics.grid, u_cell, w_cell)
     margin = min(margin, _clearance(optics.grid, u_cell, w_cell, owner))
     return Landing(OK if owner == meeting.lenslet else CROSSTALK, meeting.lenslet, (u, v), point, out, margin)

@@ -19,7 +19,7 @@ PIXELS = signed(PIXEL_BITS)
 
 
 def display(build: Build, **numbers: Any) -> Display:
-    """A display for a build, mm: pitch, radius, index, thickness (None: the thinnest), gap, rotation, offset."""
+    """A display for a build, mm: pitch, radius, index, thickness (None: thinnest), gap, rotation, offset, eye, axis."""
     n = {"pitch": 1.0, "radius": 1.2, "index": 1.5, "thickness": None, "gap": 0.4, "rotation": 0.0, "offset": (0, 0)}
     n |= numbers
     side = "viewer" if build.viewer else "panel"
@@ -30,7 +30,7 @@ def display(build: Build, **numbers: Any) -> Display:
 
     thickness = array(math.nan).sag_mm if n["thickness"] is None else n["thickness"]
     panel = Panel(400, 300, n["pitch"] / n.get("across", 9.3))
-    return Display("case", panel, array(thickness), n["gap"])
+    return Display("case", panel, array(thickness), n["gap"], n.get("eye"), n.get("axis", (0.0, 0.0)))
 
 
 def random_configuration(rng: np.random.Generator, build: Build) -> Configuration:
@@ -46,6 +46,10 @@ def random_configuration(rng: np.random.Generator, build: Build) -> Configuratio
             "offset": tuple(rng.uniform(-0.5, 0.5, 2)),
             "across": rng.choice([8, 20, 9.3]),
         }
+        if build.converge:
+            # Half of the panel's diagonal is 10 to 33 mm.
+            numbers["eye"] = rng.uniform(1.0, 2.0) * rng.choice([12.0, 25.0, 100.0]) if rng.random() < 0.8 else None
+            numbers["axis"] = tuple(rng.choice([0.0, 1.0]) * rng.uniform(-20.0, 20.0, 2))
         try:
             return configuration(display(build, **numbers), build, build.model)
         except (InputError, ValueError):
@@ -82,15 +86,21 @@ def within(u: Ints, v: Ints, a: Ints, b: Ints, build: Build, config: Configurati
         pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
         for axis in "xy"
     ]
-    own = locate(*lattice, f)[2:]
+    own_i, own_j, *own = locate(*lattice, f)
     aimed = (a, b) if build.aims else (np.zeros_like(a), np.zeros_like(b))
     step_i, step_j, *local = locate(*aimed, f)
     shift = (step_i + (step_j / 2 if build.grid == "hex" else 0), step_j)
     unit = float(1 << f)
-    slope, point = [], []
-    for axis, pixel, moved, aim in zip("xy", own, shift, local, strict=True):
+    slope, point, inside = [], [], np.ones(len(u), bool)
+    lens_i, lens_j = own_i + step_i, own_j + step_j
+    centre = (lens_i + (lens_j / 2 if build.grid == "hex" else 0), lens_j)
+    share = config.converge_share / (unit * (1 << 11))
+    for axis, pixel, moved, aim, c in zip("xy", own, shift, local, centre, strict=True):
         x, to = pixel / unit - moved, aim / unit
+        if build.converge:
+            x = x + share * c + getattr(config, f"converge_{axis}") / (4 * unit)
+            inside &= np.abs(x) < 7.99
         k, m, p, q = (getattr(config, f"{name}_{axis}") / unit for name in ("slope", "slope_aim", "point", "point_aim"))
-        slope.append(k * (to - x) if build.model == "exact" else k * x + m * to)
+        slope.append(k * (to - x) if build.model == "exact" and not build.converge else k * x + m * to)
         point.append(p * x + q * to)
-    return (np.hypot(*slope) < 1.732) & (np.hypot(*point) < 3.99)
+    return inside & (np.hypot(*slope) < 1.732) & (np.hypot(*point) < 3.99)

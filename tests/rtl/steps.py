@@ -46,6 +46,11 @@ def steps(f: int) -> dict[str, Instance]:
             {**local, **each("a_o b_o", near), **each("stray_o beyond_o", 1)}, f"aim_latency({number})", Grid=number,
         )  # fmt: skip
         add(
+            f"converge-{grid}", "converge", {**each("i_i j_i", index), **each("x_i y_i", near)},
+            {**each("x_o y_o", far), "beyond_o": 1}, f"converge_latency({f})",
+            each("share_i offset_x_i offset_y_i", f + 9), Grid=number, **cells,
+        )  # fmt: skip
+        add(
             f"cell_step-{grid}", "cell_step", each("nx_i ny_i", near), {**each("di_o dj_o", 2), "inside_o": 1},
             f"cell_step_latency({number}, {f})", {"half_i": near}, Grid=number, **cells,
         )  # fmt: skip
@@ -55,8 +60,12 @@ def steps(f: int) -> dict[str, Instance]:
         )  # fmt: skip
     for second in (0, 1):
         add(
-            f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": point}, f"blend_latency({f})",
+            f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": point}, f"blend_latency({f}, {near})",
             each("k_i l_i", near), Second=second, **cells,
+        )  # fmt: skip
+        add(
+            f"blend-{second}-far", "blend", {"x_i": far, "a_i": near}, {"y_o": point}, f"blend_latency({f}, {far})",
+            each("k_i l_i", near), Second=second, Wx=far, **cells,
         )  # fmt: skip
     add("unit_slope", "unit_slope", each("mx_i my_i", near), each("ex_o ey_o ez_o", near), f"unit_latency({f})",
         **cells)  # fmt: skip

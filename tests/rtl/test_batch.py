@@ -26,6 +26,8 @@ BUILDS = [
     Build(21, "hex", aims=True, max_cell_steps=1),
     Build(18, "square", viewer=True, aims=True, max_cell_steps=2),
     Build(20, "hex", "paraxial", aims=True),
+    Build(23, "hex", max_cell_steps=1, converge=True),
+    Build(18, "square", viewer=True, aims=True, max_cell_steps=1, converge=True),
     Build(14, "square", "pinhole"),
 ]
 GRIDS = ("square", "hex")
@@ -42,6 +44,15 @@ ALL_BUILDS = [
     ),
     *(Build(f, grid, "paraxial", aims=aims) for f in (16, 23) for grid in GRIDS for aims in (False, True)),
     *(Build(23, grid, "pinhole") for grid in GRIDS),
+    *(Build(f, grid, converge=True) for f in (16, 23) for grid in GRIDS),
+    *(
+        Build(23, grid, viewer=viewer, aims=aims, max_cell_steps=2, converge=True)
+        for viewer, aims in ((False, False), (False, True), (True, False), (True, True))
+        for grid in GRIDS
+    ),
+    Build(19, "hex", aims=True, max_cell_steps=2, cross_cells=True, converge=True),
+    *(Build(23, grid, "paraxial", aims=True, converge=True) for grid in GRIDS),
+    *(Build(23, grid, "pinhole", converge=True) for grid in GRIDS),
 ]
 
 
@@ -49,7 +60,7 @@ def name(build: Build) -> str:
     parts = [build.grid, build.model, f"F{build.fraction_bits}"]
     parts += ["viewer"] * build.viewer + ["aims"] * build.aims
     parts += [f"steps{build.max_cell_steps}"] * (build.max_cell_steps > 0)
-    return "-".join(parts + ["cells"] * build.cross_cells)
+    return "-".join(parts + ["cells"] * build.cross_cells + ["converge"] * build.converge)
 
 
 def assert_equal(rtl: FixedRays, twin: FixedRays) -> None:

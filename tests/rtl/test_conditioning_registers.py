@@ -33,10 +33,12 @@ def test_rtl_equals_twin_on_hard_cases(build):
     base = load_display(repository() / f"scenes/displays/paper-{build.grid}.toml")
     side = "viewer" if build.viewer else "panel"
     base = changed(base, plano_side=side, gap_mm=base.array.focal_length_mm if build.viewer else base.gap_mm)
+    base = dataclasses.replace(base, viewing_distance_mm=600.0 if build.converge else None)
     compared = 0
     for rays in hard_sets(base, "all", SEED, 24):
         case = fixed_words(rays, build.fraction_bits, build.max_cell_steps)[0] if isinstance(rays, Out) else None
-        if case is not None:
+        # The case converged has displays of the other kind of build.
+        if case is not None and case.build.converge == build.converge:
             assert case.build == build
             twin = ray_pipeline(*case.words, case.registers, build)
             assert_equal(harness(build).trace(*case.words, case.registers), twin)

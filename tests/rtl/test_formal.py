@@ -23,12 +23,11 @@ QUICK = [
     "fifo prove_8",
     "fifo cover_4",
     "fifo cover_8",
-    "flow_control prove_1",
     "flow_control cover_3",
     "flow_control full_3",
     "ray_lenslet cover_3",
 ]
-FULL = ["flow_control prove_3", "flow_control full_8", "ray_lenslet prove_3"]
+FULL = ["flow_control prove_1", "flow_control prove_3", "flow_control full_8", "ray_lenslet prove_3"]
 
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
 # (proof, file, text, its replacement, assertions of which one must fail)

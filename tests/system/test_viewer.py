@@ -86,6 +86,13 @@ def pixels_of(url):
     return np.asarray(picture.convert("RGB")) / 255.0
 
 
+def opaque_pixels(url):
+    """Values 0 to 1 of a PNG's data URL that has no pixel through which the page shines."""
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGBA"))
+    assert (picture[..., 3] == 255).all()
+    return picture[..., :3] / 255.0
+
+
 def seen_in_page(browser, window, rays, **chosen):
     """The canvas' pixels of a view, values 0 to 1."""
     text = json.dumps(settings(**chosen))
@@ -134,6 +141,47 @@ def test_the_page_shows_what_observe_shows(browser, mi, tmp_path, shape):
         assert view.std() > 0.02
         assert psnr_db(decode(page, "srgb"), view) >= LEAST_DB, one
         assert (np.abs(page - encode(view, "srgb")) > STEP).mean() < 0.01, one
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb"])
+def test_tiles_change_no_pixel(browser, tmp_path, monkeypatch, subpixels):
+    """The same view and the same drawing of the panel from one picture as from 6 x 5, the last ones smaller."""
+    display = small(subpixels=subpixels, rotation=3.0)
+    radiance = painted(display)
+    window = whole_window(display, 130)
+    found = []
+    for limit in (2048, 47):
+        monkeypatch.setattr("lippmann.viewer.page.TILE_PX", limit)
+        open_page(browser, tmp_path, page_html(display, radiance, "x"))
+        assert browser.evaluate("viewer.panel.bitmaps.length") == (1 if limit == 2048 else 30)
+        views = [seen_in_page(browser, window, rays, **one) for one in EYES for rays in (0, 4)]
+        # Four screen pixels to a panel pixel, the edges of both together; and any zoom: no gap between tiles.
+        browser.evaluate(
+            "(() => { const view = viewer.panelView; view.zoom = 4;"
+            "view.centre = [view.canvas.width, view.canvas.height].map((side) => 99 + (side % 2) / 8); })()"
+        )
+        for zoom in (4, 3.7, 1.3):
+            browser.evaluate(f"viewer.panelView.zoom = {zoom}; viewer.panelView.panBy(0, 0)")
+            frame(browser)
+            drawn = opaque_pixels(browser.evaluate("viewer.panelView.canvas.toDataURL()"))
+            views += [drawn] if zoom == 4 else []
+        found.append(views)
+    for one, other in zip(*found, strict=True):
+        assert one.std() > 0.02
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_panel_wider_than_textures_is_shown(browser, tmp_path):
+    """Chromium's WebGL in software takes textures of 8192 pixels: the page shows 9000 columns nevertheless."""
+    display = Display("wide", Panel(9000, 20, 0.05), Array("square", 1.0, 1.65, 1.5, 0.8, "panel"), 3.0)
+    radiance = np.zeros((20, 9000, 3), np.float32)
+    radiance[:, 8500:] = 1.0
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    assert browser.evaluate("viewer.renderer.gl.getParameter(viewer.renderer.gl.MAX_TEXTURE_SIZE)") < 9000
+    seen = seen_in_page(browser, whole_window(display, 450), 4, eye=(0.0, 0.0, 40000.0))
+    # From far away each lenslet shows the pixel behind it: 8500 of 9000 columns are black.
+    assert seen[:, :420].max() < 0.02
+    assert seen[:, 430:445].min() > 0.98
 
 
 @pytest.mark.parametrize("focus", [-60.0, 60.0])
@@ -209,6 +257,72 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
     # at most 0.16 mm times 0.15, they see through the wrong one.
     print(f"{different.mean():.4f} differ")
     assert different.mean() < 0.16 * 0.15 * 2
+
+
+#: Elemental images up to a pitch beside their lenslets.
+CONVERGED = {
+    "square-panel": {"viewing_distance_mm": 200.0, "viewing_axis_mm": (-20.0, 12.0)},
+    "hex-viewer": {"viewing_distance_mm": 120.0, "viewing_axis_mm": (30.0, 0.0)},
+}
+
+
+def converged(name):
+    """60 x 45 lenslets for a near eye that is off the middle, turned and moved."""
+    grid, side = name.split("-")
+    display = small(grid, side, rotation=11.0)
+    return dataclasses.replace(display, panel=Panel(1200, 900, 0.05), **CONVERGED[name])
+
+
+@pytest.mark.parametrize("name", ["square-panel", pytest.param("hex-viewer", marks=pytest.mark.full)])
+def test_twenty_eyes_on_converged_displays(browser, mi, tmp_path, name):
+    """With crosstalk and without, which only the pixels' owners tell apart."""
+    display = converged(name)
+    radiance = painted(display)
+    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    window = whole_window(display, 240)
+    rng = np.random.default_rng(SEED)
+    print(f"numpy.random.default_rng({SEED})")
+    worst, told_apart = np.inf, 0
+    for k in range(20):
+        eye = (*rng.uniform(-60.0, 60.0, 2).tolist(), float(rng.uniform(100.0, 900.0)))
+        pupil = float(rng.uniform(0.0, 12.0)) if k % 2 else 0.0
+        chosen = {"eye": eye, "pupil": pupil, "focus": float(rng.uniform(-60.0, 60.0)), "crosstalk": k % 4 < 2}
+        if k >= 16:
+            chosen["built"] = {"rotation": 0.2, "offset": [0.1, -0.2], "gap": 0.2, "pitchScale": 1.01}
+        page = seen_in_page(browser, window, 4, **chosen)
+        view = seen_by_observe(mi, radiance, display, window, 4, **chosen)
+        worst = min(worst, psnr_db(decode(page, "srgb"), view))
+        if not chosen["crosstalk"]:
+            straight = dataclasses.replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+            other = seen_by_observe(mi, radiance, straight, window, 4, **chosen)
+            told_apart += psnr_db(other, view) < 20.0
+    print(f"worst of 20 eyes on {name}: {worst:.1f} dB")
+    assert worst >= 50.0
+    assert told_apart >= 8
+
+
+@pytest.mark.parametrize("name", CONVERGED)
+def test_the_panel_view_knows_whose_a_pixel_is(browser, tmp_path, name):
+    """Each pixel that the page is asked for has golden's lenslet, and seams stand where owners change."""
+    display = converged(name)
+    open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+    rng = np.random.default_rng(SEED)
+    pixels = rng.integers(0, (1200, 900), (300, 2))
+    system = "systemOf(viewer.display, {rotation: 0, offset: [0, 0], gap: 0, pitchScale: 1})"
+    asked = f"{pixels.tolist()}.map((p) => owner(s, arrayFromPanel(s, panelFromPixel(s, [p[0] + 0.5, p[1] + 0.5]))))"
+    told = browser.evaluate(f"(() => {{ const s = {system}; return {asked}; }})()")
+    rays = trace(display, pixels + 0.5, None, "pinhole")
+    np.testing.assert_array_equal(told, rays.lenslet)
+    # A little inside the corners that are drawn, all points are that lenslet's.
+    corner = (
+        "cellCorners(s).map(([x, y]) => pixelFromPanel(s, panelFromArray(s, behind(s, "
+        "[0.999 * x + centreOf(s, i, j)[0], 0.999 * y + centreOf(s, i, j)[1]]))))"
+    )
+    lenslets = np.unique(rays.lenslet, axis=0).tolist()
+    drawn = browser.evaluate(f"(() => {{ const s = {system}; return {lenslets}.map(([i, j]) => {corner}); }})()")
+    for lenslet, corners in zip(lenslets, drawn, strict=True):
+        owners = trace(display, corners, None, "pinhole").lenslet
+        np.testing.assert_array_equal(owners, np.broadcast_to(lenslet, owners.shape))
 
 
 @pytest.mark.full

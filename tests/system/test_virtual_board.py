@@ -22,6 +22,7 @@ from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
+from lippmann.board.frames import load_frame
 from lippmann.board.stream import send_frame
 from lippmann.cli import run
 from lippmann.display import display_text, load_display
@@ -29,9 +30,10 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.fixed.register_file import optics_writes, raster_writes, write
 from lippmann.integral_image import IntegralImage
 from lippmann.link.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
+from lippmann.patterns import ON_BOARD, draw
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
 
@@ -48,10 +50,10 @@ LINES = {
 }
 
 
-def small(grid="square"):
+def small(grid="square", eye=None):
     display = load_display(f"scenes/displays/paper-{grid}.toml")
     panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
-    return dataclasses.replace(display, name=f"small {grid}", panel=panel)
+    return dataclasses.replace(display, name=f"small {grid}", panel=panel, viewing_distance_mm=eye)
 
 
 #: At every commit without the last: a fault of the pty shows with bytes, one of the wires over TCP. Whether a board
@@ -144,10 +146,12 @@ def test_the_panel_shows_what_was_sent(virtual):
     assert_only(virtual.folder, (first, second, third))
 
 
-@pytest.mark.parametrize("grid", ["square", "hex"])
-def test_rays_of_the_board_are_those_of_the_twin(grid):
+@pytest.mark.parametrize(
+    ("grid", "eye"), [("square", None), ("hex", None), pytest.param("hex", 30.0, marks=pytest.mark.full)]
+)
+def test_rays_of_the_board_are_those_of_the_twin(grid, eye):
     random = np.random.default_rng(SEED)
-    display = small(grid)
+    display = small(grid, eye)
     build = virtual_board.board_build(display)
     config = configuration(display, build, "exact")
     with virtual_board.running(display) as virtual, Board.open(virtual.url) as board:
@@ -322,6 +326,22 @@ def test_brightness_and_patterns_leave_the_frame_alone(quick):
         board.write(address, [0xFF])
         wait_for(quick.folder, image)
         assert board.tiles(FRONT).crcs.tolist() == board.info.grid.crcs(image).tolist()
+
+
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_the_boards_patterns_are_those_of_the_command(tmp_path, grid):
+    """Byte by byte, in the words of the board's optics."""
+    display, folder = small(grid), tmp_path / "frames"
+    folder.mkdir()
+    with virtual_board.running(display, capture=folder) as virtual, Board.open(virtual.url) as board:
+        build = board.optics_build()
+        board.write_all([*optics_writes(configuration(display, build, build.model)), write("control", apply=1)])
+        for value, kind in enumerate(ON_BOARD, 1):
+            draw(display, kind, fraction_bits=build.fraction_bits).save(tmp_path / f"{kind}.png")
+            frame = load_frame(tmp_path / f"{kind}.png", board.info)
+            assert np.ptp(frame) == (255 if kind != "ramp" else WIDTH - 1), kind
+            board.write(BOARD_REGISTERS["display"].address, [value << 8 | 0xFF])
+            wait_for(folder, frame)
 
 
 def levels_by_hand(light, transfer, bits):

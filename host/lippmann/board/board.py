@@ -273,9 +273,21 @@ class Board:
         InputError
             For an image of another display, size, transfer curve or number of bits.
         DeviceError
-            When the board does not answer, or refuses the frame.
+            When the board does not answer, shows a test pattern, or refuses the frame.
         """
+        self.check_no_pattern()
         return send_frame(self, image_frame(image, self.info, force), progress)
+
+    def check_no_pattern(self) -> None:
+        """Raise DeviceError while the panel shows a test pattern in place of the frame."""
+        display = BOARD_REGISTERS["display"]
+        pattern = display.fields["pattern"]
+        number = pattern.value(self.read(display.address)[0])
+        if number:
+            what = (
+                f"the panel shows test pattern {number} ({dict(pattern.names).get(number, 'unknown')}), not the frame"
+            )
+            raise self._error(what, "end it with lippmann board write display pattern=0")
 
     def panel_crc(self) -> int:
         """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.

@@ -13,10 +13,15 @@ To first order, with distances along the axis (mm):
 
 The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
 z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negative for concave lenslets.
+
+On a display whose elemental images converge on an eye at E, u is 1 + g/E times as large, and all rays of a lenslet lean
+towards the eye, by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The pixels of a pickup lie where the display's do, and rays arrive
+there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import numpy.typing as npt
 
 from lippmann.capturing.setup import Setup
@@ -37,4 +42,11 @@ def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
         focal = setup.array.focal_length_mm * (-1.0 if setup.concave else 1.0)
         v = 1.0 / (1.0 / focal - 1.0 / distance)
         depth = (g / v) * (z - v) * distance / (distance + z)
-    return -depth if rotated else depth
+    depth = -depth if rotated else depth
+    eye_mm = setup.display.viewing_distance_mm
+    if eye_mm is None or (distance is None and not rotated):
+        return depth
+    wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
+    # 1 / (wider / depth + lean), also for a depth of 0.
+    with np.errstate(divide="ignore"):
+        return np.asarray(depth / (wider + lean * depth))

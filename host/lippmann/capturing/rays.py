@@ -30,8 +30,9 @@ class CapturedRays(NamedTuple):
 
 
 def system_of(setup: Setup) -> System:
-    """Return the array's optics during the capture."""
-    return replace(System.of(setup.captured), concave=setup.concave)
+    """Return the array's optics during the capture; the pixels are the display's, and so are their lenslets."""
+    convergence = System.of(setup.display).convergence
+    return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
 
 def rays_from_picture(
@@ -44,11 +45,14 @@ def rays_from_picture(
     """
     system = system_of(setup)
     frame = system.frame
-    px, py = frame.panel_from_pixel(u, v)
-    i, j, x, y = system.lattice.locate(b, *frame.array_from_panel(px, py))
-    if not isinstance(setup.pickup, Pickup):
+    if isinstance(setup.pickup, Pickup):
+        i, j, x, y = system.locate(b, u, v)
+    else:
         # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
-        # is on the axis, at the distance L.
+        # is on the axis, at the distance L. Its picture is as large as the display's elemental images ask for.
+        seen = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
+        i, j, x, y = system.lattice.locate(b, *seen)
+        px, py = frame.panel_from_array(*seen)
         to_camera = setup.camera_distance_mm
         assert to_camera is not None
         back = system.aperture_distance_mm / to_camera

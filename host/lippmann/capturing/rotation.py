@@ -75,7 +75,7 @@ def rotation_map(display: Display) -> Indices:
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
-    reach = display.array.half_diagonal_mm / min(display.panel.pitches_mm) + 2.0
+    reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
     row, column = np.divmod(pixel, width)

@@ -16,8 +16,8 @@ from lippmann.errors import InputError, LippmannError, MissingLibraryError
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
-    "inspect", "fit", "trace", "vectors", "regress", "render", "animate", "capture", "observe", "view", "export",
-    "board", "stream", "display", "demo", "bench", "report", "doctor",
+    "inspect", "fit", "trace", "vectors", "regress", "render", "animate", "capture", "observe", "view", "pattern",
+    "export", "board", "stream", "display", "demo", "bench", "report", "doctor",
 )  # fmt: skip
 
 
@@ -29,12 +29,19 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
-            return None
+            # Shell completion, which is resilient, asks for the start of a name.
+            if ctx.resilient_parsing:
+                return None
+            raise click.exceptions.NoSuchCommand(cmd_name, possibilities=COMMANDS, ctx=ctx)
         command: click.Command = import_module(f"lippmann.cli.{cmd_name}").command
         return command
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120})
+@click.group(
+    cls=_Commands,
+    commands=dict.fromkeys(COMMANDS),
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
+)
 @click.version_option(__version__, prog_name="lippmann")
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
@@ -78,6 +85,8 @@ def _explain(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code for an error."""
     if was_interrupted(error):
         return "interrupted; nothing half-written is left", EXIT_INTERRUPTED
+    if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
+        del error.possibilities[1:]  # the likeliest only
     if isinstance(error, click.ClickException):
         no_arguments = isinstance(error, click.exceptions.NoArgsIsHelpError)
         return error.format_message() + ("" if no_arguments else " (see --help)"), InputError.exit_code

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -22,7 +21,7 @@ from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Shot, render_shot, shots_of
-from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, write_video
+from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
 from lippmann.images import check_output, encoded_values
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe, whole_window
@@ -44,6 +43,7 @@ def command(
     display_path: str = DISPLAY,
     output: str = option("The frames' folder; made when missing.", flag="-o", metavar="FOLDER"),
     scale: float = option("Factor on the whole film, about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    fit: bool = option("Scale and move the whole film into the display's depth range.", False),
     options: RenderOptions = RENDERING,
     video: str | None = option("The panel's frames as a lossless video.", None, metavar="FILE.mkv"),
     view: str | None = option("What an eye sees of the film: .mp4, .gif or .png.", None, metavar="FILE"),
@@ -65,6 +65,8 @@ def command(
         raise InputError("--view and --eye belong together; give both or neither")
     if width is not None and view is None:
         raise InputError("--width belongs to --view; give both or neither")
+    if fit and scale != 1.0:
+        raise InputError("--scale and --fit both place the film; leave one out")
     film = load_film(film_path)
     display = load_display(display_path)
     looker = None if eye is None else Eye(eye)
@@ -79,7 +81,7 @@ def command(
         suffix = check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
         if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
             raise InputError(f"{view}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
-        seen = _view_window(display, width)
+        seen = even_window(whole_window(display, width or api.VIEW_PX))
         kept = film.frames if suffix in ANIMATION_SUFFIXES else 1
         check_memory_mb(
             BASE_MEMORY_MB + animation_mb(kept, seen.width_px, seen.height_px),
@@ -88,12 +90,12 @@ def command(
             "give a smaller --width, or an .mp4 file",
         )
     start_mitsuba(device)
-    shots = shots_of(film, display, options, scale)
+    shots = shots_of(film, display, options, None if fit else scale)
 
     def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, IntegralImage]]:
         if cluster is not None:
             return render_on_cluster(cluster, device, missing, log)
-        return ((shot, render_shot(shot)) for shot in missing)
+        return ((shot, render_shot(shot, log if shot is missing[0] else None)) for shot in missing)
 
     started = time.perf_counter()
     with progress_bar("frames") as progress:
@@ -134,12 +136,6 @@ def command(
 
 def _images(folder: Path, frames: Iterable[int], display: Display) -> Iterator[IntegralImage]:
     return (IntegralImage.load(frame_path(folder, frame), display) for frame in frames)
-
-
-def _view_window(display: Display, width: int | None) -> Window:
-    """Return the window of --view; videos need even sides."""
-    window = whole_window(display, width or api.VIEW_PX)
-    return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
 def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import click
@@ -14,7 +15,7 @@ from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Panel, load_display
-from lippmann.errors import InputError, device_error, input_error
+from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field, Register
@@ -146,8 +147,22 @@ def read_command(
         words = board.read(known.address, count)
     fields = {} if count > 1 else {name: field.value(words[0]) for name, field in known.fields.items()}
     result = {"address": known.address, "words": words, "fields": fields}
-    lines = [f"0x{known.address + 4 * k:03X}  0x{word:08X}" for k, word in enumerate(words)]
-    emit(result, lines + [f"       {name} = {value}" for name, value in fields.items()])
+    emit(result, (line for k, word in enumerate(words) for line in _lines(known.address + 4 * k, word)))
+
+
+def _lines(address: int, word: int) -> Iterator[str]:
+    """Yield a register's address, word and name, and each field with its value and the value's meaning."""
+    name = next((name for name in _names() if _register(name).address == address), "")
+    yield f"0x{address:03X}  0x{word:08X}  {name}".rstrip()
+    for field_name, field in _register(name or "0").fields.items():
+        value = field.value(word)
+        meaning = dict(field.names).get(value)
+        yield f"       {field_name} = {value}" + (f" ({meaning})" if meaning else "")
+
+
+def _names() -> list[str]:
+    """Return the names of all registers."""
+    return [*BOARD_REGISTERS, *(f"optics.{name}" for name in OPTICS_REGISTERS)]
 
 
 @make_command("write", command)
@@ -193,7 +208,8 @@ def _register(name: str) -> Register:
     try:
         return Register(int(name, 0))
     except ValueError:
-        raise input_error(name, "no such register", "see docs/reference/board-registers.md") from None
+        remedy = did_you_mean(name, _names()) or "see docs/reference/board-registers.md"
+        raise input_error(name, "no such register", remedy) from None
 
 
 def _check_named(said: str, name: str, field: Field, word: int) -> None:
@@ -223,7 +239,8 @@ def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], w
         raise InputError(f"{' '.join(values)}: a field is named twice; name each once")
     for name, value in zip(names, values, strict=True):
         if name not in fields:
-            raise input_error(value, f"{register} has no field {name}", f"choose from {', '.join(fields)}")
+            remedy = did_you_mean(name, fields) or f"choose from {', '.join(fields)}"
+            raise input_error(value, f"{register} has no field {name}", remedy)
         field = fields[name]
         word = word & ~field.mask | _number(value, value.partition("=")[2], field)
         _check_named(value, name, field, word)

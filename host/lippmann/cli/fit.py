@@ -66,7 +66,8 @@ def _build(chosen: Fit, tolerance: float) -> str:
         return "RTL: no build can hold this display or give its rays"
     if build is None:
         return f"RTL: no build is within {tolerance:g} (smallest error {error:.2g})"
+    kind = f"{build.model}, {build.grid}" + ", near eye" * build.converge
     return (
-        f"RTL {build.model}, {build.grid}, F {build.fraction_bits}: the cheapest hardware and the shortest "
-        f"words within {tolerance:g} (error {error:.2g})"
+        f"RTL {kind}, F {build.fraction_bits}: the cheapest hardware and the shortest words within {tolerance:g} "
+        f"(error {error:.2g})"
     )

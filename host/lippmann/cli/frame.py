@@ -14,6 +14,7 @@ from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
+from click.shell_completion import CompletionItem
 
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
@@ -35,6 +36,8 @@ class Declared:
         attributes = dict(self.attributes)
         if attributes["type"] is None:
             attributes["type"] = click.Choice(get_args(kind)) if get_origin(kind) is Literal else kind
+        if attributes["type"] is str:  # mostly a file, and nothing else is known of it
+            attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:
             return click.Argument((name,), **attributes)
         flag = self.flag or f"--{name.replace('_', '-')}"

@@ -5,18 +5,30 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
+from lippmann import drawing
 from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
-from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
+from lippmann.display_properties import (
+    DisplayProperties,
+    EyeView,
+    display_properties,
+    eye_views,
+    percent,
+    table_of_views,
+)
+from lippmann.images import check_output
 from lippmann.toml import schema
 from lippmann.tones import transfer_name
+from lippmann.viewing import viewing_distance
 
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
@@ -40,8 +52,11 @@ def command(
     kind: str | None = option(
         "Print the JSON Schema of a kind of TOML file.", None, click.Choice(tuple(FILES)), flag="--schema"
     ),
+    eye: Point | None = option("Tell what an eye sees from here, mm.", None, Vector(3)),
+    zones: str | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),
+    draw: str | None = option("Drawing of the panel and some lenslets.", None, metavar="FILE.svg|.png"),
 ) -> None:
-    """Print the properties of a display file, with units and warnings.
+    """Print the properties of a display file, with units and warnings, and what eyes will see.
 
     With --schema it reads no display: it prints the JSON Schema with which an editor checks TOML files.
 
@@ -52,8 +67,13 @@ def command(
         return
     if display_path is None:
         raise click.UsageError("Missing argument 'DISPLAY.toml'.")
+    pictures = [check_output(path, drawing.SUFFIXES) for path in (zones, draw) if path is not None]
+    if len(set(pictures)) < len(pictures):
+        raise click.UsageError("--zones and --draw name the same file; give two names")
     display = load_display(display_path)
     derived = display_properties(display)
+    views = table_of_views(display)
+    seen = None if eye is None else eye_views(display, [eye])[0]
     panel, array = display.panel, display.array
     result = {
         "name": display.name,
@@ -61,10 +81,45 @@ def command(
         "panel": {**panel.keys, "width_mm": panel.width_mm, "height_mm": panel.height_mm},
         "array": dataclasses.asdict(array),
         "gap_mm": display.gap_mm,
+        "viewing_distance_mm": display.viewing_distance_mm,
+        "viewing_axis_mm": display.viewing_axis_mm,
         **dataclasses.asdict(derived),
+        "distances": [_as_json(view) for view in views],
+        "eye": None if seen is None else _as_json(seen),
     }
+    if zones is not None:
+        drawing.draw_zones(display, Path(zones), eye)
+    if draw is not None:
+        drawing.draw_display(display, Path(draw))
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived)]
+    if seen is not None:
+        x, y, z = seen.eye_mm
+        lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm", *_table(display, [seen])]
+    lines += ["", "eyes in the middle", *_table(display, views)]
     emit(result, lines + [f"warning: {warning}" for warning in derived.warnings])
+
+
+def _as_json(view: EyeView) -> dict[str, Any]:
+    zone = view.zone_mm
+    return {**dataclasses.asdict(view), "zone_mm": None if zone is None else zone._asdict()}
+
+
+def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
+    """Yield a line of headings and a line for each eye."""
+    form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
+    yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
+    for view in views:
+        zone, (far, near), moire = view.zone_mm, view.depth_range_mm, view.moire_lenslets
+        size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
+        yield form.format(
+            f"{view.eye_mm[2]:g}",
+            percent(view.status_share["crosstalk"]),
+            size,
+            f"{far:+.4g} to {near:+.4g}",
+            f"{view.view_step_mm:.3g} mm",
+            f"{view.lenslet_arcmin:.3g}'",
+            "none" if moire is None else f"every {moire * display.array.pitch_mm:.3g} mm",
+        )
 
 
 def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:
@@ -85,6 +140,9 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
         yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
     yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
     yield "gap", f"{display.gap_mm:.6g} mm"
+    if display.viewing_distance_mm is not None:
+        x, y = display.viewing_axis_mm
+        yield "viewing distance", f"{display.viewing_distance_mm:g} mm, in front of ({x:g}, {y:g}) mm"
     yield "index", f"{derived.index:.6g}" + (f" ({array.glass})" if array.glass else "")
     yield "radius R", f"{derived.radius_mm:.6g} mm"
     yield "sag", f"{derived.sag_mm:.6g} mm"
@@ -97,11 +155,8 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     yield "elemental image", f"{derived.elemental_image_px:.6g} px across"
     yield "viewing angle", f"{derived.viewing_angle_deg:.5g} deg"
     yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"
-    yield (
-        "viewing zone",
-        f"eyes at {VIEWING_DISTANCE_MM:g} mm see the whole panel without crosstalk within "
-        f"{derived.viewing_zone_mm:.3g} mm of the axis",
-    )
+    zone = f"{derived.viewing_zone_mm:.4g} mm to both sides" if derived.viewing_zone_mm else "none"
+    yield "viewing zone", f"{zone}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
     yield "central depth plane", place
     yield "depth range", f"z = {far:+.4g} to {near:+.4g} mm"
     yield "angular resolution", f"{derived.angular_resolution_deg:.4g} deg ({derived.views} views across)"

@@ -9,13 +9,14 @@ import click
 import numpy as np
 
 from lippmann import api
-from lippmann.animation import ANIMATION_SUFFIXES, write_animation, write_contact_sheet
+from lippmann.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import InputError
-from lippmann.images import SUFFIXES, check_output
+from lippmann.film.video import VIEW_SUFFIXES, even_window, write_video
+from lippmann.images import SUFFIXES, check_output, encoded_values
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, whole_window
 from lippmann.optics.rays import Model
@@ -29,7 +30,7 @@ def command(
     image_path: str = argument("IMAGE"),
     display_path: str = DISPLAY,
     eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0.", kind=Vector(3)),
-    output: str = option("Output: .png, .exr or .tif; with --sweep .gif or .png.", flag="-o", metavar="VIEW"),
+    output: str = option("Output: .png, .exr or .tif; with --sweep .mp4, .gif or .png.", flag="-o", metavar="VIEW"),
     width: int = option("Width of the view, pixels.", api.VIEW_PX, click.IntRange(1, MAX_VIEW_PX)),
     samples: int = option("Rays for each pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
     pupil: float = option("Diameter of the pupil, mm.", 0.0, Finite()),
@@ -55,7 +56,8 @@ def command(
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
-    path = check_output(output, SUFFIXES if sweep is None else ANIMATION_SUFFIXES)
+    path = check_output(output, SUFFIXES if sweep is None else VIEW_SUFFIXES + ANIMATION_SUFFIXES)
+    video = path.suffix.lower() in VIEW_SUFFIXES
     for written in filter(None, (output, sheet)):
         if Path(written).exists() and Path(image_path).exists() and Path(written).samefile(image_path):
             raise InputError(f"{written}: is the image itself; give the view another name")
@@ -69,7 +71,7 @@ def command(
     panel = display.panel
     xs = [eye[0]] if sweep is None else np.linspace(sweep[0], sweep[1], frames).tolist()
     eyes = [Eye((x, eye[1], eye[2]), pupil, focus) for x in xs]
-    window = whole_window(display, width)
+    window = even_window(whole_window(display, width)) if video else whole_window(display, width)
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
     built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
@@ -94,7 +96,11 @@ def command(
         views[0].metadata["view_of"] = Path(image_path).name
         views[0].save(path)
     else:
-        write_animation(path, [view.radiance for view in views])
+        if video:
+            pictures = [encoded_values(view.radiance, "srgb", 8) for view in (*views, *views[-2:0:-1])]
+            write_video(path, pictures, window.width_px, window.height_px, 1000.0 / FRAME_MS)
+        else:
+            write_animation(path, [view.radiance for view in views])
         if sheet is not None:
             chosen = np.linspace(0, frames - 1, min(frames, 9)).round().astype(int)
             captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]

@@ -28,10 +28,10 @@ def command(
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
-    path = check_output(output)
+    path, arrange = check_output(output), moved.arrange
     placement = moved.placement(check_scene_file(scene_path))
     with progress_bar("render") as progress:
-        image = api.render_with(options, scene_path, display_path, placement, device, progress, log)
+        image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
     image.save(path)
     display = image.display
     result = {

@@ -57,6 +57,7 @@ def command(
         hello = board.info
         if display is not None and not force:
             check_board(board, display, str(display_path), ", or stream with --force")
+        board.check_no_pattern()
         panel = None if display is None else display.panel
         # All files are read before the first frame is sent: when one is refused, nothing changes on the panel.
         notes: list[str] = []

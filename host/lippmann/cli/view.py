@@ -62,7 +62,7 @@ def command(
     if tcp_port and not serve:
         raise InputError("--tcp-port belongs to --serve; give both or neither")
     if moved.given and scene_path is None:
-        raise InputError(f"--{next(iter(moved.given))} belongs to --scene; give both or neither")
+        raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} belongs to --scene; give both or neither")
     path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), api.PAGE_SUFFIXES)
     display = load_display(display_path)
     scene = None if scene_path is None else check_scene_file(scene_path)
@@ -71,8 +71,8 @@ def command(
     with nullcontext() if scene is None else progress_bar("direct views") as progress:
         placement = None if scene is None else moved.placement(scene)
         page = api.view_page(
-            image, scene, directs, title=title or Path(image_path).stem, placement=placement, seed=seed, device=device,
-            progress=progress,
+            image, scene, directs, title=title or Path(image_path).stem, placement=placement, arrange=moved.arrange,
+            seed=seed, device=device, progress=progress,
         )  # fmt: skip
     count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
     result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}

@@ -40,7 +40,9 @@ def start_command(
     tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
     baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
     fraction_bits: int = word_length("its optics", COMPACT),
-    capture: Path | None = option("Write every new frame that is scanned out, as PNG.", None, PATH, metavar="FOLDER"),
+    capture: Path | None = option(
+        "Write every new frame that is scanned out, as PNG; made when missing.", None, PATH, metavar="FOLDER"
+    ),
     ready: Path | None = option(
         "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
     ),
@@ -105,7 +107,10 @@ def start_command(
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
-    """Refuse missing or read-only folders, and the ready file of a running board."""
+    """Make the folder of --capture; refuse missing or read-only folders, and the ready file of a running board."""
+    if capture:
+        with contextlib.suppress(OSError):  # told below
+            capture.mkdir(parents=True, exist_ok=True)
     for name, place in (
         ("--capture", capture),
         ("--ready", ready and ready.parent),

@@ -57,7 +57,7 @@ class Out:
     def steps(self) -> dict[str, Floats]:
         """Return golden's intermediate values, by which a design is compared step by step.
 
-        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet of the cell that contains it,
+        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet that owns it,
         whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
         point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
         """
@@ -125,11 +125,18 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
     """Return a display with other numbers of its array; a named glass becomes a plain index.
 
-    The substrate becomes at least as thick as the dome's sag.
+    The substrate becomes at least as thick as the dome's sag, and the eye stays outside the lenslets' focal zone.
     """
     made = replace(display.array, **{"glass": None, **array})
     made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
-    return replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+    display = replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+    eye_mm = display.viewing_distance_mm
+    return display if eye_mm is None else replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm))
+
+
+def without_eye(display: Display) -> Display:
+    """Return a display whose elemental images lie right behind their lenslets."""
+    return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def steep(display: Display, share: float = 1.02) -> Display:
@@ -191,7 +198,7 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     tied = changed(display, pitch_mm=1.0, radius_mm=1.5, rotation_deg=0.0, offset_mm=(0.0, 0.0), gap_mm=0.5)
-    tied = replace(tied, panel=square)
+    tied = replace(without_eye(tied), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
     yield Out("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
@@ -282,7 +289,7 @@ def _tangents(display: Display, random: np.random.Generator, count: int) -> tupl
 @_case
 def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
-    hilly = steep(display, 1.001)
+    hilly = without_eye(steep(display, 1.001))
     point, direction = _tangents(hilly, random, count)
     if display.array.plano_side == "panel":
         # From the world: the domes face the viewer.
@@ -436,3 +443,20 @@ def register_limits(display: Display) -> dict[str, Display]:
     limits["x-from-u-high"] = replace(display, panel=panel)
     limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
     return limits
+
+
+@_of_displays
+def converged(display: Display) -> dict[str, Display]:
+    """Elemental images that converge on an eye: as near as allowed, a metre aside, behind steep lenslets, far away."""
+    panel = display.panel
+
+    def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
+        return replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm), viewing_axis_mm=axis_mm)
+
+    return {
+        "near": seen(display, 0.0),
+        "near-corner": seen(display, 0.0, (0.5 * panel.width_mm, -0.5 * panel.height_mm)),
+        "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
+        "steep": seen(steep(display), 0.5 * panel.width_mm),
+        "far": seen(display, 1e12),
+    }

@@ -64,7 +64,7 @@ ARRAYS = {
     "turn_unit": "(N,) turn of the ray for a unit in the last place of every float64 input, radians",
     "shift_unit_mm": "(N,) the same for the exit point, mm",
     "panel_mm": "(N, 2) step: the pixel's point, panel frame",
-    "home": "(N, 2) step: (i, j) of the lenslet of the point's cell",
+    "home": "(N, 2) step: (i, j) of the lenslet that owns the point",
     "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
     "near_mm": "(N, 2) step: the ray's point in the array's near plane, likewise",
 }

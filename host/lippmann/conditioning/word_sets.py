@@ -20,7 +20,7 @@ from lippmann.fixed.words import PIXEL_FRACTION, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats, Model, Rays, Status
 from lippmann.optics.system import System
-from lippmann.select.model import located, pixels_from_cells
+from lippmann.select.model import in_cells_mm, located, panel_size, pixels_from_cells
 
 #: Rays traced at a time.
 CHUNK = 250_000
@@ -62,8 +62,9 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
     random = np.random.default_rng(seed)
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge, aimed = (search.edge_points(display, random, count, vertices=0.25) for _ in range(2))
-    near = words_of_pixels(display, pixels_from_cells(display, lenslets, edge))
-    limit = np.array([[display.panel.width_px], [display.panel.height_px]]) << (PIXEL_FRACTION - 1)
+    size = panel_size(display)
+    near = words_of_pixels(display, np.clip(pixels_from_cells(display, lenslets, edge), 0.0, size))
+    limit = size.astype(np.int64)[:, None] << (PIXEL_FRACTION - 1)
     u, v = np.clip(near + random.integers(-1, 2, (2, count)), -limit, limit)
     if not build.aims:
         return Words(u, v, 0 * u, 0 * u)
@@ -118,15 +119,18 @@ def cell_aims(display: Display, build: Build, random: np.random.Generator, count
 def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
 
-    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at.
+    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with
+    `converge` the latter alone counts, of the point that the line to the eye has in the cell.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
-    _, start = located(display, pixels_of_words(display, words.u, words.v))
-    aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
     array, lattice = display.array, System.of(display).lattice
+    start = in_cells_mm(display, pixels_of_words(display, words.u, words.v))
+    aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
     i, j, _, _ = lattice.locate(NumpyBackend(), *aim.T)
     centre = np.stack(lattice.centre(i, j), axis=1)
+    if build.converge:
+        aim = centre
     # The outermost word may go either way.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitch_mm, array.row_pitch_mm])
     return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))

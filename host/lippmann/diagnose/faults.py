@@ -176,7 +176,21 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         )
         along_y = partial(_with_number, "array.rotation_deg", array.rotation_deg + 90.0)
         yield _before("lenslet", "hexagonal rows along y for x", along_y, "lenslet", "home")
+    yield from _eye_variants(display)
     yield _before("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), "panel_mm")
+
+
+def _eye_variants(display: Display) -> Iterator[Variant]:
+    """Yield wrong elemental images of a display that converges on an eye."""
+    eye_mm, (x, y) = display.viewing_distance_mm, display.viewing_axis_mm
+    if eye_mm is None:
+        return
+    yield _with("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None)
+    from_panel_mm = eye_mm - display.aperture_distance_mm
+    yield _with("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm", from_panel_mm)
+    if (x, y) != (0.0, 0.0):
+        yield _with("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0))
+        yield _with("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-x, -y))
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:

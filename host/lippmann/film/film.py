@@ -49,17 +49,23 @@ class Film(FilmFile):
 
     name: str
 
+    @property
+    def key_frames(self) -> list[int]:
+        """The first frame, the last, and those of all keys: between keys no number goes beyond them."""
+        paths = [*self.object, self.world] if self.world is not None else self.object
+        return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
+
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
         """Return what moves the objects at a frame, in the frame of a scene that stands by a placement."""
         forward, back = placement.display_from_scene, placement.scene_from_display
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
-    def placement(self, frame: int, placement: Placement, scale: float = 1.0) -> Placement:
-        """Return how the whole scene stands at a frame: by a placement, along the world's path, then scaled."""
+    def placement(self, frame: int, placement: Placement, whole: Placement | None = None) -> Placement:
+        """Return how the scene stands at a frame: by a placement, along the world's path, then moved as a whole."""
         if self.world is not None:
             placement = placement.then(self.world.at(frame))
-        if scale != 1.0:
-            placement = placement.then(Placement(scale))
+        if whole is not None:
+            placement = placement.then(whole)
         near = placement.near_mm if self.near_mm is None else self.near_mm
         far = placement.far_mm if self.far_mm is None else self.far_mm
         return replace(placement, near_mm=near, far_mm=far)

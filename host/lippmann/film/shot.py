@@ -5,18 +5,32 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+
 from lippmann import __version__
 from lippmann.display import Display
+from lippmann.errors import InputError
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
+from lippmann.rendering.arrange import fitting
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.scene import Move, Scene, depths_of, digest_of, in_front_of, load_scene, placement_beside
+from lippmann.rendering.scene import (
+    Move,
+    Scene,
+    box_of,
+    depths_of,
+    digest_of,
+    in_front_of,
+    load_scene,
+    placement_beside,
+)
 from lippmann.toml import documented, key
 
 
@@ -55,27 +69,44 @@ class Shot:
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def shots_of(film: Film, display: Display, options: RenderOptions, scale: float = 1.0) -> list[Shot]:
-    """Return the shots of a film that is scaled about the display's centre.
+def shots_of(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[Shot]:
+    """Return the shots of a film that is scaled about the display's centre; None: fitted into its depth range.
 
-    Raises InputError when the scene cannot be read, or its own placement is invalid.
+    Raises InputError when the scene cannot be read, or its own placement is invalid; to fit, when it is unbounded.
     """
     digest, rest = digest_of(film.scene), placement_beside(film.scene)
+    whole = None if scale == 1.0 else Placement(scale) if scale is not None else _fitting(film, rest, display)
+    if scale is None:
+        # The film's own depths belong to its own size.
+        film = replace(film, near_mm=None, far_mm=None)
     return [
-        Shot(film, frame, digest, film.moves(frame, rest), film.placement(frame, rest, scale), display, options)
+        Shot(film, frame, digest, film.moves(frame, rest), film.placement(frame, rest, whole), display, options)
         for frame in range(film.frames)
     ]
 
 
-def render_shot(shot: Shot) -> IntegralImage:
+def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
+    """Return how the whole film is scaled and moved for a display: by the box round the scene at all key frames."""
+    anywhere = Placement(near_mm=1.0, far_mm=0.0)
+    boxes = [
+        box_of(load_scene(film.scene, anywhere, film.moves(frame, rest)).mitsuba, film.placement(frame, rest))
+        for frame in film.key_frames
+    ]
+    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    if not np.isfinite(high - low).all():
+        raise InputError(f"{film.scene}: the scene has no bounded extent to fit; give --scale")
+    return fitting(low, high, display)
+
+
+def render_shot(shot: Shot, note: Callable[[str], None] | None = None) -> IntegralImage:
     """Render a shot. All frames have the film's seed, so that the pixels of parts at rest do not change.
 
-    InputError as for `load_scene` and `render_image`.
+    `note`, and InputError, as for `load_scene` and `render_image`.
     """
     scene = load_scene(shot.film.scene, shot.placement, shot.moves)
     if shot.film.object:
         scene = _reaching(scene, shot)
-    image = render_image(scene, shot.display, shot.options)
+    image = render_image(scene, shot.display, shot.options, note=note)
     image.metadata.update({"film": shot.film.name, "frame": str(shot.frame), "shot": shot.identity})
     return image
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,18 @@ import numpy.typing as npt
 
 from lippmann.errors import MissingLibraryError, input_error
 from lippmann.images import check_output, replacing
+from lippmann.rendering.sources import Window
 
 Values = npt.NDArray[np.uint8]
 #: Lossless RGB: a codec that blurs colours would mix neighbouring lenslets' images.
 LOSSLESS_SUFFIXES = (".mkv",)
 #: For every player; colour has half the resolution, so both sides must be even.
 VIEW_SUFFIXES = (".mp4",)
+
+
+def even_window(window: Window) -> Window:
+    """Return a window whose sides are even, as .mp4 needs."""
+    return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
 
 
 def write_video(

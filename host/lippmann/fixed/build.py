@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
@@ -10,6 +11,7 @@ from lippmann.display import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Model
+from lippmann.optics.system import System
 from lippmann.toml import documented, key
 
 #: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
@@ -32,6 +34,7 @@ class Build:
     #: The RTL's parameter `Walk`.
     max_cell_steps: Annotated[int, key("cells that a ray may step to when it meets a dome outside its cell")] = 0
     cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
+    converge: Annotated[bool, key("elemental images may converge on a near eye")] = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
@@ -43,7 +46,7 @@ class Build:
             value = getattr(self, name)
             if value not in values:
                 raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
-        if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer)):
+        if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer or self.converge)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":
             raise InputError(
@@ -54,25 +57,65 @@ class Build:
 
     @classmethod
     def of(
-        cls, display: Display, model: Model, fraction_bits: int, aims: bool, max_cell_steps: int | None = None
+        cls,
+        display: Display,
+        model: Model,
+        fraction_bits: int,
+        aims: bool,
+        max_cell_steps: int | None = None,
+        converge: bool | None = None,
     ) -> Build:
         """Return the build that traces a display with a model.
 
-        `max_cell_steps` left out: 2 where rays can leave their cell, else 0.
+        `max_cell_steps` left out: 2 where rays can leave their cell, else 0. `converge` left out: as the display needs.
         """
         viewer = display.array.plano_side == "viewer"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
         exact = model == "exact"
         aims = aims and model != "pinhole"
         if max_cell_steps is None:
-            max_cell_steps = 2 if exact and (viewer or aims) else 0
-        return cls(fraction_bits, display.array.grid, hardware, viewer and exact, aims, max_cell_steps)
+            max_cell_steps = 2 if exact and (viewer or aims or _chief_rays_stray(display)) else 0
+        if converge is None:
+            converge = display.viewing_distance_mm is not None
+        return cls(
+            fraction_bits, display.array.grid, hardware, viewer and exact, aims, max_cell_steps, converge=converge
+        )
 
     @property
     def near(self) -> int:
         """Bits of a near or wide word, W."""
         return self.fraction_bits + 2
 
+    @property
+    def local(self) -> int:
+        """Bits of a pixel's point measured from its lenslet's centre."""
+        return self.fraction_bits + (4 if self.converge else 2)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
+
+
+def shift_mm(display: Display) -> float:
+    """Return how far from its lenslet's cell a pixel may lie where elemental images converge on an eye."""
+    system, panel = System.of(display), display.panel
+    corners = [(x * panel.width_mm, y * panel.height_mm) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    axis = system.convergence
+    points = [system.frame.array_from_panel(*corner) for corner in corners]
+    return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in points)
+
+
+def _chief_rays_stray(display: Display) -> bool:
+    """Tell whether a chief ray may leave its lenslet's cell before the dome, where elemental images converge on an eye.
+
+    Snell's law bends a steep ray less than the thin lens of the definition does, the more the steeper it is. With the
+    plano side to the viewer the ray meets the dome near its vertex.
+    """
+    array, shift = display.array, shift_mm(display)
+    if not shift or array.plano_side == "viewer":
+        return False
+    slope = (shift + array.half_diagonal_mm) / display.aperture_distance_mm
+    sine = slope / math.hypot(1.0, slope) / array.index
+    # At the rims' plane; nearer to the viewer the ray is nearer to the axis.
+    depth = array.thickness_mm - array.sag_mm
+    return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= 0.5 * array.pitch_mm

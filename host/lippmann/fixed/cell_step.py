@@ -6,7 +6,7 @@ import numpy as np
 
 from lippmann.display import Grid
 from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded
 from lippmann.optics.lattice import HALF_SQRT3
 
 
@@ -20,11 +20,9 @@ def cell_step(nx: Ints, ny: Ints, half: int, grid: Grid, f: int) -> tuple[Ints, 
         q1   = ((ny h >> F-2) + (nx << 2) + 4) >> 3,  h = floor(sqrt(3)/2 2^(F+1) + 1/2)
     """
     word = f + 2
-    # On the square grid -half is cut to the word, as in the RTL; this differs only for a half that no display has.
-    low = int(wrapped(np.array(-half), word)) if grid == "square" else -half
 
     def side(q: Ints) -> Ints:
-        return np.where(q >= half, 1, np.where(q < low, -1, 0))
+        return np.where(q >= half, 1, np.where(q < -half, -1, 0))
 
     if grid == "square":
         di, dj = side(nx), side(ny)

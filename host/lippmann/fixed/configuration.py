@@ -16,7 +16,7 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed import words
-from lippmann.fixed.build import Build
+from lippmann.fixed.build import Build, shift_mm
 from lippmann.optics.models import ray_matrix
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
@@ -25,6 +25,8 @@ from lippmann.optics.system import System
 MAX_SLOPE_SQUARE = 3.0
 #: Largest distance from the axis at which a ray may meet the first face, radii.
 MAX_POINT = 4.0
+#: Largest distance of a pixel from its lenslet's centre that a build with `converge` holds, pitches or rows.
+MAX_LOCAL = 8.0
 #: Range of the index: the bend at a dome stays below 2, and above 1.16 a ray in the glass that is steeper than 60
 #: degrees is totally reflected at the flat face.
 INDEX_LIMITS = (1.16, 2.2)
@@ -39,6 +41,7 @@ _RAISE_GAP = "raise gap_mm, or array.thickness_mm where the plano side faces the
 _TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
 _TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
+_FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to it"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
 
 
@@ -70,6 +73,9 @@ class Configuration:
     cell_half: int
     cell_pitch_x: int
     cell_pitch_y: int
+    converge_share: int
+    converge_x: int
+    converge_y: int
 
 
 class _Format(NamedTuple):
@@ -110,9 +116,12 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
     flat_exit = model in ("paraxial", "exact") and array.plano_side == "viewer"
     # array_from_pixel for columns to the right and rows upward from the panel's centre.
-    frame = System.of(display).frame
-    c, s, (px, py) = frame.cos, frame.sin, frame.pitch_mm
-    zero_x, zero_y = frame.array_from_panel(0.0, 0.0)
+    system = System.of(display)
+    frame, convergence = system.frame, system.convergence
+    # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
+    share, rest = convergence.share, 1.0 - convergence.share
+    c, s, (px, py) = frame.cos, frame.sin, (pitch * rest for pitch in frame.pitch_mm)
+    zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
 
@@ -121,15 +130,19 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     rows = columns._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
     offsets = _Format(words.OFFSET_BITS, words.OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
     slopes, points = _Format(near, f, _TOO_NEAR), _Format(near, f, _TOO_STEEP)
+    shares = _Format(words.share_bits(f), f + 11, _FARTHER)
+    shifts = shares._replace(fraction=f + 2, remedy="bring viewing_axis_mm and array.offset_mm nearer to the panel")
     registers = {
         **columns.registers(x_from_u=px * c / p, x_from_v=py * s / p),
         **rows.registers(y_from_u=-px * s / row, y_from_v=py * c / row),
         **offsets.registers(x_offset=zero_x / p, y_offset=zero_y / row),
-        **slopes.registers(slope_x=slope[0] * p, slope_y=slope[0] * row),
+        **slopes.registers(slope_x=slope[0] * p / rest, slope_y=slope[0] * row / rest),
         **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
-        **points.registers(point_x=point[0] * p / R, point_y=point[0] * row / R),
+        **points.registers(point_x=point[0] * p / R / rest, point_y=point[0] * row / R / rest),
         **points.registers(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
         **points.registers(cell_pitch_x=p / R, cell_pitch_y=row / R),
+        **shares.registers(converge_share=share),
+        **shifts.registers(converge_x=-share * convergence.axis_x / p, converge_y=-share * convergence.axis_y / row),
         **_Format(near, f + 1, _TOO_STEEP).registers(cell_half=0.5 * p / R),
         **_Format(far, f, _TOO_THICK).registers(depth=depth),
         **_Format(f + 9, f + 3, _TOO_THICK).registers(depth_rest=1.0 - rounded**2),
@@ -147,12 +160,13 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (k, l) of the slope k x + l a and of the point k x + l a (mm): x the pixel's point, a the aperture point.
 
-    The slope of an exact ray is k (a - x), its point the place where it crosses the plane of the first face.
+    The slope of an exact ray is k (a - x), or k x + l a in a build with `converge`. Its point is the place where it
+    crosses the plane of the first face.
     """
     D = display.aperture_distance_mm
     share = display.gap_mm / D
     if build.model == "exact":
-        return (1.0 / D, 0.0), (1.0 - share, share)
+        return (-1.0 / D, 1.0 / D) if build.converge else (1.0 / D, 0.0), (1.0 - share, share)
     if model == "pinhole":
         return (-1.0 / D, 0.0), (0.0, 0.0)
     if model == "thin":
@@ -166,7 +180,8 @@ def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
 
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
-    wanted = Build.of(display, model, build.fraction_bits, build.aims, build.max_cell_steps)
+    converge = build.converge or display.viewing_distance_mm is not None
+    wanted = Build.of(display, model, build.fraction_bits, build.aims, build.max_cell_steps, converge)
     needs, has = dataclasses.asdict(wanted) | {"cross_cells": build.cross_cells}, dataclasses.asdict(build)
     if differ := [name for name in has if needs[name] != has[name]]:
         raise InputError(
@@ -187,7 +202,9 @@ def _check_panel(display: Display) -> None:
     # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
     # the index i counts along an oblique axis.
     corners = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
-    x, y = System.of(display).frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
+    system = System.of(display)
+    corner = system.frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
+    x, y = system.convergence.towards_eye(*corner)
     x, y = x / array.pitch_mm, y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
@@ -203,31 +220,46 @@ def _check_panel(display: Display) -> None:
 def _check_reach(
     display: Display, build: Build, slope: tuple[float, float], point: tuple[float, float], reach_mm: float | None
 ) -> None:
-    """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at."""
+    """Refuse rays steeper than 60 degrees, and rays that meet the first face too far from the lenslet aimed at.
+
+    In a build with `converge`, refuse also pixels too far from their lenslet.
+    """
     array, exact = display.array, build.model == "exact"
     rho = array.half_diagonal_mm
     reach = rho if reach_mm is None else reach_mm
     # Distances from the lenslet aimed at, which is not the pixel's own when the aperture point lies outside its cell.
     pixel = rho if reach <= rho * (1.0 + 1e-9) else 2.0 * rho + reach
     aim = rho if build.aims else 0.0
+    # The rays may be too slanted for the lenslet already, or only for the eye.
+    shift = shift_mm(display)
+    local = (pixel + shift) * (1.0 - System.of(display).convergence.share) / array.row_pitch_mm
+    if build.converge and local >= MAX_LOCAL:
+        raise InputError(
+            f"registers converge_share, converge_x and converge_y: they place pixels up to {local:.3g} rows from the "
+            f"centres of their lenslets, outside the range [0, {MAX_LOCAL:g}); {_FARTHER}"
+        )
 
     def names(what: str) -> str:
         """Return the names of the registers in the sum."""
-        alone = not build.aims or (exact and what == "slope")
+        alone = not build.aims or (exact and what == "slope" and not build.converge)
         return f"{what}_x and {what}_y" if alone else f"{what}_x, {what}_y, {what}_aim_x and {what}_aim_y"
 
     between = rho + reach if build.aims else rho
-    steepest = abs(slope[0]) * (between if exact else pixel) + abs(slope[1]) * aim
+    steepest = abs(slope[0]) * between if exact else abs(slope[0]) * pixel + abs(slope[1]) * aim
+    remedy = f"the f-number is too small: {_RAISE_GAP}" if steepest**2 >= MAX_SLOPE_SQUARE else _FARTHER
+    steepest += abs(slope[0]) * shift
     if steepest**2 >= MAX_SLOPE_SQUARE:
         raise InputError(
             f"registers {names('slope')}: they make slopes of a ray up to {steepest:.3g}, outside the range "
-            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; the f-number is too small: {_RAISE_GAP}"
+            f"[0, {math.sqrt(MAX_SLOPE_SQUARE):.3f}) of 60 degrees; {remedy}"
         )
     furthest = (abs(point[0]) * pixel + abs(point[1]) * aim) / array.radius_mm
+    remedy = "raise array.radius_mm, or aim nearer" if furthest >= MAX_POINT else _FARTHER
+    furthest += abs(point[0]) * shift / array.radius_mm
     if furthest >= MAX_POINT:
         raise InputError(
             f"registers {names('point')}: they make points on the first face up to {furthest:.3g} radii from the axis, "
-            f"outside the range [0, {MAX_POINT:g}); raise array.radius_mm, or aim nearer"
+            f"outside the range [0, {MAX_POINT:g}); {remedy}"
         )
 
 

@@ -15,7 +15,8 @@ from lippmann.optics.system import System
 def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
     """Return pixel coordinates (N, 2) as words from the panel's centre, rounded to 1/16 pixel.
 
-    Raises InputError for pixels farther from the panel's centre than the words can hold.
+    Raises InputError for pixels farther from the panel's centre than the words can hold, and for pixels outside the
+    panel where elemental images converge on an eye: those rays may be too slanted.
     """
     scale = 1 << PIXEL_FRACTION
     u = np.floor((pixels[:, 0] - 0.5 * display.panel.width_px) * scale + 0.5)
@@ -26,6 +27,13 @@ def words_of_pixels(display: Display, pixels: Floats) -> tuple[Ints, Ints]:
             f"pixels lie outside [-{reach}, {reach}) from the panel's centre, the range of the fixed-point engines' "
             "pixel coordinates; give pixels nearer to it"
         )
+    if display.viewing_distance_mm is not None:
+        half = 0.5 * scale * np.array([display.panel.width_px, display.panel.height_px])
+        if (np.abs(u) > half[0]).any() or (np.abs(v) > half[1]).any():
+            raise InputError(
+                "pixels lie outside the panel; on a display with viewing_distance_mm give the fixed-point engines "
+                "pixels of the panel"
+            )
     return u.astype(np.int64), v.astype(np.int64)
 
 

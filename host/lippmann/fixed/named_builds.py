@@ -14,6 +14,9 @@ from lippmann.fixed.words import COMPACT, WIDEST
 #: Shipped displays (scenes/displays) of each grid.
 DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "hex": ("paper-hex", "uhd-4k")}
 
+#: Viewing distance of the displays of a build with `converge`.
+EYE_MM = 600.0
+
 
 @dataclass(frozen=True)
 class Named:
@@ -31,9 +34,11 @@ class Named:
     def displays(self, scenes: Path) -> list[Display]:
         """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
 
-        `scenes` is the project's folder of scenes.
+        A build with `converge` gets an eye in front of them. `scenes` is the project's folder of scenes.
         """
         shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
+        if self.build.converge:
+            shipped = [near_eye(display) for display in shipped]
         return [turned_over(display) for display in shipped] if self.build.viewer else shipped
 
 
@@ -44,10 +49,16 @@ def turned_over(display: Display) -> Display:
     return dataclasses.replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
 
 
+def near_eye(display: Display) -> Display:
+    """Return the display for an eye at `EYE_MM`."""
+    return dataclasses.replace(display, name=f"{display.name}, near eye", viewing_distance_mm=EYE_MM)
+
+
 _NAMED = (
     *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in DISPLAYS),
     *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in DISPLAYS),
     *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in DISPLAYS),
+    Named("converged-hex", Build(WIDEST, "hex", converge=True), 1.0, 2.0),
     Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
     Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
     Named("pinhole-square", Build(WIDEST, "square", "pinhole")),

@@ -11,6 +11,7 @@ from lippmann.fixed.blend import blend
 from lippmann.fixed.build import Build
 from lippmann.fixed.cell_step import cell_step
 from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.converge import converge
 from lippmann.fixed.enter_dome import enter_dome
 from lippmann.fixed.enter_flat import enter_flat
 from lippmann.fixed.leave_dome import leave_dome
@@ -55,16 +56,21 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         a = b = np.zeros_like(x)
 
     exact = build.model == "exact"
-    from_x, from_y = (a - x, b - y) if exact else (x, y)
-    beyond = beyond | ~fits(a - x, near) | ~fits(b - y, near)
-    from_x, from_y = wrapped(from_x, near), wrapped(from_y, near)
-    slope_aims = build.aims and build.model == "paraxial"
-    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, a if slope_aims else None, f), near)
-    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, b if slope_aims else None, f), near)
+    if build.converge:
+        x, y, outside = converge(i, j, x, y, config.converge_share, config.converge_x, config.converge_y, grid, f)
+        from_x, from_y, beyond = x, y, beyond | outside
+    else:
+        from_x, from_y = (a - x, b - y) if exact else (x, y)
+        beyond = beyond | ~fits(a - x, near) | ~fits(b - y, near)
+        from_x, from_y = wrapped(from_x, near), wrapped(from_y, near)
+    slope_aims = build.aims and (build.converge or build.model == "paraxial")
+    local = build.local
+    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, a if slope_aims else None, f, local), near)
+    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, b if slope_aims else None, f, local), near)
     hx = hy = np.zeros_like(x)
     if build.model != "pinhole":
-        hx = blend(config.point_x, x, config.point_aim_x, a if build.aims else None, f)
-        hy = blend(config.point_y, y, config.point_aim_y, b if build.aims else None, f)
+        hx = blend(config.point_x, x, config.point_aim_x, a if build.aims else None, f, local)
+        hy = blend(config.point_y, y, config.point_aim_y, b if build.aims else None, f, local)
     ex, ey, ez = unit_slope(mx, my, f)
 
     if exact:
@@ -74,7 +80,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     else:
         rays = FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, np.zeros_like(x))
         missed, reflected, blocked, crosstalk = none, none, none, stray
-    if build.aims:
+    if build.aims or build.converge:
         missed = missed | beyond
     fates = (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)
     status = np.select([missed, reflected, blocked, crosstalk], [int(fate) for fate in fates], int(Status.OK))
@@ -102,7 +108,7 @@ def _through_lenslet(
         i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)
         met = meet(hx, hy)
     missed = met.missed
-    if build.aims or build.viewer:
+    if build.aims or build.viewer or build.converge:
         missed = missed | ~cell_step(met.nx, met.ny, config.cell_half, grid, f)[2]
 
     if build.viewer:

@@ -1,7 +1,8 @@
 """Formats of the fixed-point words, and the few integer operations that all steps share.
 
 F is the number of fraction bits of a build, W = F + 2 its word: `near` words have F + 1 fraction bits and span
-[-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8).
+[-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8). A pixel's point from its
+lenslet's centre is a wide word, in a build with `converge` a far one.
 """
 
 from __future__ import annotations
@@ -30,6 +31,11 @@ GUARD = 3
 FRACTIONS = range(14, 24)
 #: Fraction bits of the configurations named widest and compact.
 WIDEST, COMPACT = 23, 16
+
+
+def share_bits(f: int) -> int:
+    """Return the bits of the words of `converge`: a share with F + 11 fraction bits, and offsets with F + 2."""
+    return f + 9
 
 
 def guarded(x: Ints) -> Ints:

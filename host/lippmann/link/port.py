@@ -6,6 +6,7 @@ import contextlib
 import errno
 import grp
 import os
+import re
 import select
 import socket
 import stat
@@ -70,6 +71,8 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
     if isinstance(cause, TimeoutError):
         return no_board_error(url, "the host does not answer", "check its address and the network")
     match getattr(cause, "errno", None):
+        case errno.ENOENT if re.fullmatch(r"[\w.-]+:\d+", url):
+            return input_error(url, "is not a port", f"did you mean socket://{url}?")
         case errno.ENOENT | errno.ENODEV | errno.ENXIO:
             known = ", ".join(ports()) or "this machine has none"
             what, remedy = "no such port", f"plug the board in, or name another: {known}"

@@ -153,7 +153,7 @@ def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
         some, others = Words(*(column[differs] for column in words)), rows_of(found.twin, differs)
         stated = stated_nm(build.fraction_bits)
         away = word_sets.edge_distance_nm(display, build, some, others, stated)
-        far = (away > stated) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer)
+        far = (away > stated) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer or build.converge)
         lost, edge = int(far.sum()), float(away[~far].max(initial=0.0))
     return {
         "rays": len(words.u),

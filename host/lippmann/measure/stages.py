@@ -32,10 +32,25 @@ Steps = Mapping[str, Callable[..., Any]]
 
 #: Fraction bits beyond F of the words. Other names are whole numbers.
 _FRACTIONS = {
-    **dict.fromkeys(("slope_x", "slope_y", "point_x", "point_y", "point_aim_x", "point_aim_y", "cx", "cy"), 0),
+    **dict.fromkeys(
+        (
+            "slope_x",
+            "slope_y",
+            "slope_aim_x",
+            "slope_aim_y",
+            "point_x",
+            "point_y",
+            "point_aim_x",
+            "point_aim_y",
+            "cx",
+            "cy",
+        ),
+        0,
+    ),
     **dict.fromkeys(("index", "index_square", "index_inverse_square", "depth"), 0),
     **dict.fromkeys(("index_inverse", "exit_z", "half"), 1),
     "depth_rest": 3,
+    **{"share": 11, "offset_x": 2, "offset_y": 2},
     **dict.fromkeys(("x", "y", "a", "b", "mx", "my", "hx", "hy"), 0),
     **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "nx", "ny", "nz", "cos"), 1),
     **dict.fromkeys(("out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
@@ -45,6 +60,7 @@ _FRACTIONS = {
 _ADDED = {
     **dict.fromkeys(("lenslet_square", "lenslet_hex"), ("i", "j", "x", "y")),
     "aim": ("i", "j", "x", "y", "a", "b"),
+    "converge": ("x", "y"),
     "unit_slope": ("ex", "ey", "ez"),
     "enter_flat": ("dx", "dy", "dz"),
     "meet_dome": Meeting._fields,
@@ -59,7 +75,8 @@ _ADDED = {
 def steps_of(build: Build) -> list[str]:
     """Return the steps of an exact build in the order of the ray."""
     return [
-        *("pixel_to_panel", f"lenslet_{build.grid}", *(["aim"] if build.aims else []), "blend", "unit_slope"),
+        *("pixel_to_panel", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
+        *("blend", "unit_slope"),
         *(["meet_dome", "enter_dome", "leave_flat"] if build.viewer else ["enter_flat", "meet_dome", "leave_dome"]),
     ]
 
@@ -73,14 +90,15 @@ def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple
     state |= dataclasses.asdict(config)
     # As the twin's parameters are called.
     state |= {"half": config.cell_half, "cx": config.cell_pitch_x, "cy": config.cell_pitch_y}
+    state |= {"share": config.converge_share, "offset_x": config.converge_x, "offset_y": config.converge_y}
     steps = steps_of(build)
     for name in steps[:cut]:
-        _take(name, TWIN, state, build.max_cell_steps)
+        _take(name, TWIN, state, build)
     for name, bits in _FRACTIONS.items():
         if name in state:
             state[name] = np.ldexp(np.asarray(state[name], np.float64), -(build.fraction_bits + bits))
     for name in steps[cut:]:
-        _take(name, FLOAT, state, build.max_cell_steps)
+        _take(name, FLOAT, state, build)
     if build.viewer:
         point = [state["out_x"], state["out_y"], np.full_like(state["out_x"], state["exit_z"])]
     else:
@@ -89,7 +107,7 @@ def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple
     return np.stack(point, axis=1), np.stack(direction, axis=1), np.stack([state["i"], state["j"]], axis=1)
 
 
-def _take(name: str, steps: Steps, state: State, max_cell_steps: int) -> None:
+def _take(name: str, steps: Steps, state: State, build: Build) -> None:
     """Take a step with the twin's functions or those in float64: add to the state what it gives."""
 
     def call(name: str) -> Any:
@@ -104,14 +122,18 @@ def _take(name: str, steps: Steps, state: State, max_cell_steps: int) -> None:
     elif name == "blend":
         for axis, towards in zip("xy", "ab", strict=True):
             at, to, f = state[axis], state[towards], state["f"]
-            state[f"m{axis}"] = steps[name](state[f"slope_{axis}"], to - at, 0, None, f)
-            state[f"h{axis}"] = steps[name](state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to, f)
+            slope, aimed, bits = state[f"slope_{axis}"], state[f"slope_aim_{axis}"], build.local
+            if build.converge:
+                state[f"m{axis}"] = steps[name](slope, at, aimed, to, f, bits)
+            else:
+                state[f"m{axis}"] = steps[name](slope, to - at, 0, None, f, bits)
+            state[f"h{axis}"] = steps[name](state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to, f, bits)
     elif name == "meet_dome":
         if not state["upward"]:
             state |= {f"d{axis}": state[f"e{axis}"] for axis in "xyz"}
         state["met"] = call("meet_dome")
         # As many further domes as the build tries.
-        for _ in range(max_cell_steps):
+        for _ in range(build.max_cell_steps):
             call("cell_step")
             call("move_lenslet")
             state["i"], state["j"] = state["i"] + state["di"], state["j"] + state["dj"]
@@ -141,7 +163,14 @@ def _aim(i: Ints, j: Ints, x: Floats, y: Floats, a: Floats, b: Floats, grid: Gri
     return i + di, j + dj, *_move_lenslet(x, y, di, dj, 1.0, 1.0, grid), a, b
 
 
-def _blend(k: float, x: Floats, l: float, a: Floats | None, f: int) -> Floats:  # noqa: E741
+def _converge(
+    i: Floats, j: Floats, x: Floats, y: Floats, share: float, offset_x: float, offset_y: float, grid: Grid
+) -> tuple[Floats, ...]:
+    centre_x = i + 0.5 * j if grid == "hex" else i
+    return x + share * centre_x + offset_x, y + share * j + offset_y
+
+
+def _blend(k: float, x: Floats, l: float, a: Floats | None, f: int, x_bits: int) -> Floats:  # noqa: E741
     return k * x if a is None else k * x + l * a
 
 
@@ -202,8 +231,8 @@ def _leave_flat(
 
 
 _FLOAT = (
-    *(_pixel_to_panel, _aim, _blend, _unit_slope, _enter_flat, _meet_dome, _cell_step, _move_lenslet, _leave_dome),
-    *(_enter_dome, _leave_flat),
+    *(_pixel_to_panel, _aim, _converge, _blend, _unit_slope, _enter_flat, _meet_dome, _cell_step, _move_lenslet),
+    *(_leave_dome, _enter_dome, _leave_flat),
 )
 #: The steps' functions under the names by which `ray_pipeline` calls them: the twin's, and those in float64.
 TWIN: Steps = dict(vars(ray_pipeline))

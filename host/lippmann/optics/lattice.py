@@ -39,6 +39,14 @@ class Lattice:
             return (1.0, 0.0), (0.0, 1.0)
         return (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
 
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners of a cell, counter-clockwise, from its centre, mm."""
+        sides = len(self.axes)
+        radius, first = 0.5 * self.pitch_mm / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
+        angles = (first + math.pi * k / sides for k in range(2 * sides))
+        return tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
+
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), mm, in the floating-point format of `i` and `j`."""
         if self.grid == "square":

@@ -34,11 +34,16 @@ BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
 
 
 def setup_view(setup: Setup) -> View:
-    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for an ideal lens and a pickup."""
+    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for what has no counterpart."""
     if isinstance(setup.pickup, Pickup):
         raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
     if isinstance(setup.lens, ThinLens):
         raise InputError(f"set-up '{setup.name}': POV-Ray has no ideal thin lens; give one of kind \"pair\"")
+    if setup.display.viewing_distance_mm is not None:
+        raise InputError(
+            f"set-up '{setup.name}': its display has a viewing_distance_mm, and POV-Ray's camera takes pictures right "
+            "behind the lenslets only; give a display without one"
+        )
     panel = setup.display.panel
     to_plane = setup.camera_distance_mm
     assert to_plane is not None

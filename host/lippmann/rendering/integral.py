@@ -14,14 +14,13 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.integral_image import IntegralImage
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
+from lippmann.rendering.remarks import remarks
 from lippmann.rendering.renderer import Progress, Settings, render_integral
 from lippmann.rendering.scene import Scene
 from lippmann.select.model import TOLERANCE, choose_model
 
 ModelOption = Literal["auto", Model]
 MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
-#: Widths of a scene, in widths of the panel, that need no remark.
-SIZE_SHARE = (0.02, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -53,26 +52,23 @@ def render_image(
     display: Display,
     options: RenderOptions,
     progress: Progress | None = None,
-    note: Callable[[str], None] = lambda text: None,
+    note: Callable[[str], None] | None = None,
 ) -> IntegralImage:
     """Render the integral image of a loaded scene.
 
-    `progress` is called with (tiles done, tiles in all), `note` with remarks: which model was chosen, and a scene of an
-    odd size.
+    `progress` is called with (tiles done, tiles in all), `note` with remarks: those of `remarks`, and which model was
+    chosen.
 
     Raises InputError and MissingLibraryError as `render_integral` and `choose_model`.
     """
-    width = scene.width_mm
-    share = width / display.panel.width_mm
-    if width > 0.0 and not SIZE_SHARE[0] <= share <= SIZE_SHARE[1]:
-        note(
-            f"note: the scene is {width:.3g} mm wide before a panel of {display.panel.width_mm:.4g} mm; "
-            "if its units are not millimetres give --scale, such as 1000 for metres"
-        )
     settings = options.settings
+    if note is not None:
+        for remark in remarks(scene, display, settings):
+            note(remark)
     if options.model == "auto":
         choice = choose_model(display, scene.depth_range_mm, settings.aperture, options.tolerance)
-        note(str(choice))
+        if note is not None:
+            note(str(choice))
         model = choice.model
     else:
         model = options.model

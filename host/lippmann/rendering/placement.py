@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -53,6 +53,11 @@ class Placement:
                 f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
             )
 
+    def __str__(self) -> str:
+        """The options of a command that place a scene so."""
+        rotate, offset = (",".join(f"{x:.6g}" for x in triple) for triple in (self.rotation_deg, self.offset_mm))
+        return f"--scale {self.scale:.6g} --rotate {rotate} --offset {offset}"
+
     @property
     def display_from_scene(self) -> Matrix:
         """(4, 4) matrix from scene points to the display's frame."""
@@ -78,8 +83,18 @@ class Placement:
 
         Depths outlast a turn about z alone; other turns leave the scene's bounding box to tell them.
         """
+        upright = other.rotation_deg[:2] == (0.0, 0.0)
+
+        def moved(z: float | None) -> float | None:
+            return other.scale * z + other.offset_mm[2] if upright and z is not None else None
+
         matrix = other.display_from_scene @ self.display_from_scene
-        scale = self.scale * other.scale
+        placed = Placement.of(matrix, self.scale * other.scale)
+        return replace(placed, near_mm=moved(self.near_mm), far_mm=moved(self.far_mm))
+
+    @classmethod
+    def of(cls, matrix: Matrix, scale: float) -> Placement:
+        """Return the placement, without depths, of a (4, 4) matrix of this scale from scene points to the display."""
         turn = matrix[:3, :3] / scale
         # Turns about x, then y, then z: turn = Rz Ry Rx.
         level = math.hypot(turn[0, 0], turn[1, 0])
@@ -88,17 +103,10 @@ class Placement:
             about_x, about_z = math.atan2(turn[2, 1], turn[2, 2]), math.atan2(turn[1, 0], turn[0, 0])
         else:
             about_x, about_z = math.atan2(-turn[1, 2], turn[1, 1]), 0.0
-        upright = other.rotation_deg[:2] == (0.0, 0.0)
-
-        def moved(z: float | None) -> float | None:
-            return other.scale * z + other.offset_mm[2] if upright and z is not None else None
-
-        return Placement(
+        return cls(
             scale=scale,
             rotation_deg=(math.degrees(about_x), math.degrees(about_y), math.degrees(about_z)),
             offset_mm=(float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3])),
-            near_mm=moved(self.near_mm),
-            far_mm=moved(self.far_mm),
         )
 
 

@@ -266,7 +266,7 @@ def _scene_ray(scene: Scene, lines: Lines) -> Any:
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
-    # Radiance in float32 three times: as planes, as an image, and in the file format.
+    # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")

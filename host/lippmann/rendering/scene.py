@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, likely_file
 from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
 
@@ -32,18 +32,22 @@ class Move:
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in."""
+    """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in.
+
+    `integrator` is the type that the file names; `has_camera`: the file has one. Without, Mitsuba makes both up.
+    """
 
     path: Path
     mitsuba: Any
     placement: Placement
+    integrator: str | None = None
+    has_camera: bool = False
 
     @property
     def width_mm(self) -> float:
         """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
-        box = self.mitsuba.bbox()
-        size = np.array(box.max).ravel() - np.array(box.min).ravel()
-        return float(self.placement.scale * size.max()) if np.isfinite(size).all() else 0.0
+        low, high = _bounds(self.mitsuba)
+        return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
     @property
     def depth_range_mm(self) -> tuple[float, float]:
@@ -68,7 +72,7 @@ def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = Path(path)
     if not path.is_file():
-        raise input_error(str(path), "no such scene", "give a Mitsuba scene (.xml)")
+        raise input_error(str(path), "no such scene", likely_file(path, (".xml",)) or "give a Mitsuba scene (.xml)")
     if path.suffix.lower() != ".xml":
         raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
     return path
@@ -117,7 +121,10 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
     if placement is None:
         placement = placement_beside(path)
     with parsed(path) as (configuration, state):
-        shapes = [node.props for node in state.nodes if node.type == mi.ObjectType.Shape]
+        kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
+        shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
+        # The parser's next step moves its nodes.
+        integrator = integrators[0].plugin_name() if integrators else None
         for move in moves:
             chosen = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
             if not chosen:
@@ -129,7 +136,7 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
-    return Scene(path, scene, _with_depths(scene, placement, path))
+    return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras))
 
 
 def _ids_there(shapes: Sequence[Any]) -> str:
@@ -159,15 +166,36 @@ def digest_of(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
-    """Return (lowest, highest) z, mm, of a Mitsuba scene's placed bounding box; infinite if unbounded or empty."""
-    box = scene.bbox()
-    low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
+def _bounds(scene: Any) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units."""
+    boxes = [scene.bbox()]
+    for shape in scene.shapes():
+        # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
+        if shape.is_mesh():
+            if not shape.bbox().valid():
+                shape.recompute_bbox()
+            boxes.append(shape.bbox())
+    low = np.min([np.array(box.min, np.float64).ravel() for box in boxes], axis=0)
+    return low, np.max([np.array(box.max, np.float64).ravel() for box in boxes], axis=0)
+
+
+def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
+
+    They are infinite if it is unbounded or empty.
+    """
+    low, high = _bounds(scene)
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
-        return -np.inf, np.inf
+        return np.full(3, -np.inf), np.full(3, np.inf)
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
-    z = corners @ placement.display_from_scene[2]
-    return float(z.min()), float(z.max())
+    placed = corners @ placement.display_from_scene[:3].T
+    return placed.min(axis=0), placed.max(axis=0)
+
+
+def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
+    """Return the (lowest, highest) z of `box_of`."""
+    low, high = box_of(scene, placement)
+    return float(low[2]), float(high[2])
 
 
 def in_front_of(depths: tuple[float, float]) -> float:

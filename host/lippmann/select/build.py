@@ -35,6 +35,7 @@ from lippmann.select.model import (
     Choice,
     choose_model,
     corners_mm,
+    in_cells_mm,
     located,
     model_error_px,
     on_panel,
@@ -179,6 +180,6 @@ def _spread(display: Display) -> Floats:
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
     """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
     axes = np.array(System.of(display).lattice.axes)
-    across = np.abs(located(display, pixels)[1] @ axes.T).max(axis=1)
+    across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)
     inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
     return inside

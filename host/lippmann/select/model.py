@@ -119,6 +119,13 @@ def located(display: Display, pixels: Floats) -> tuple[Floats, Floats]:
     return np.stack([i, j], axis=1), np.stack([x, y], axis=1)
 
 
+def in_cells_mm(display: Display, pixels: Floats) -> Floats:
+    """Return where the eye sees pixel coordinates (N, 2) in their lenslets' cells: (N, 2) mm from the centres."""
+    system, (lenslets, local) = System.of(display), located(display, pixels)
+    cx, cy = system.lattice.centre(*lenslets.T)
+    return np.stack(system.convergence.within_cell(local[:, 0], local[:, 1], cx, cy), axis=1)
+
+
 def pixels_from_cells(display: Display, lenslets: npt.ArrayLike, local_mm: Floats) -> Floats:
     """Return the pixel coordinates (N, 2) that points (N, 2) of the cells of lenslets, (N, 2) or (2,), show to the eye.
 

@@ -92,6 +92,7 @@ def parameters(build: Build) -> dict[str, int]:
         "Aims": int(build.aims),
         "Walk": build.max_cell_steps,
         "CrossCells": int(build.cross_cells),
+        "Converge": int(build.converge),
     }
 
 

@@ -7,10 +7,11 @@ import math
 from dataclasses import dataclass
 
 from lippmann.display import Display
-from lippmann.display_properties import VIEWING_DISTANCE_MM, DisplayProperties, display_properties
+from lippmann.display_properties import DisplayProperties, display_properties
 from lippmann.viewer.template import filled
+from lippmann.viewing import middle_eye, viewing_distance
 
-#: Range of the eye's distance, in usual viewing distances.
+#: Range of the eye's distance, in viewing distances.
 DISTANCES = (0.25, 4.0)
 #: Widest pupil, mm: as wide as a camera's lens, which shows focus best.
 PUPIL_MM = 20.0
@@ -40,30 +41,33 @@ class Slider:
 
 def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
     """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
-    zone = VIEWING_DISTANCE_MM * display.array.pitch_mm / derived.aperture_distance_mm
-    return _neat(0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
+    distance = viewing_distance(display)
+    zone = distance * (1.0 + display.convergence) * display.array.pitch_mm / derived.aperture_distance_mm
+    aside = max(abs(x) for x in middle_eye(display, distance)[:2])
+    return _neat(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
 
 
-def focus_reach_mm(derived: DisplayProperties) -> float:
+def focus_reach_mm(display: Display, derived: DisplayProperties) -> float:
     """Return the largest focus depth: twice the depth range, but less than the shortest viewing distance."""
-    return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * VIEWING_DISTANCE_MM))
+    return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
 def sliders(display: Display) -> dict[str, list[Slider]]:
     """Return the sliders by group."""
     derived = display_properties(display)
     array = display.array
-    reach, focus = eye_reach_mm(display, derived), focus_reach_mm(derived)
-    near, far = (share * VIEWING_DISTANCE_MM for share in DISTANCES)
+    reach, focus = eye_reach_mm(display, derived), focus_reach_mm(display, derived)
+    x, y, distance = middle_eye(display, viewing_distance(display))
+    near, far = (share * distance for share in DISTANCES)
     shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
     narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.pitch_mm), FINE)
     wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [
-            Slider("eye-x", "Right", "mm", -reach, reach, _step(reach)),
-            Slider("eye-y", "Up", "mm", -reach, reach, _step(reach)),
-            Slider("eye-z", "Distance", "mm", near, far, 1.0, VIEWING_DISTANCE_MM),
+            Slider("eye-x", "Right", "mm", -reach, reach, _step(reach), x),
+            Slider("eye-y", "Up", "mm", -reach, reach, _step(reach), y),
+            Slider("eye-z", "Distance", "mm", near, far, 1.0, distance),
         ],
         "Pupil and focus": [
             Slider("pupil", "Pupil", "mm", 0.0, PUPIL_MM, 0.1),

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from lippmann.display import Display
-from lippmann.display_properties import VIEWING_DISTANCE_MM, display_properties
+from lippmann.display_properties import display_properties
 from lippmann.observer import whole_window
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.viewer.page import Direct
+from lippmann.viewing import middle_eye, viewing_distance
 
 #: Eyes of the grid, across and down; the middle one is on the axis.
 GRID = (7, 3)
@@ -23,10 +24,11 @@ LEAST_REACH = 0.05
 
 
 def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
-    """Return eyes across the viewing zone, mm, at the usual distance."""
-    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * VIEWING_DISTANCE_MM)
+    """Return eyes across the viewing zone, mm, at the viewing distance."""
+    x, y, z = middle_eye(display, viewing_distance(display))
+    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * z)
     across, down = (np.linspace(-reach, reach, count).tolist() for count in GRID)
-    return [(x, y, VIEWING_DISTANCE_MM) for y in down for x in across]
+    return [(x + right, y + up, z) for up in down for right in across]
 
 
 def render_directs(

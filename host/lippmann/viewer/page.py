@@ -6,7 +6,7 @@ import base64
 import dataclasses
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.images import png_bytes
 from lippmann.subpixels import COLOURS, layout_of
 from lippmann.viewer.controls import controls_html, focus_reach_mm
@@ -25,6 +25,7 @@ SCRIPTS = (
     "system",
     "lattice",
     "renderer",
+    "panel_tiles",
     "pace",
     "controls",
     "depth_view",
@@ -34,6 +35,10 @@ SCRIPTS = (
     "main",
 )
 SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
+#: Longest side of the panel's pictures: every WebGL 2 takes textures of this size.
+TILE_PX = 2048
+#: Most pixels of a panel: a texture of 1 GB.
+MAX_PX = 1 << 28
 #: Range of the focus in the depth drawing, in the drawing's units; the drawing ends at 110.
 DRAWN = 100.0
 
@@ -62,6 +67,9 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
             f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
             f"{panel.width_px} x {panel.height_px}; render it for this display"
         )
+    if panel.width_px * panel.height_px > MAX_PX:
+        what = f"{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
+        raise input_error(f"display '{display.name}'", what, "show a smaller panel, or compute views: lippmann observe")
     for direct in directs:
         check_direct(direct, display)
     square = len(set(panel.pitches_mm)) == 1
@@ -70,7 +78,8 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
         f"of {array.pitch_mm:g} mm"
     )
-    described = {"panel": panel.keys, "array": dataclasses.asdict(array), "gap_mm": display.gap_mm}
+    described = dataclasses.asdict(display) | {"panel": panel.keys}
+    del described["name"]
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
@@ -86,7 +95,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         display=script_json(described),
         shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
         directs=script_json(shown),
-        panel=png_base64(radiance),
+        panel="\n".join(_tiles(radiance)),
         script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
     )
 
@@ -101,6 +110,15 @@ def check_direct(direct: Direct, display: Display) -> None:
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
             f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"
         )
+
+
+def _tiles(radiance: npt.NDArray[Any]) -> Iterator[str]:
+    """Yield the panel's pictures, row by row, all of one size but those at the right and at the bottom."""
+    height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
+    for top in range(0, radiance.shape[0], height):
+        for left in range(0, radiance.shape[1], width):
+            tile = png_base64(radiance[top : top + height, left : left + width])
+            yield f'<script type="text/plain" class="panel-tile">{tile}</script>'
 
 
 def png_base64(radiance: npt.NDArray[Any]) -> str:
@@ -138,7 +156,7 @@ def _defines(display: Display) -> dict[str, str]:
 
 def _depth_drawing(display: Display) -> str:
     derived = display_properties(display)
-    focus = focus_reach_mm(derived)
+    focus = focus_reach_mm(display, derived)
     scale = focus / DRAWN
     return filled(
         "depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{derived.depth_range_mm[1] / scale:.6g}", left_mm=f"−{focus:g}"

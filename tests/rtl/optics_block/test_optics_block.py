@@ -11,15 +11,19 @@ DISPLAYS = repository() / "scenes" / "displays"
 
 
 @pytest.mark.parametrize(
-    ("name", "model", "f", "steps"),
+    ("name", "model", "f", "steps", "eye"),
     [
-        ("paper-square", "pinhole", 14, 0),
-        pytest.param("paper-hex", "exact", 16, 1),
-        pytest.param("paper-square", "exact", 23, 2, marks=pytest.mark.full),
+        ("paper-square", "pinhole", 14, 0, None),
+        pytest.param("paper-hex", "exact", 16, 1, 300.0),
+        pytest.param("paper-square", "exact", 23, 2, None, marks=pytest.mark.full),
     ],
 )
-def test_frames_from_a_display_file(name, model, f, steps, tmp_path):
+def test_frames_from_a_display_file(name, model, f, steps, eye, tmp_path):
     path = DISPLAYS / f"{name}.toml"
+    if eye is not None:
+        near = tmp_path / "near.toml"
+        near.write_text(path.read_text().replace("[panel]", f"viewing_distance_mm = {eye}\n\n[panel]"))
+        path = near
     build = Build.of(load_display(path), model, f, model != "pinhole", steps)
     # Another display for the same build: its array turned, and another pitch of pixels.
     text = path.read_text()

@@ -16,6 +16,7 @@ FAST = [
     Build(16, "hex", "exact", viewer=True, aims=True, max_cell_steps=2, cross_cells=True),
     Build(18, "hex", "paraxial", aims=True),
     Build(14, "square", "pinhole"),
+    Build(22, "hex", "exact", max_cell_steps=1, converge=True),
 ]
 FULL = [
     Build(f, grid, *rest)
@@ -25,21 +26,27 @@ FULL = [
         ("exact", False, True), ("exact", False, True, 4), ("exact", True, False), ("exact", True, False, 1),
         ("exact", True, True, 2),
     )
+] + [
+    Build(f, grid, *rest, converge=True)
+    for f, grid in ((14, "hex"), (23, "square"), (23, "hex"))
+    for rest in (
+        ("pinhole",), ("paraxial", False, True), ("exact",), ("exact", False, True, 2), ("exact", True, True, 1),
+    )
 ]  # fmt: skip
 
 
 def instance(build: Build) -> Instance:
     near, far = build.near, build.near + 2
     p = parameters(build)
-    viewer, aims = f"1'b{p['Viewer']}", f"1'b{p['Aims']}"
+    viewer, aims, converge = (f"1'b{p[name]}" for name in ("Viewer", "Aims", "Converge"))
     return Instance(
         "ray_pipeline",
         {"u_i": 18, "v_i": 18, "a_i": near, "b_i": near},
         {"i_o": 12, "j_o": 12, **dict.fromkeys(("x_o", "y_o", "z_o"), far),
          **dict.fromkeys(("dx_o", "dy_o", "dz_o"), near), "status_o": 3},
-        f"optics_pkg::ray_latency({p['F']}, {p['Grid']}, {p['Model']}, {viewer}, {aims}, {p['Walk']})",
+        f"optics_pkg::ray_latency({p['F']}, {p['Grid']}, {p['Model']}, {viewer}, {aims}, {p['Walk']}, {converge})",
         p,
-        {"config_i": 820},
+        {"config_i": 916},
     )  # fmt: skip
 
 

@@ -5,9 +5,7 @@ import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.lenslet_hex import lenslet_hex
-from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.test_pattern import centres, located, views
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.sim.harness import packed
@@ -18,31 +16,6 @@ from runner import seed
 OFF, LENS, CENTRES, VIEWS, CHECKER, RAMP = range(6)
 WHITE = 0xFFFFFF
 GRIDS = {"square": 0, "hex": 1}
-
-
-def located(config, grid, f, width, height, columns, rows):
-    """Lenslets of pixels, and the points from their centres."""
-    u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
-    x, y = (
-        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
-        for axis in "xy"
-    )
-    return (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
-
-
-def centres(config, f, x, y):
-    """Whether a lenslet's centre lies in the pixel, from the point x, y from it."""
-    xu, xv, yu, yv = (getattr(config, f"{axis}_from_{of}") >> 17 for axis in "xy" for of in "uv")
-    x, y = ((w << 17) >> f for w in (x, y))
-    det = xu * yv - xv * yu
-    limit = (det >> 3) + (det >> 7)
-    return (abs(yv * x - xv * y) <= limit) & (abs(xu * y - yu * x) <= limit)
-
-
-def views(grid, f, x, y):
-    """Place in the lenslet, to the right and upward, 0 to 255."""
-    side = y - (y >> 2) if grid == "hex" else y
-    return tuple(np.clip((256 * w + (128 << f)) >> f, 0, 255) for w in (x, side))
 
 
 def pattern(kind, lens, config, grid, f, width, height, columns, rows):
@@ -69,7 +42,7 @@ def test_equals_twin(f):
         parameters = {"Width": width, "Height": height, "F": f, "Grid": GRIDS[grid]}
         one = Instance(
             "test_pattern", {"column_i": 14, "row_i": 14}, {"rgb_o": 24},
-            f"panel_pkg::pattern_latency({GRIDS[grid]})", parameters, {"pattern_i": 27, "optics_i": 820},
+            f"panel_pkg::pattern_latency({GRIDS[grid]})", parameters, {"pattern_i": 27, "optics_i": 916},
         )  # fmt: skip
         instances.append(one)
         for kind in [LENS, CENTRES, VIEWS] * 4 + [CHECKER, RAMP, OFF, 6, 7]:
@@ -99,11 +72,13 @@ def test_equals_twin(f):
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("rotation", [0.0, 7.0, -31.0, 90.0])
-def test_twin_shows_the_lens_array(grid, rotation):
+@pytest.mark.parametrize("eye", [None, 60.0])
+def test_twin_shows_the_lens_array(grid, rotation, eye):
     rng = np.random.default_rng(seed())
-    build = Build(23, grid)
-    offset, across = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25)
-    shown = display(build, radius=2.0, gap=1.0, rotation=rotation, offset=offset, across=across)
+    build = Build(23, grid, converge=eye is not None)
+    offset, across, axis = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25), tuple(rng.uniform(-9.0, 9.0, 2))
+    near = {} if eye is None else {"eye": eye, "axis": axis}
+    shown = display(build, radius=2.0, gap=1.0, rotation=rotation, offset=offset, across=across, **near)
     config, system = configuration(shown, build, "exact"), System.of(shown)
     width, height, pitch = system.frame.width_px, system.frame.height_px, shown.array.pitch_mm
     columns, rows = (w.ravel() for w in np.meshgrid(np.arange(width), np.arange(height)))
@@ -113,10 +88,20 @@ def test_twin_shows_the_lens_array(grid, rotation):
     # The same in millimetres, from the display.
     frame, lattice = system.frame, system.lattice
     panel = frame.panel_from_pixel(columns + 0.5, rows + 0.5)
-    own_i, own_j, local_x, local_y = lattice.locate(NumpyBackend(), *frame.array_from_panel(*panel))
+    at = frame.array_from_panel(*panel)
+    # Where an eye sees the pixel in the apertures' plane, D = 1 + T / 1.5 before the panel. The centre of the elemental
+    # image is where it sees the lenslet's.
+    share, (ax, ay) = 0.0, frame.array_from_panel(*axis)
+    if eye is not None:
+        distance = 1.0 + shown.array.thickness_mm / 1.5
+        share = distance / (distance + eye)
+    seen = (at[0] + share * (ax - at[0]), at[1] + share * (ay - at[1]))
+    own_i, own_j, local_x, local_y = lattice.locate(NumpyBackend(), *seen)
     same = (own_i == i) & (own_j == j)
     assert same.mean() > 0.999
-    at = frame.pixel_from_panel(*frame.panel_from_array(*lattice.centre(own_i, own_j)))
+    cx, cy = lattice.centre(own_i, own_j)
+    imaged = (cx + share / (1.0 - share) * (cx - ax), cy + share / (1.0 - share) * (cy - ay))
+    at = frame.pixel_from_panel(*frame.panel_from_array(*imaged))
     away = np.maximum(abs(at[0] - columns - 0.5), abs(at[1] - rows - 0.5))
     assert white[same & (away < 17 / 32 - 0.01)].all()
     assert not white[same & (away > 17 / 32 + 0.01)].any()

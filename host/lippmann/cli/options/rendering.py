@@ -8,8 +8,10 @@ from typing import Any
 
 from lippmann.cli.frame import option
 from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
+from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
+from lippmann.rendering.arrange import Arrange
 from lippmann.rendering.integral import ModelOption, RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
@@ -55,11 +57,24 @@ class Moved:
     depth: float | None = option("Moves the scene towards the viewer, mm.", None)
     near: float | None = option("Depth z where primary rays start, mm.", None)
     far: float | None = option("Farthest depth of interest, mm.", None)
+    fit: bool = option("Scale and move the scene into the display's depth range.", False)
+    from_camera: bool = option("Place the scene as the camera in its file sees it.", False)
 
     @property
     def given(self) -> dict[str, Any]:
         """The options that are given, by name."""
-        return {field.name: value for field in fields(self) if (value := getattr(self, field.name)) is not None}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None and value is not False}
+
+    @property
+    def arrange(self) -> Arrange | None:
+        """How the display places the scene, if at all; refuses options that would be overruled."""
+        if not (self.fit or self.from_camera):
+            return None
+        first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})
+        for name in self.given.keys() - allowed:
+            raise InputError(f"--{name.replace('_', '-')} and --{first} both place the scene; leave one out")
+        return "fit" if self.fit else "camera"
 
     def placement(self, scene_path: Path) -> Placement:
         """Return the placement beside the scene, changed by the options."""

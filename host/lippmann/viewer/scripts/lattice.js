@@ -1,4 +1,4 @@
-// Which lenslet a point belongs to, and where lenslets stand: optics/lattice.py and optics/panel.py.
+// Which lenslet a point belongs to, and where lenslets stand: optics/lattice.py, optics/convergence.py, optics/panel.py.
 
 const HALF_SQRT3 = Math.sqrt(3) / 2;
 
@@ -21,6 +21,16 @@ function locate(system, [x, y]) {
   if (q0 < 0.5 && q1 < 0.5) return [i, j];
   if (q0 >= 1 && q1 >= 1) return [i + 1, j + 1];
   return t < s ? [i + 1, j] : [i, j + 1];
+}
+
+// The lenslet that owns a point of the panel, array's frame: its cell is on the line from there to the eye.
+function owner(system, point) {
+  return locate(system, point.map((c, k) => c - (c - system.axis[k]) * system.share));
+}
+
+// The panel's point that the eye sees through a point of the array, both in the array's frame.
+function behind(system, point) {
+  return point.map((c, k) => (c - system.axis[k] * system.share) / (1 - system.share));
 }
 
 // Corners of a cell, from its centre, in the array's frame.

@@ -149,7 +149,7 @@ class Viewer {
       return;
     }
     const centre = panelFromPixel(this.system, pixel.map((c) => c + 0.5));
-    const [i, j] = locate(this.system, arrayFromPanel(this.system, centre));
+    const [i, j] = owner(this.system, arrayFromPanel(this.system, centre));
     words.value = `Pixel (${pixel.join(", ")}), lenslet (${i}, ${j})`;
   }
 
@@ -203,16 +203,10 @@ function complain(message) {
   place.hidden = false;
 }
 
-// Of base64. `fetch` of a data: URL takes a second for 20 MB, and younger browsers have this built in.
-function bytesFrom(text) {
-  return Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-}
-
 async function start() {
   const data = (id) => JSON.parse(element(id).textContent);
-  const blob = new Blob([bytesFrom(element("panel-png").textContent)], { type: "image/png" });
-  const panel = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
-  return new Viewer(data("display"), data("shaders"), data("directs"), panel);
+  const display = data("display");
+  return new Viewer(display, data("shaders"), data("directs"), await panelOfPage(display.panel));
 }
 
 globalThis.lippmann = { viewer: start() };

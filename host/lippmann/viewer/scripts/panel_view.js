@@ -4,12 +4,12 @@ const SEAMS_FROM_PX = 8; // a cell's width on the screen
 const MOST_ZOOM = 64; // screen pixels for a panel pixel
 
 class PanelView {
-  constructor(canvas, bitmap, onChange) {
+  constructor(canvas, panel, onChange) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.bitmap = bitmap;
+    this.panel = panel;
     this.onChange = onChange;
-    this.centre = [bitmap.width / 2, bitmap.height / 2];
+    this.centre = [panel.width / 2, panel.height / 2];
     this.zoom = 0; // screen pixels for a panel pixel; 0 fits the whole panel
     this.pointers = new Map();
     this.lensletsDrawn = false;
@@ -17,7 +17,7 @@ class PanelView {
   }
 
   get fit() {
-    return Math.min(this.canvas.width / this.bitmap.width, this.canvas.height / this.bitmap.height);
+    return Math.min(this.canvas.width / this.panel.width, this.canvas.height / this.panel.height);
   }
 
   get scale() {
@@ -42,8 +42,8 @@ class PanelView {
   panBy(columns, rows) {
     const clamp = (value, size, half) => (half * 2 >= size ? size / 2 : Math.min(Math.max(value, half), size - half));
     this.centre = [
-      clamp(this.centre[0] + columns, this.bitmap.width, this.canvas.width / 2 / this.scale),
-      clamp(this.centre[1] + rows, this.bitmap.height, this.canvas.height / 2 / this.scale),
+      clamp(this.centre[0] + columns, this.panel.width, this.canvas.width / 2 / this.scale),
+      clamp(this.centre[1] + rows, this.panel.height, this.canvas.height / 2 / this.scale),
     ];
     this.onChange();
   }
@@ -120,14 +120,20 @@ class PanelView {
   }
 
   draw(system, eye, { seams, marks }) {
-    const { context, canvas, bitmap, scale } = this;
+    const { context, canvas, panel, scale } = this;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
     context.imageSmoothingEnabled = scale < 1;
     context.imageSmoothingQuality = "high"; // a panel is full of detail: what skips pixels shows stripes that are not there
     const [left, top] = this.pixelAt([0, 0]);
+    panel.forEach((bitmap, x, y) => {
+      // Whole screen pixels: between edges inside one, the background would shine through.
+      const edges = [x - left, y - top, x - left + bitmap.width, y - top + bitmap.height];
+      const [x0, y0, x1, y1] = edges.map((edge) => Math.round(edge * scale));
+      const visible = x1 > 0 && y1 > 0 && x0 < canvas.width && y0 < canvas.height;
+      if (visible) context.drawImage(bitmap, x0, y0, x1 - x0, y1 - y0);
+    });
     context.setTransform(scale, 0, 0, scale, -left * scale, -top * scale);
-    context.drawImage(bitmap, 0, 0);
     this.lensletsDrawn = this.showsLenslets(system);
     if (!this.lensletsDrawn) return;
     const cells = this.visibleCells(system);
@@ -138,7 +144,7 @@ class PanelView {
   visibleCells(system) {
     const corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(([x, y]) => {
       const pixel = this.pixelAt([x * this.canvas.width, y * this.canvas.height]);
-      return locate(system, arrayFromPanel(system, panelFromPixel(system, pixel)));
+      return owner(system, arrayFromPanel(system, panelFromPixel(system, pixel)));
     });
     const range = (k) => [Math.min(...corners.map((c) => c[k])) - 1, Math.max(...corners.map((c) => c[k])) + 1];
     const [[i0, i1], [j0, j1]] = [range(0), range(1)];
@@ -153,7 +159,7 @@ class PanelView {
     context.beginPath();
     for (const [cx, cy] of cells) {
       corners.forEach(([x, y], k) => {
-        const [u, v] = pixelFromPanel(system, panelFromArray(system, [cx + x, cy + y]));
+        const [u, v] = pixelFromPanel(system, panelFromArray(system, behind(system, [cx + x, cy + y])));
         if (k) context.lineTo(u, v);
         else context.moveTo(u, v);
       });

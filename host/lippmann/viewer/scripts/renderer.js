@@ -2,17 +2,13 @@
 // the screen.
 
 class ViewRenderer {
-  // `shaders` maps file names to sources, `panel` is the integral image as ImageBitmap.
+  // `shaders` maps file names to sources, `panel` is the integral image, a PanelTiles.
   constructor(canvas, shaders, panel) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("this browser has no WebGL 2");
     const wide = gl.getExtension("EXT_color_buffer_float");
     if (!wide && !gl.getExtension("EXT_color_buffer_half_float")) {
       throw new Error("this browser's WebGL has no floating-point pictures");
-    }
-    const limit = gl.getParameter(gl.MAX_TEXTURE_SIZE);
-    if (Math.max(panel.width, panel.height) > limit) {
-      throw new Error(`the panel has ${panel.width} × ${panel.height} pixels, this browser's WebGL takes ${limit}`);
     }
     this.gl = gl;
     this.canvas = canvas;
@@ -21,7 +17,8 @@ class ViewRenderer {
       return this.program(shaders["full.vert"], shaders[`${name}.frag`]);
     });
     Object.assign(this, { glanceProgram: glance, lookProgram: look, showProgram: show });
-    this.panel = this.panelTexture(panel);
+    this.panel = panel;
+    this.panelLight = this.panelTexture(panel);
     this.sums = [];
     this.rays = 0;
     gl.bindVertexArray(gl.createVertexArray());
@@ -51,20 +48,26 @@ class ViewRenderer {
     return { program, places };
   }
 
-  texture() {
+  texture(kind = this.gl.TEXTURE_2D) {
     const gl = this.gl;
     const texture = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, texture);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.bindTexture(kind, texture);
+    gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(kind, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     return texture;
   }
 
   panelTexture(panel) {
     const gl = this.gl;
-    const texture = this.texture();
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, panel.width, panel.height);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, panel);
+    const texture = this.texture(gl.TEXTURE_2D_ARRAY);
+    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, ...panel.tile, panel.bitmaps.length);
+    panel.forEach((bitmap, _x, _y, layer) => {
+      const place = [0, 0, layer, bitmap.width, bitmap.height, 1];
+      gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, ...place, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    });
+    if (![gl.NO_ERROR, gl.CONTEXT_LOST_WEBGL].includes(gl.getError())) {
+      throw new Error(`this browser's WebGL has no room for ${panel.width} × ${panel.height} pixels`);
+    }
     return texture;
   }
 
@@ -94,12 +97,16 @@ class ViewRenderer {
     for (const { program, places } of [this.glanceProgram, this.lookProgram]) {
       gl.useProgram(program);
       gl.uniform1i(places.panel, 0);
+      gl.uniform2i(places.tile_px, ...this.panel.tile);
+      gl.uniform1i(places.tiles_across, this.panel.across);
       gl.uniform1f(places.pitch, system.pitch);
       gl.uniform1f(places.curvature, system.curvature);
       gl.uniform1f(places.sag, system.sag);
       gl.uniform1f(places.index, system.index);
       gl.uniform1f(places.thickness, system.thickness);
       gl.uniform1f(places.gap, system.gap);
+      gl.uniform1f(places.share, system.share);
+      gl.uniform2fv(places.axis, system.axis);
       gl.uniform2fv(places.offset, system.offset);
       gl.uniform2fv(places.turn, system.turn);
       gl.uniform2fv(places.panel_px, system.panelPx);
@@ -121,7 +128,7 @@ class ViewRenderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.useProgram(program);
     gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.panel);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.panelLight);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, beside);
     uniforms(places);

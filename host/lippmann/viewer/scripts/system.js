@@ -1,5 +1,5 @@
 // The display as built: the designed one with the sliders' errors, as plain numbers for shaders and drawing.
-// As display.py, `misaligned`, and optics/system.py. Millimetres; `display` is the page's description of the display.
+// As display.py, `misaligned`, optics/system.py and optics/convergence.py. Millimetres; `display` is the page's description of the display.
 
 function systemOf(display, built) {
   const { panel, array } = display;
@@ -12,7 +12,14 @@ function systemOf(display, built) {
   const thickness = built.pitchScale > 1 ? Math.max(array.thickness_mm, sag) : array.thickness_mm;
   const gap = Math.max(display.gap_mm + built.gap, 0);
   const rotation = ((array.rotation_deg + built.rotation) * Math.PI) / 180;
+  const apertureDistance = array.plano_side === "panel" ? gap + thickness / array.index : Math.max(gap, sag);
+  const eye = display.viewing_distance_mm;
+  const frame = {
+    offset: [array.offset_mm[0] + built.offset[0], array.offset_mm[1] + built.offset[1]],
+    turn: [Math.cos(rotation), Math.sin(rotation)],
+  };
   return {
+    ...frame,
     hex: array.grid === "hex",
     planoToPanel: array.plano_side === "panel",
     pitch,
@@ -21,9 +28,9 @@ function systemOf(display, built) {
     index: array.index,
     thickness,
     gap,
-    apertureDistance: array.plano_side === "panel" ? gap + thickness / array.index : Math.max(gap, sag),
-    offset: [array.offset_mm[0] + built.offset[0], array.offset_mm[1] + built.offset[1]],
-    turn: [Math.cos(rotation), Math.sin(rotation)],
+    apertureDistance,
+    share: eye === null ? 0 : apertureDistance / (apertureDistance + eye), // the array stands at this share of the way from panel to eye
+    axis: arrayFromPanel(frame, display.viewing_axis_mm), // that eye is in front of it, array's frame
     panelPx: [panel.width_px, panel.height_px],
     pixelPitch: [panel.pixel_pitch_mm, panel.pixel_pitch_mm].flat().slice(0, 2), // x and y, also of one number
   };

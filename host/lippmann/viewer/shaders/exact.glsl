@@ -6,7 +6,7 @@ uniform float gap;        // panel to the array's near face
 
 // Where on the panel plane a ray from the world ends.
 struct Landing {
-  vec2 point;   // local to the lenslet passed; outside its cell it is crosstalk
+  vec2 point;   // local to the lenslet passed; crosstalk where that does not own it
   vec2 centre;  // of that lenslet, from the one that the ray was local to
 };
 

@@ -16,7 +16,7 @@ void main() {
   colour = vec4(vec3(0.0), 1.0);
   vec2 pixel;
   if (look(eye_ray(vec2(view_pixel(gl_FragCoord.xy)) + 0.5, vec2(0.0), NEAREST_FACE), pixel)) {
-    colour.rgb = texelFetch(panel, ivec2(pixel), 0).rgb;
+    colour.rgb = value_at(pixel);
 #ifdef EMITS
     colour.rgb = encode(emitted(pixel, decode(colour.rgb)));
 #endif

@@ -7,7 +7,9 @@
 #include "eye.glsl"
 #include "panel.glsl"
 
-uniform bool crosstalk;  // whether pixels of neighbouring cells are seen
+uniform bool crosstalk;  // whether pixels are seen that the lenslet does not own
+uniform float share;     // of the way from the panel to the eye on which elemental images converge: the array is there
+uniform vec2 axis;       // that eye is in front of it, array's frame
 
 #ifdef PLANO_TO_PANEL
 #define NEAREST_FACE 0.0
@@ -23,7 +25,8 @@ bool look(Ray ray, out vec2 pixel) {
   ray.point.xy = point - centre;
   Landing landing;
   bool seen = reach_panel(ray, landing);
-  if (!crosstalk) seen = seen && holds(landing.point);
-  pixel = pixel_from_panel(panel_from_array(centre + landing.centre + landing.point));
+  centre += landing.centre;
+  if (!crosstalk) seen = seen && holds(landing.point * (1.0 - share) - (centre - axis) * share);
+  pixel = pixel_from_panel(panel_from_array(centre + landing.point));
   return seen && on_panel(pixel);
 }

@@ -1,6 +1,8 @@
 // The panel: its frame, the array's frame, and the light of a pixel: optics/panel.py, observe.py.
 
-uniform highp sampler2D panel;  // panel values, sRGB
+uniform highp sampler2DArray panel;  // panel values, sRGB, in tiles
+uniform ivec2 tile_px;
+uniform int tiles_across;
 uniform vec2 panel_px;
 uniform vec2 pixels_per_mm;     // rows go down
 uniform vec2 offset;            // the array's origin in the panel's frame
@@ -25,6 +27,13 @@ vec2 pixel_from_panel(vec2 point) {
 
 bool on_panel(vec2 pixel) {
   return all(greaterThanEqual(pixel, vec2(0.0))) && all(lessThan(pixel, panel_px));
+}
+
+// The panel value of the pixel at these coordinates, which is on the panel.
+vec3 value_at(vec2 pixel) {
+  ivec2 place = ivec2(pixel);
+  ivec2 tile = place / tile_px;
+  return texelFetch(panel, ivec3(place - tile * tile_px, tile.y * tiles_across + tile.x), 0).rgb;
 }
 
 #ifdef EMITS

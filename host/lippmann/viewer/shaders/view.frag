@@ -20,7 +20,7 @@ void main() {
   light = vec4(vec3(0.0), 1.0);
   vec2 pixel;
   if (look(eye_ray(vec2(place) + aim, pupil_point, NEAREST_FACE), pixel)) {
-    light.rgb = decode(texelFetch(panel, ivec2(pixel), 0).rgb);
+    light.rgb = decode(value_at(pixel));
 #ifdef EMITS
     light.rgb = emitted(pixel, light.rgb);
 #endif

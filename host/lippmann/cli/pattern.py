@@ -1,0 +1,46 @@
+"""`lippmann pattern`: test patterns for a display's panel."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
+from lippmann.cli.output import emit
+from lippmann.display import load_display
+from lippmann.images import check_output
+from lippmann.observer import Eye
+from lippmann.patterns import Kind, draw
+from lippmann.rendering.renderer import Settings, check_memory
+from lippmann.variant import own_variant
+
+
+@make_command("pattern")
+def command(
+    kind: Kind = argument(),
+    display_path: str = DISPLAY,
+    output: str = option(".png for the panel; .exr or .tif linear.", flag="-o", metavar="OUT"),
+    eye: Point | None = option("The eye of white-for-eye, mm; the display is at z = 0.", None, Vector(3)),
+    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", None, Vector(2, "I,J")),
+    fraction_bits: int | None = option(
+        "Draw it as a board of this word length does.  [default: exactly]", None, FRACTION_BITS
+    ),
+    device: str = DEVICE,
+) -> None:
+    """Draw a test pattern for a display's panel.
+
+    Example: lippmann pattern view-numbers --display scenes/displays/vga-square.toml -o views.png
+    """
+    path = check_output(output)
+    display = load_display(display_path)
+    panel = display.panel
+    check_memory(panel.width_px, panel.height_px, Settings())
+    with nullcontext() if eye is None else own_variant(device):
+        image = draw(display, kind, None if eye is None else Eye(eye), lens, fraction_bits)
+    image.save(path)
+    lit = float(image.radiance.any(axis=2).mean())
+    result = {
+        "output": str(path), "kind": kind, "display": display.name, "identity": display.identity,
+        "width_px": panel.width_px, "height_px": panel.height_px, "lit_share": lit,
+    }  # fmt: skip
+    emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit")

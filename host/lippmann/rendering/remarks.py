@@ -1,0 +1,86 @@
+"""Remarks on a scene before a display, each with its numbers: what is not rendered, not sharp, not seen, or noisy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from lippmann.display import Display
+from lippmann.display_properties import display_properties
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.scene import Scene
+from lippmann.rendering.sources import Window
+from lippmann.viewing import viewing_distance
+
+#: Widths of a scene, in widths of the panel, that need no remark.
+SIZE_SHARE = (0.02, 1000.0)
+#: Width of the view that is tried, pixels, one ray each.
+TRIAL_PX = 96
+#: Least share of the view that is within the depth range, and largest noise, of the mean light: no remark.
+SHARP_SHARE, NOISE = 0.1, 0.1
+
+
+def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
+    """Yield one line on what the scene's file contains and an integrator does not use, and one if it has no light."""
+    if settings.integrator != "scene":
+        unused = []
+        if scene.integrator not in (None, settings.integrator):
+            unused.append(f"the file's integrator {scene.integrator} (--integrator scene uses it)")
+        media = sum(bool(shape.is_medium_transition()) for shape in scene.mitsuba.shapes())
+        if media and not settings.integrator.startswith("volpath"):
+            unused.append(f"the media of {media} shapes (--integrator volpath renders them)")
+        if unused:
+            yield f"note: {settings.integrator} ignores {' and '.join(unused)}"
+    if not scene.mitsuba.emitters():
+        yield "note: the scene has no light, so the picture is black; add an <emitter> to the file"
+
+
+def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]:
+    """Yield the remarks on a render of a scene for a display: one line each."""
+    yield from overridden(scene, settings)
+    panel, width = display.panel, scene.width_mm
+    if width > 0.0 and not SIZE_SHARE[0] <= width / panel.width_mm <= SIZE_SHARE[1]:
+        yield (
+            f"note: the scene is {width:.3g} mm wide before a panel of {panel.width_mm:.4g} mm; "
+            "if its units are not millimetres give --scale, such as 1000 for metres"
+        )
+    height_px = max(1, min(TRIAL_PX, round(TRIAL_PX * panel.height_mm / panel.width_mm)))
+    window = Window(panel.width_mm, panel.height_mm, TRIAL_PX, height_px)
+    eye = 0.0, 0.0, viewing_distance(display)
+    trial = replace(settings, samples=1)
+
+    # Distances along the rays from the plane near_mm, scene units; 0 where nothing is met.
+    length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
+    y, x = np.mgrid[:height_px, :TRIAL_PX] + 0.5
+    steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))
+    front = min(scene.depth_range_mm[1], eye[2])
+    seen = (front - scene.placement.scale * length * steep)[length > 0.0]
+    far, near = display_properties(display).depth_range_mm
+    where = f"an eye at {eye[2]:g} mm"
+    if not seen.size and width > 0.0:
+        low, high = scene.depth_range_mm
+        yield f"note: {where} sees none of the scene's surfaces, z = {low:.4g} to {high:.4g} mm; place it with --fit"
+    sharp = ((seen >= far) & (seen <= near)).mean() if seen.size else 1.0
+    if sharp < SHARP_SHARE:
+        low, high = (round(float(z), 3) for z in (seen.min(), seen.max()))
+        yield (
+            f"note: {100.0 * (1.0 - sharp):.0f} % of what {where} sees, z = {low:.4g} to {high:.4g} mm, is outside the "
+            f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there turns into noise; place "
+            "the scene with --fit, --scale or --depth"
+        )
+    first, second = (
+        np.minimum(render_view(scene, eye, window, replace(trial, seed=seed)).radiance, 1.0)
+        for seed in (settings.seed, settings.seed ^ 1)
+    )
+    mean = 0.5 * float((first + second).mean())
+    if mean > 0.0:
+        noise = float(np.sqrt(0.5 * ((first - second) ** 2).mean() / settings.samples)) / mean
+        if noise > NOISE:
+            enough = math.ceil(settings.samples * (noise / NOISE) ** 2)
+            yield (
+                f"note: with {settings.samples} samples the noise is {100.0 * noise:.0f} % of the mean light; "
+                f"--samples {enough} gives {100.0 * NOISE:.0f} %"
+            )

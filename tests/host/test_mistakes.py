@@ -1,0 +1,152 @@
+"""Planted mistakes in display files and commands: each is one line that names the likeliest remedy, exit code 2."""
+
+import re
+
+import pytest
+from lippmann.cli import run
+from lippmann.images import write_picture
+from model_board import ModelBoard
+from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
+
+SEED = 1411
+DISPLAY = focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1)
+TINY = display_toml(DISPLAY)
+#: Where a mistake puts a key of its own.
+TOP, PANEL, ARRAY = r"^(?=name)", r"^(?=subpixels)", r"^(?=index)"
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a display, a scene and an image, the command line in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(TINY)
+    write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
+    light = generator(SEED).random((48, 64, 3))
+    write_picture("image.exr", light, {"identity": DISPLAY.identity})
+    write_picture("other.exr", light, {"identity": "79ee8471d40b2533", "display": "paper-square"})
+    return tmp_path
+
+
+def line_of(capfd, words, code=2):
+    """Run what must be refused; return its one line."""
+    capfd.readouterr()
+    assert run(words) == code
+    out, err = capfd.readouterr()
+    assert out == ""
+    (line,) = err.splitlines()
+    assert line.startswith("lippmann: ")
+    return line
+
+
+def test_the_files_without_a_mistake_are_read(place, capfd):
+    assert run(["inspect", "tiny.toml"]) == 0
+    assert capfd.readouterr().err == ""
+
+
+#: What is found in the file, what the mistake puts in its place, the place that is named, and the remedy.
+FILES = [
+    ("pitch_mm = 1.0", "pich_mm = 1.0", "array.pich_mm", "did you mean pitch_mm?"),
+    ("width_px", "widht_px", "panel.widht_px", "did you mean width_px?"),
+    ("pixel_pitch_mm = 0.1", "pixel_pitch = 0.1", "panel.pixel_pitch", "did you mean pixel_pitch_mm?"),
+    ("radius_mm = .*", "focal_lenght_mm = 2.0", "array.focal_lenght_mm", "did you mean focal_length_mm?"),
+    (r"\[panel\]", "[pannel]", "pannel", "did you mean panel?"),
+    (TOP, "viewing_distanc_mm = 600\n", "viewing_distanc_mm", "did you mean viewing_distance_mm?"),
+    (TOP, "viewing_distance = 600\n", "viewing_distance", "did you mean viewing_distance_mm?"),
+    (ARRAY, "viewing_distance_mm = 600\n", "array.viewing_distance_mm", "at the top of the file"),
+    (PANEL, "viewing_axis_mm = [0, 5]\n", "panel.viewing_axis_mm", "at the top of the file"),
+    (ARRAY, "gap_mm = 1\n", "array.gap_mm", "at the top of the file"),
+    (ARRAY, "subpixels = 'rgb'\n", "array.subpixels", "in [panel]"),
+    ("gap_mm = .*", "", "gap_mm", "add it"),
+    (r"\[panel\](.|\n)*(?=\[array\])", "", "panel", "add it"),
+    (PANEL, "dpi = 254\n", "panel.pixel_pitch_mm or dpi", "give exactly one of them"),
+    (ARRAY, "focal_length_mm = 2\n", "array.radius_mm or focal_length_mm", "give exactly one of them"),
+    ("radius_mm = .*", "", "array.radius_mm or focal_length_mm", "give exactly one of them"),
+    (ARRAY, "glass = 'PMMA'\n", "array.index or glass", "give exactly one of them"),
+    ("index = .*", "glass = 'BK7'", "array.glass", "did you mean N-BK7?"),
+    ("width_px = 64", "width_px = '64'", "panel.width_px", "give a whole number from 1"),
+    ("width_px = 64", "width_px = 64.0", "panel.width_px", "give a whole number from 1"),
+    ("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0", "panel.pixel_pitch_mm", "from 1e-09"),
+    ("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 1.5", "array.pitch_mm", "give lenslets of at least a pixel"),
+    ("gap_mm = .*", "gap_mm = '2 mm'", "gap_mm", "give a finite number"),
+    ("gap_mm = .*", "gap_mm = 2,5", "not TOML", "write numbers with a point, text in quotes"),
+    ('grid = "square"', "grid = square", "not TOML", "write numbers with a point, text in quotes"),
+    ('grid = "square"', 'grid = "hexagonal"', "array.grid", 'choose from "hex", "square"'),
+    ('subpixels = "none"', 'subpixels = "RGB"', "panel.subpixels", 'choose from "bgr", "none", "rgb"'),
+    (PANEL, "bits = 32\n", "panel.bits", "from 1 to 16"),
+    ("index = 1.5", "index = 0.9", "array.index", "more than 1"),
+    ("radius_mm = .*", "radius_mm = 0.6", "array.radius_mm", "give a larger radius_mm"),
+    ("thickness_mm = .*", "thickness_mm = 0.1", "array.thickness_mm", "leave it out for the thinnest lenslet"),
+    ("offset_mm = .*", "offset_mm = 0.2", "array.offset_mm", "give [x, y]"),
+    ("rotation_deg = .*", "rotation_deg = nan", "array.rotation_deg", "give a finite number"),
+    (TOP, "viewing_distance_mm = 2\n", "viewing_distance_mm", "give the distance of the eye, such as 600"),
+    (TOP, "viewing_distance_mm = -600\n", "viewing_distance_mm", "give a finite number"),
+    (TOP, "viewing_distance_mm = '60 cm'\n", "viewing_distance_mm", "give a finite number"),
+    (TOP, "viewing_distance_mm = inf\n", "viewing_distance_mm", "give a finite number"),
+    (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = 5\n", "viewing_axis_mm", "give [x, y]"),
+    (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = [0, 0, 600]\n", "viewing_axis_mm", "give [x, y]"),
+    (TOP, "viewing_axis_mm = [0, 5]\n", "viewing_axis_mm", "give viewing_distance_mm too"),
+]
+
+
+@pytest.mark.parametrize(("found", "mistake", "named", "remedy"), FILES, ids=[f"{m[2]} {m[1][:20]!r}" for m in FILES])
+def test_mistakes_in_a_display_file(place, capfd, found, mistake, named, remedy):
+    text, count = re.subn(found, mistake, TINY, count=1, flags=re.MULTILINE)
+    assert count == 1
+    (place / "wrong.toml").write_text(text)
+    line = line_of(capfd, ["inspect", "wrong.toml"])
+    where, _, rest = line.removeprefix("lippmann: wrong.toml: ").partition("; ")
+    assert line.startswith("lippmann: wrong.toml: ")
+    assert re.match(rf"{re.escape(named)}[: ]", where), line
+    assert remedy in rest, line
+
+
+RENDER = "render ball.xml --display tiny.toml -o a.exr"
+OBSERVE = "observe image.exr --display tiny.toml --eye 0,0,600 -o v.png"
+#: The words of the command, what is named, and the remedy.
+COMMANDS = [
+    ("rendr", "rendr", "Did you mean 'render'"),
+    ("observ image.exr", "observ", "Did you mean 'observe'"),
+    ("Inspect tiny.toml", "Inspect", "Did you mean 'inspect'"),
+    ("board strat", "strat", "Did you mean 'start'"),
+    ("bench rendr", "rendr", "Did you mean 'render'"),
+    ("export pov", "pov", "Did you mean 'povray'"),
+    (RENDER.replace("--display", "--dispaly"), "--dispaly", "Did you mean '--display'?"),
+    (f"{RENDER} --sample 2", "--sample", "--samples"),
+    (f"{OBSERVE} --pupil-mm 3", "--pupil-mm", "Did you mean '--pupil'"),
+    (f"{RENDER} --model exat", "--model", "'exact'"),
+    (f"{RENDER} --engine gpu", "--engine", "'fast'"),
+    ("inspect --schema displays", "--schema", "'display'"),
+    ("inspect tny.toml", "tny.toml: no such file", "did you mean tiny.toml?"),
+    ("inspect tiny", "tiny: no such file", "did you mean tiny.toml?"),
+    (RENDER.replace("ball", "bal"), "bal.xml: no such scene", "did you mean ball.xml?"),
+    (OBSERVE.replace("image.exr", "image.png"), "image.png: no such image", "did you mean image.exr?"),
+    (OBSERVE.replace("image.exr", "new.exr"), "new.exr: no such image", "render it first"),
+    (OBSERVE.replace("image.exr", "other.exr"), "other.exr: was made for display 'paper-square'", "--force"),
+    ("render tiny.toml --display ball.xml -o a.exr", "tiny.toml: is not a Mitsuba scene", "give an .xml file"),
+    ("inspect ball.xml", "ball.xml", "give a display file (.toml)"),
+    (RENDER.replace("a.exr", "a.jpg"), "a.jpg", "choose from .exr"),
+    (RENDER.replace("a.exr", "out/a.exr"), "out/a.exr", "make it first"),
+    (RENDER.replace(" -o a.exr", ""), "'-o'", "--help"),
+    (OBSERVE.replace("0,0,600", "0,600"), "--eye", "give 3 finite numbers with commas"),
+    (OBSERVE.replace("0,0,600", "0,0,-600"), "eye: z -600 mm is behind the display", "give z > 0"),
+    (f"{OBSERVE} --sweep -30", "--sweep", "give 2 finite numbers with commas"),
+    (f"{OBSERVE.replace('.png', '.mp4')}", "v.mp4", "choose from .exr"),
+    (f"{RENDER} --samples 0", "samples 0", "give 1 to"),
+    ("stream image.exr --port localhost:4000", "localhost:4000", "did you mean socket://localhost:4000?"),
+    ("board read dispaly", "dispaly: no such register", "did you mean display?"),
+    ("board read optics.contrl", "optics.contrl: no such register", "did you mean optics.control?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "named", "remedy"), COMMANDS, ids=[words for words, _, _ in COMMANDS])
+def test_mistakes_in_a_command(place, capfd, words, named, remedy):
+    line = line_of(capfd, words.split())
+    assert named in line
+    assert remedy in line[line.index(named) + len(named) :], line
+
+
+def test_a_mistyped_field_of_a_board(place, capfd):
+    with ModelBoard() as model:
+        line = line_of(capfd, ["board", "write", "display", "patern=2", "--port", model.url])
+        assert not model.writes
+    assert "patern=2: display has no field patern; did you mean pattern?" in line

@@ -1,0 +1,269 @@
+"""Test patterns against the nearest lenslet by brute force, by the observer's eyes, and as a board's words."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from lippmann.board.frames import Target, load_frame
+from lippmann.cli import run
+from lippmann.display import display_text
+from lippmann.errors import InputError
+from lippmann.images import encoded_values
+from lippmann.integral_image import IntegralImage
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.patterns import ON_BOARD, draw, white_for_eye
+from lippmann.rendering.sources import Window
+from optics_cases import GRIDS, display_of
+from PIL import Image
+from scene_cases import focused_display, generator
+
+SEED = 4021
+WIDTH, HEIGHT = 150, 110
+
+
+def display_for(rng, grid, eye, **others):
+    """A display of 8 to 15 pixels a lenslet, turned and shifted; 8 bits of a curve."""
+    numbers = {
+        "pitch": rng.uniform(0.6, 1.4), "gap": rng.uniform(0.5, 3.0), "rotation": rng.uniform(-40, 40),
+        "offset": tuple(rng.uniform(-0.7, 0.7, 2)), "width_px": WIDTH, "height_px": HEIGHT,
+    }  # fmt: skip
+    made = display_of(grid, "panel", pixel_pitch=numbers["pitch"] / rng.uniform(8, 15), **numbers)
+    panel = dataclasses.replace(made.panel, **others)
+    axis = tuple(rng.uniform(-3, 3, 2))
+    return dataclasses.replace(made, panel=panel, viewing_distance_mm=eye, viewing_axis_mm=axis if eye else (0.0, 0.0))
+
+
+def by_brute_force(display):
+    """Of each pixel: the nearest lenslet's (i, j) to its point q, q from that centre (array's axes), whether that is
+    doubtful; and the panel's points, in pixel coordinates, at which an eye sees the lenslets' centres, (N, 2).
+    """
+    panel, array = display.panel, display.array
+    p, px = array.pitch_mm, panel.pixel_pitch_mm
+    turn = np.exp(1j * math.radians(array.rotation_deg))
+    origin = complex(*array.offset_mm)
+    v, u = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    x = (u - WIDTH / 2) * px + 1j * (HEIGHT / 2 - v) * px
+    # The line from the eye, E before the axis point, to x, where it crosses the plane D before the panel.
+    D = display.gap_mm + array.thickness_mm / array.index
+    E, axis = display.viewing_distance_mm, complex(*display.viewing_axis_mm)
+    s = 0.0 if E is None else D / (D + E)
+    q = ((x - (x - axis) * s) - origin) / turn
+    reach = math.ceil(math.hypot(WIDTH, HEIGHT) * px / p) + 3
+    i, j = (n.ravel() for n in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    centre = p * (i + 1j * j) if array.grid == "square" else p * (i + j / 2 + 1j * j * math.sqrt(0.75))
+    near = abs(centre * turn + origin - np.median(x)) < math.hypot(WIDTH, HEIGHT) * px
+    i, j, centre = i[near], j[near], centre[near]
+    owner, doubtful = np.empty(q.shape, int), np.empty(q.shape, bool)
+    for row in range(HEIGHT):
+        away = abs(q[row][:, None] - centre)
+        two = np.partition(away, 1, axis=1)
+        owner[row], doubtful[row] = away.argmin(axis=1), two[:, 1] - two[:, 0] < 1e-9 * p
+    c = centre * turn + origin
+    seen = c if E is None else c + (c - axis) * D / E
+    at = np.stack([seen.real / px + WIDTH / 2, HEIGHT / 2 - seen.imag / px], axis=1)
+    return i[owner], j[owner], q - centre[owner], doubtful, at
+
+
+def levels(display, kind, **options):
+    """The panel values of a pattern by its image: 0 to 255."""
+    image = draw(display, kind, **options)
+    return encoded_values(image.radiance, display.panel.transfer, display.panel.bits).astype(int)
+
+
+@pytest.mark.parametrize(
+    ("grid", "eye", "transfer"),
+    [("square", None, "linear"), ("square", 90.0, "gamma2.2"), ("hex", None, "srgb"), ("hex", 90.0, "srgb")],
+)
+def test_patterns_of_the_lenslets_by_brute_force(grid, eye, transfer):
+    display = display_for(generator(SEED, grid, int(eye or 0), transfer), grid, eye, transfer=transfer)
+    i, j, q, doubtful, at = by_brute_force(display)
+    assert doubtful.mean() < 0.01
+    sure = ~doubtful
+
+    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]])
+    np.testing.assert_array_equal(levels(display, "cells")[sure], colours[(i - j) % 3][sure])
+
+    lens = int(i[HEIGHT // 3, WIDTH // 3]), int(j[HEIGHT // 3, WIDTH // 3])
+    wanted = 255 * ((i == lens[0]) & (j == lens[1]))
+    got = levels(display, "single-lens", lens=lens)
+    np.testing.assert_array_equal(got[sure], np.repeat(wanted[..., None], 3, axis=2)[sure])
+    assert 0 < wanted.mean() < 10
+
+    got = levels(display, "view-numbers")
+    p = display.array.pitch_mm
+    for channel, place in enumerate((q.real / p, q.imag / p / (math.sqrt(4 / 3) if grid == "hex" else 1.0))):
+        exact = np.clip(256 * (place + 0.5), 0, 255.999)
+        error = got[..., channel] - np.floor(exact)
+        clear = sure & (abs(exact - np.round(exact)) > 1e-6)
+        assert clear.mean() > 0.98
+        assert not error[clear].any()
+        assert np.ptp(got[..., channel]) > 240
+    assert not got[..., 2].any()
+
+    v, u = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    away = np.full(u.shape, np.inf)
+    for cu, cv in at:
+        away = np.minimum(away, np.maximum(abs(u - cu), abs(v - cv)))
+    got = levels(display, "lens-centres")
+    clear = abs(away - 17 / 32) > 1e-9
+    np.testing.assert_array_equal(got[clear], np.repeat(255 * (away <= 17 / 32)[..., None], 3, axis=2)[clear])
+    assert (got > 0).any()
+
+
+def test_two_cells_that_share_a_side_differ():
+    for grid, steps in (("square", [(1, 0), (0, 1)]), ("hex", [(1, 0), (0, 1), (-1, 1)])):
+        display = display_for(generator(SEED, grid), grid, None)
+        i, j, *_ = by_brute_force(display)
+        shown = levels(display, "cells")
+        colour = {(int(a), int(b)): tuple(c) for a, b, c in zip(i.flat, j.flat, shown.reshape(-1, 3), strict=True)}
+        pairs = [
+            (one, colour[other])
+            for (a, b), one in colour.items()
+            for s, t in steps
+            if (other := (a + s, b + t)) in colour
+        ]
+        assert len(pairs) > 100
+        assert all(one != other for one, other in pairs)
+
+
+@pytest.mark.parametrize("bits", [6, 8, 10])
+def test_ramps_and_checker_by_hand(bits):
+    display = display_for(generator(SEED, bits), "square", None, bits=bits, transfer="gamma2.2")
+    top = 255 if bits <= 8 else 65535
+    spread = top / (2**bits - 1)
+    column, row = np.arange(WIDTH), np.arange(HEIGHT)
+    tiles = (column[None] // 32 + row[:, None] // 32) % 2 * top
+    np.testing.assert_array_equal(levels(display, "checker"), np.repeat(tiles[..., None], 3, axis=2))
+    got = levels(display, "ramp")
+    assert (got == got[:1, :, :1]).all()
+    np.testing.assert_allclose(got[0, :, 0] / top, column % 256 / 255, atol=0.5 / (2**bits - 1) + 1e-4)
+    # Each band has each level that its columns have room for, in steps of the panel's own.
+    got = levels(display, "ramps")
+    wanted = np.rint(column * 2**bits // WIDTH * spread)
+    for band, channels in enumerate([(0, 1, 2), (0,), (1,), (2,)]):
+        rows = row * 4 // HEIGHT == band
+        assert 27 <= rows.sum() <= 28
+        for k in range(3):
+            expected = wanted if k in channels else np.zeros(WIDTH)
+            np.testing.assert_array_equal(got[rows][..., k], np.tile(expected, (rows.sum(), 1)))
+
+
+@pytest.mark.parametrize("eye", [None, 90.0])
+@pytest.mark.parametrize("fraction_bits", [16, 23])
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_boards_words_round_the_same_definitions(grid, fraction_bits, eye):
+    """At F = 16 a cell is 65536 units: a level changes where 256 of them round, one pixel in a hundred."""
+    display = display_for(generator(SEED, grid, fraction_bits), grid, eye)
+    for kind in ON_BOARD:
+        exact, words = (levels(display, kind, fraction_bits=f) for f in (None, fraction_bits))
+        differ = (exact != words).any(axis=2).mean()
+        assert differ <= (0.02 if fraction_bits == 16 else 2e-3), kind
+        if kind in ("checker", "ramp"):
+            assert differ == 0
+    assert (levels(display, "view-numbers") != levels(display, "view-numbers", fraction_bits=16)).any()
+
+
+def test_files_go_to_the_panel_and_the_observer_unchanged(tmp_path, capsys):
+    display = display_for(generator(SEED, "file"), "hex", None, transfer="gamma2.2")
+    (tmp_path / "d.toml").write_text(display_text(display))
+    target = Target(int(display.identity, 16), WIDTH, HEIGHT)
+    for kind in ON_BOARD:
+        path = tmp_path / f"{kind}.png"
+        assert (
+            run(["pattern", kind, "--display", str(tmp_path / "d.toml"), "-o", str(path), "--fraction-bits", "16"]) == 0
+        )
+        wanted = levels(display, kind, fraction_bits=16)
+        np.testing.assert_array_equal(np.asarray(Image.open(path)), wanted)
+        np.testing.assert_array_equal(load_frame(path, target), wanted)
+        assert IntegralImage.load(path, display).metadata["pattern"] == kind
+
+
+# --- white for one eye ----------------------------------------------------------------------------
+
+
+def eye_display(grid, side, eye):
+    """21 x 13 lenslets, f/4, 13 pixels each: elemental images out to 7 degrees."""
+    display = focused_display(grid, side, focal=4.0, pixel_pitch=1 / 13, width_px=273, height_px=169, rotation=3.0)
+    return dataclasses.replace(display, viewing_distance_mm=eye)
+
+
+@pytest.mark.parametrize("eye_mm", [None, 150.0])
+@pytest.mark.parametrize(
+    ("grid", "side"),
+    [
+        ("square", "panel"),
+        ("hex", "viewer"),
+        *(pytest.param(*g, marks=pytest.mark.full) for g in (("square", "viewer"), ("hex", "panel"))),
+    ],
+)
+def test_the_eye_sees_white_and_others_black(mi, grid, side, eye_mm):
+    """At 150 mm there is no crosstalk only because the display converges there: 12 mm aside are 5 degrees of its 7."""
+    display = eye_display(grid, side, eye_mm)
+    z = eye_mm or 600.0
+    eye = Eye((4.0, -3.0, z))
+    pattern = draw(display, "white-for-eye", eye)
+    lit = pattern.radiance[..., 0]
+    assert set(np.unique(lit)) == {0.0, 1.0}
+    assert lit.mean() < 0.15
+    # Within the panel: eyes to the side look past its edge.
+    window = Window(17.0, 10.0, 85, 50)
+    seen = observe(pattern.radiance, display, eye, window, samples=32, seed=5)
+    assert seen.status_share["crosstalk"] == 0.0
+    assert seen.radiance.mean() > 0.999
+    # Half an elemental image to the side: other pixels of the same lenslets.
+    step = z / 4.0 / 2.0
+    for x, y in ((step, 0.0), (-step, 0.0), (0.0, 0.9 * step)):
+        other = Eye((4.0 + 0.8 * x, -3.0 + 0.8 * y, z))
+        dark = observe(pattern.radiance, display, other, window, samples=32, seed=6, crosstalk=False)
+        assert dark.radiance.mean() < 0.02, (x, y)
+
+
+def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
+    """An eye far to the side sees neighbours' pixels: by the golden observer's share."""
+    display = eye_display("square", "panel", None)
+    eye = Eye((0.0, 0.0, 70.0))  # 21 mm at 70 mm: 8.5 degrees at the edges, beyond 7
+    white = white_for_eye(display, eye)
+    image = np.repeat(white[..., None], 3, axis=2)
+    own, every = (
+        observe(image, display, eye, whole_window(display, 105), samples=16, crosstalk=crosstalk)
+        for crosstalk in (False, True)
+    )
+    crosstalk = own.status_share["crosstalk"]
+    assert crosstalk > 0.1
+    assert abs(own.radiance.mean() - own.status_share["ok"]) < 2e-3
+    # Rays that cross a cell's side at its border end on pixels that other rays reach through their own lenslet.
+    assert every.radiance.mean() - own.radiance.mean() < 0.5 * crosstalk
+
+
+# --- bad input ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["white-for-eye"], "--eye belongs to the pattern white-for-eye"),
+        (["ramp", "--eye", "0,0,600"], "--eye belongs to the pattern white-for-eye"),
+        (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is behind the display"),
+        (["cells", "--lens", "0,0"], "--lens belongs to the pattern single-lens"),
+        (["single-lens", "--lens", "900,0"], "lenslet 900,0 owns no pixel"),
+        (["single-lens", "--lens", "0.5,0"], "lenslet 0.5,0 owns no pixel"),
+        (["cells", "--fraction-bits", "16"], "--fraction-bits belongs to the patterns of a board, single-lens"),
+        (["rings"], "'rings' is not one of 'lens-centres'"),
+    ],
+)
+def test_bad_options(tmp_path, capsys, options, said):
+    (tmp_path / "d.toml").write_text(display_text(eye_display("square", "panel", None)))
+    assert run(["pattern", *options, "--display", str(tmp_path / "d.toml"), "-o", str(tmp_path / "p.png")]) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert not out
+    assert not (tmp_path / "p.png").exists()
+
+
+def test_a_board_refuses_what_its_registers_cannot_hold():
+    display = display_for(generator(SEED, "wide"), "square", None, width_px=17000, height_px=1)
+    with pytest.raises(InputError, match="register raster_panel"):
+        draw(display, "lens-centres", fraction_bits=16)
+    assert draw(display, "lens-centres").radiance.shape == (1, 17000, 3)

@@ -1,0 +1,405 @@
+"""What eyes will see of a display: zones and shares against brute force, the table and the warnings by hand."""
+
+import dataclasses
+import json
+import math
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.display import display_text, load_display
+from lippmann.display_properties import beats_in_lenslets, display_properties, eye_views, table_of_views
+from lippmann.engines import trace_to_panel
+from lippmann.errors import InputError
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Status
+from lippmann.viewing import middle_eye, sees_all, status_share, zones
+from optics_cases import GRIDS, SIDES, display_of
+from scene_cases import focused_display, generator
+
+SEED = 1404
+SHIPPED = sorted((Path(__file__).parents[2] / "scenes/displays").glob("*.toml"))
+
+
+def changed(display, panel=None, array=None, **others):
+    """A display with other values of the panel's, the array's and its own keys."""
+    return dataclasses.replace(
+        display,
+        panel=dataclasses.replace(display.panel, **panel or {}),
+        array=dataclasses.replace(display.array, **array or {}),
+        **others,
+    )
+
+
+def laptop(distance_mm=600.0, width_mm=None):
+    """15.6 inches of 4K behind hexagonal lenslets of 1 mm, f 3 mm in the glass; or a panel of another width."""
+    display = display_of(
+        "hex", "panel", radius=3.0 * 0.5168, index=1.5168, thickness=4.5504, gap=0.0, rotation=0.37,
+        pixel_pitch=0.08964, width_px=3840, height_px=2160,
+    )  # fmt: skip
+    if width_mm is not None:
+        display = changed(display, {"width_px": round(width_mm / 0.08964), "height_px": round(width_mm / 0.15936)})
+    return changed(display, viewing_distance_mm=distance_mm)
+
+
+def rays_through(display, eye, points):
+    """Origins and unit directions of rays from an eye to points (N, 3), refracted by a flat face before them."""
+    first = np.array(points)
+    if display.array.plano_side == "viewer":
+        first[:, 2] = display.array.thickness_mm
+        for _ in range(10):  # where the ray meets the flat face: Snell's law by iteration
+            slope = (first[:, :2] - eye[:2]) / (eye[2] - first[:, 2:])
+            angle = np.arctan(np.hypot(*slope.T))[:, None]
+            inside = np.tan(np.arcsin(np.sin(angle) / display.array.index)) / np.maximum(np.tan(angle), 1e-30)
+            first[:, :2] = points[:, :2] - slope * inside * (first[:, 2:] - points[:, 2:])
+    lines = first - eye
+    return np.broadcast_to(eye, lines.shape), lines / np.linalg.norm(lines, axis=1, keepdims=True)
+
+
+def crosstalk_rays(display, eye, points):
+    """How many of the rays through points see a neighbour's image."""
+    return int((trace_to_panel(display, *rays_through(display, eye, points)).status == Status.CROSSTALK).sum())
+
+
+def points_of_window(display, rng, count):
+    """Random points of the panel's window, mm."""
+    size = (display.panel.width_mm, display.panel.height_mm, 0.0)
+    return rng.uniform(-0.5, 0.5, (count, 3)) * size
+
+
+def worst_points(display, rng, count):
+    """Random points near corners and sides of cells, along the panel's edges: the last clean rays pass there.
+
+    They are in the plane of the domes' vertices or in that of their rims, and keep off the last hundredth of a cell.
+    """
+    array, half = display.array, 0.5 * np.array([display.panel.width_mm, display.panel.height_mm])
+    angle = math.radians(array.rotation_deg)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    row = [0.5, 0.5 * math.sqrt(3.0)] if array.grid == "hex" else [0.0, 1.0]
+    basis = array.pitch_mm * turn @ np.array([[1.0, 0.0], row]).T
+    around = rng.uniform(-1.0, 1.0, (count, 2))
+    side = np.arange(count), rng.integers(0, 2, count)
+    around[side] = np.sign(around[side]) * rng.uniform(0.98, 1.0, count)
+    around[::2] = np.sign(around[::2]) * rng.uniform(0.98, 1.0, (len(around[::2]), 2))
+    lattice = np.round((around * half - array.offset_mm) @ np.linalg.inv(basis).T)
+    turns, first, radius = (6, 30.0, 3.0**-0.5) if array.grid == "hex" else (4, 45.0, 0.5**0.5)
+    corners = np.radians(first + 360.0 / turns * np.arange(turns + 1) + array.rotation_deg)
+    corners = array.pitch_mm * radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
+    one, along = rng.integers(0, turns, count), rng.choice([0.0, 0.02, 0.5], (count, 1))
+    edge = corners[one] * (1.0 - along) + corners[one + 1] * along
+    points = lattice @ basis.T + array.offset_mm + edge * rng.uniform(0.93, 0.99, (count, 1))
+    rims = array.sag_mm if array.plano_side == "viewer" else -array.sag_mm
+    points = np.concatenate([points, rng.choice([0.0, rims], (count, 1))], axis=1)
+    return points[(np.abs(points[:, :2]) < half).all(axis=1)]
+
+
+ZONED = {
+    "15.6 inch": laptop(),
+    "15.6 inch, off the axis": dataclasses.replace(laptop(), viewing_axis_mm=(80.0, -30.0)),
+    "1.2 m at 1500 mm": laptop(1500.0, 1200.0),
+    "small, eye far away": display_of("square", "panel", radius=1.7, thickness=4.0, gap=0.2, width_px=400),
+    "turned": changed(
+        focused_display("square", focal=3.0, width_px=1600, height_px=1200, pixel_pitch=0.1, rotation=20.0),
+        viewing_distance_mm=400.0,
+    ),
+    "domes to the panel": changed(
+        focused_display("hex", "viewer", focal=5.0, width_px=1500, height_px=900, pixel_pitch=0.1, rotation=7.0),
+        {}, {"thickness_mm": 2.5}, viewing_distance_mm=500.0,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "share"), [*((name, 1.0) for name in ZONED), ("15.6 inch, off the axis", 1.2)])
+def test_the_zone_ends_where_the_observers_rays_find_crosstalk(name, share):
+    """Inside none of many rays finds any, 0.5 % before the border; 2 % beyond it some do."""
+    display, rng = ZONED[name], generator(SEED, name)
+    z = share * (display.viewing_distance_mm or 600.0)
+    (zone,) = zones(display, [z])
+    middle = np.array(middle_eye(display, z))
+    width, height = zone.right_mm - zone.left_mm, zone.top_mm - zone.bottom_mm
+    everywhere, worst = points_of_window(display, rng, 10_000), worst_points(display, rng, 40_000)
+    # A lenslet that the panel's edge cuts moves the border by the distance at which an eye tells two lenslets apart.
+    cut = display.array.pitch_mm * abs(1.0 - z / (display.viewing_distance_mm or math.inf))
+    for place, size in (((zone.left_mm, middle[1]), width), ((zone.right_mm, middle[1]), width),
+                        ((middle[0], zone.bottom_mm), height), ((middle[0], zone.top_mm), height)):  # fmt: skip
+        out = np.array([*place, z]) - middle
+        out /= np.linalg.norm(out)
+        inside, outside = np.array([*place, z]) - 0.0025 * size * out, np.array([*place, z]) + (0.01 * size + cut) * out
+        assert crosstalk_rays(display, inside, everywhere) == 0
+        assert crosstalk_rays(display, inside, worst) == 0
+        assert crosstalk_rays(display, outside, np.concatenate([everywhere, worst])) > 0
+
+
+@pytest.mark.parametrize("name", ZONED)
+def test_eyes_all_over_the_zone_see_no_crosstalk(name):
+    """Between the zone's four ends, the observer's random rays find no crosstalk at all."""
+    display, rng = ZONED[name], generator(SEED, name, 1)
+    z = display.viewing_distance_mm or 600.0
+    (zone,) = zones(display, [z])
+    x, y, _ = middle_eye(display, z)
+    ends = np.array([(zone.left_mm, y), (zone.right_mm, y), (x, zone.bottom_mm), (x, zone.top_mm)])
+    for weights in rng.dirichlet(np.ones(4), 6):
+        eye = np.array([*(weights @ ends), z])
+        status = trace_to_panel(display, *rays_through(display, eye, points_of_window(display, rng, 20_000))).status
+        assert (status != Status.CROSSTALK).all()
+        assert (status == Status.OK).mean() > 0.9
+
+
+def test_a_wide_panel_has_no_zone_nearby_and_inspect_says_so():
+    """1.2 m at 600 mm: Snell's law in the glass moves the outer images by more than half a pitch, for every eye."""
+    display = laptop(600.0, 1200.0)
+    # At 45 degrees a ray comes 4.5504 tan(asin(sin 45 / 1.5168)) = 2.398 mm off the axis; the image lies 3 mm off it.
+    assert 3.0 - 4.5504 * math.tan(math.asin(math.sin(math.radians(45.0)) / 1.5168)) > 0.5
+    assert zones(display, [600.0]) == [None]
+    share = status_share(display, (0.0, 0.0, 600.0))["crosstalk"]
+    (warning,) = [words for words in display_properties(display).warnings if "whole panel" in words]
+    assert warning.startswith(f"no eye at 600 mm sees the whole panel: {100.0 * share:.1f} % of the view")
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("side", SIDES)
+def test_slow_lenslets_have_the_paraxial_zone(grid, side):
+    """At f/20 rays hardly bend otherwise: the zone is (1 + k) p z / 2D - W/2 |1 - z/E| to each side of a z/E."""
+    rng = generator(SEED, grid, side)
+    for _ in range(4):
+        wide, distance = float(rng.uniform(40.0, 120.0)), float(rng.uniform(500.0, 900.0))
+        axis = tuple(rng.uniform(-15.0, 15.0, 2).tolist())
+        display = changed(
+            focused_display(grid, side, focal=20.0, width_px=round(wide / 0.05), height_px=600, pixel_pitch=0.05),
+            viewing_distance_mm=distance, viewing_axis_mm=axis,
+        )  # fmt: skip
+        shares = (0.9, 1.0, 1.1)
+        for share, zone in zip(shares, zones(display, [share * distance for share in shares]), strict=True):
+            z = share * distance
+            half = 0.5 * (1.0 + 20.0 / distance) * z / 20.0 - 0.5 * wide * abs(1.0 - share)
+            # Spherical aberration blurs by less than 1 % of a pitch; a lenslet that the edge cuts moves it a little.
+            near = 0.02 * z / 20.0 + 1.5 * abs(1.0 - share)
+            assert zone.left_mm == pytest.approx(axis[0] * share - half, abs=near)
+            assert zone.right_mm == pytest.approx(axis[0] * share + half, abs=near)
+
+
+@pytest.mark.parametrize("name", ["15.6 inch, off the axis", "small, eye far away", "domes to the panel"])
+def test_shares_are_those_of_observe(name, mi):
+    """Within five standard deviations of both samples, for eyes inside the zone and outside."""
+    display, rng = ZONED[name], generator(SEED, name, 2)
+    display = changed(display, {"width_px": 700, "height_px": 500}, viewing_axis_mm=(5.0, -3.0))
+    light = np.ones((500, 700, 3), np.float32)
+    for _ in range(4):
+        eye = (float(rng.uniform(-150.0, 150.0)), float(rng.uniform(-100.0, 100.0)), float(rng.uniform(300.0, 900.0)))
+        window = whole_window(display, 300)
+        seen = observe(light, display, Eye(eye), window, samples=4).status_share
+        told = status_share(display, eye)
+        assert told.keys() == seen.keys()
+        assert sum(told.values()) == pytest.approx(1.0)
+        rays = 4 * window.width_px * window.height_px
+        for status, share in seen.items():
+            noise = math.sqrt(share * (1.0 - share) * (1.0 / rays + 1.0 / 8192.0))
+            assert told[status] == pytest.approx(share, abs=5.0 * noise + 2.0 / 8192.0), status
+
+
+def lenslet_pixels(display, eye, count):
+    """Pixel columns that an eye sees through the centres of lenslets in the array's middle row."""
+    centres = np.zeros((count, 3))
+    centres[:, 0] = display.array.pitch_mm * (np.arange(count) - count // 2)
+    return trace_to_panel(display, *rays_through(display, np.array(eye), centres), model="pinhole").pixel[:, 0]
+
+
+@pytest.mark.parametrize("distance_mm", [250.0, 600.0, 1500.0])
+def test_the_table_of_views_follows_from_traced_rays(distance_mm):
+    """View step, beat and depth range, from pixels that an eye sees through neighbouring lenslets' centres."""
+    display = display_of("square", "panel", radius=1.6, gap=1.3, width_px=1600, height_px=500, pixel_pitch=0.0931)
+    (view,) = eye_views(display, [(0.0, 0.0, distance_mm)])
+    here, there = (lenslet_pixels(display, (x, 0.0, distance_mm), 129) for x in (0.0, view.view_step_mm))
+    assert here - there == pytest.approx(np.ones(129), abs=1e-9)
+    steps = np.diff(here)
+    beat = 1.0 / abs(math.remainder(steps.mean(), 1.0))
+    assert beats_in_lenslets(display, distance_mm)[0] == pytest.approx(beat)
+    assert view.moire_lenslets == (pytest.approx(beat) if 4.0 < beat < display.panel.width_mm else None)
+    assert math.tan(math.radians(view.lenslet_arcmin / 60.0)) == pytest.approx(1.0 / distance_mm, rel=1e-4)
+    # Two rays from pixels q apart through one lenslet are |d| q / D apart at the depth d. The eye sees that gap on the
+    # display as wide as a lenslet.
+    gap = display.panel.pixel_pitch_mm / display.aperture_distance_mm
+    for depth in view.depth_range_mm:
+        assert abs(depth) * gap * distance_mm / (distance_mm - depth) == pytest.approx(1.0)
+    assert view.depth_range_mm[0] < 0.0 < view.depth_range_mm[1]
+
+
+def test_the_farthest_depth_is_infinite_for_a_near_eye():
+    display = display_of("square", "panel", radius=1.6, gap=1.3, pixel_pitch=0.005)
+    reach = display.aperture_distance_mm / 0.005
+    (view,) = eye_views(display, [(0.0, 0.0, 0.9 * reach)])
+    assert view.depth_range_mm == (-math.inf, pytest.approx(0.9 / 1.9 * reach))
+
+
+def test_the_table_has_the_zones_and_shares_of_its_eyes():
+    display = ZONED["15.6 inch, off the axis"]
+    views = table_of_views(display)
+    assert [view.eye_mm[2] for view in views] == [300.0, 450.0, 600.0, 900.0, 1200.0, 1800.0]
+    assert views[2].eye_mm == (80.0, -30.0, 600.0)
+    assert views[0].eye_mm == (40.0, -15.0, 300.0)
+    for view in views:
+        assert [view.zone_mm] == zones(display, [view.eye_mm[2]])
+        assert view.status_share == status_share(display, view.eye_mm)
+        assert (view.zone_mm is not None) == sees_all(display, np.array([view.eye_mm]))[0]
+    assert display_properties(display).viewing_zone_mm == pytest.approx(
+        0.5 * (views[2].zone_mm.right_mm - views[2].zone_mm.left_mm)
+    )
+
+
+def test_an_eye_behind_the_display_is_refused():
+    display = changed(ZONED["domes to the panel"])
+    for z in (-1.0, 0.0, 2.5):
+        with pytest.raises(InputError, match=r"not before the display, which ends at 2\.5 mm"):
+            status_share(display, (0.0, 0.0, z))
+
+
+# --- the warning and its remedy -------------------------------------------------------------------
+
+HELPLESS = {
+    "15.6 inch without a viewing distance": changed(laptop(), viewing_distance_mm=None),
+    "1.2 m at 600 mm": laptop(600.0, 1200.0),
+    "out of focus": changed(focused_display("square", focal=3.0, width_px=900, height_px=600), gap_mm=5.0),
+    "fast domes to the panel": focused_display("square", "viewer", focal=2.2, width_px=900, height_px=600),
+    **{path.stem: load_display(path) for path in SHIPPED},
+}
+
+
+@pytest.mark.parametrize("name", HELPLESS)
+def test_the_remedy_of_the_warning_opens_a_zone(name):
+    display = HELPLESS[name]
+    found = [words for words in display_properties(display).warnings if "sees the whole panel" in words]
+    usual = display.viewing_distance_mm or 600.0
+    assert bool(found) == (zones(display, [usual]) == [None])
+    if not found:
+        return
+    keys = {key: float(value) for key, value in re.findall(r"(\w+_mm) = ([\d.]+)", found[0])}
+    assert keys
+    array = {key: keys[key] for key in ("pitch_mm",) if key in keys}
+    if "focal_length_mm" in keys:
+        array["radius_mm"] = keys["focal_length_mm"] * (display.array.index - 1.0)
+    top = {key: keys[key] for key in ("gap_mm", "viewing_distance_mm") if key in keys}
+    better = changed(display, {}, array, **top)
+    z = better.viewing_distance_mm or 600.0
+    assert found[0].endswith("and look from there") == (z != usual)
+    assert zones(better, [z]) != [None]
+    assert not [words for words in display_properties(better).warnings if "sees the whole panel" in words]
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture
+def inspected(tmp_path, monkeypatch, capsys):
+    """Run `inspect` on a display in an empty folder; return its exit code, JSON (None without) and messages."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(display, *arguments):
+        Path("it.toml").write_text(display_text(display))
+        capsys.readouterr()
+        code = run(["inspect", "it.toml", "--json", *arguments])
+        out, err = capsys.readouterr()
+        return code, json.loads(out), err
+
+    return call
+
+
+def test_inspect_tells_what_an_eye_sees(inspected):
+    display = ZONED["15.6 inch, off the axis"]
+    code, result, _ = inspected(display, "--eye", "95,0,610")
+    assert code == 0
+    (view,) = eye_views(display, [(95.0, 0.0, 610.0)])
+    assert result["eye"] == json.loads(json.dumps({**dataclasses.asdict(view), "zone_mm": view.zone_mm._asdict()}))
+    assert [row["eye_mm"][2] for row in result["distances"]] == [300.0, 450.0, 600.0, 900.0, 1200.0, 1800.0]
+    assert result["viewing_distance_mm"] == 600.0
+    assert result["viewing_axis_mm"] == [80.0, -30.0]
+    # The elemental image's pitch is p (1 + D/E) = 1.005 mm.
+    assert result["elemental_image_px"] == pytest.approx(1.005 / 0.08964)
+
+
+def texts(path):
+    """The words in an SVG."""
+    return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]
+
+
+def axes_of(path):
+    """The charts of an SVG."""
+    return [group for group in ElementTree.parse(path).iter(f"{SVG}g") if group.get("id", "").startswith("axes_")]
+
+
+def coloured(chart, style, colour):
+    """The marks or lines of a chart whose style names a colour."""
+    tag = {"fill": "use", "stroke": "path"}[style]
+    return [one for one in chart.iter(f"{SVG}{tag}") if re.search(f"{style}: {colour}", one.get("style", ""))]
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("side", SIDES)
+def test_the_drawing_shows_every_lenslet_and_the_numbers(inspected, grid, side):
+    """A small panel: a dot for each lenslet whose centre lies on it."""
+    display = display_of(grid, side, width_px=200, height_px=160, pixel_pitch=0.0931, offset=(0.2, 0.3), thickness=2.5)
+    display = changed(display, viewing_distance_mm=300.0)
+    assert inspected(display, "--draw", "d.svg")[0] == 0
+    words = texts("d.svg")
+    assert "panel 18.62 x 14.9 mm, one lenslet in 1 x 1" in words
+    distance = display.aperture_distance_mm
+    assert f"gap 0.5, thickness 2.5, focal length 3, D {distance:.4g} mm" in words
+    i, j = np.mgrid[-60:61, -60:61]
+    across = i + 0.5 * j if grid == "hex" else i
+    up = j * (0.5 * math.sqrt(3.0) if grid == "hex" else 1.0)
+    on_panel = (abs(across + 0.2) <= 0.5 * 18.62) & (abs(up + 0.3) <= 0.5 * 14.896)
+    whole, _, middle, corner = axes_of("d.svg")
+    dots = coloured(whole, "fill", "#0072b2")
+    assert len(dots) == on_panel.sum()
+    for close in (middle, corner):
+        # A close-up is 4 x 4 pitches of 1 mm: cells of 1 mm^2, or sqrt(3)/2 mm^2, and each with its elemental image.
+        cells, images = (coloured(close, "stroke", colour) for colour in ("#0072b2", "#d55e00"))
+        assert len(images) >= 16.0 / (0.5 * math.sqrt(3.0) if grid == "hex" else 1.0)
+        assert len(cells) >= len(images)
+
+
+def test_drawings_are_reproducible(inspected):
+    found = []
+    for name in ("one.svg", "two.svg"):
+        assert inspected(ZONED["turned"], "--draw", name)[0] == 0
+        found.append(Path(name).read_bytes())
+    assert found[0] == found[1]
+    assert inspected(ZONED["turned"], "--draw", "d.png")[0] == 0
+    assert Path("d.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_of_the_zones_names_the_eyes_and_their_crosstalk(inspected):
+    display = ZONED["15.6 inch"]
+    code, result, _ = inspected(display, "--zones", "z.svg", "--eye", "95,0,600")
+    assert code == 0
+    words = texts("z.svg")
+    assert "viewing distance: 0, 0, 600 mm, crosstalk 0.0 %" in words
+    share = result["eye"]["status_share"]["crosstalk"]
+    assert share > 0.0
+    assert f"eye: 95, 0, 600 mm, crosstalk {100.0 * share:.1f} %" in words
+    assert "zone without crosstalk" in words
+    assert inspected(laptop(600.0, 1200.0), "--zones", "none.svg")[0] == 0
+    assert "zone without crosstalk" not in texts("none.svg")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--eye", "0,0,-5"), "eye: z -5 mm is not before the display"),
+        (("--eye", "0,0"), "give 3 finite numbers"),
+        (("--draw", "d.jpg"), "choose from .svg, .png"),
+        (("--zones", "gone/z.svg"), "make it first"),
+        (("--draw", "d.svg", "--zones", "d.svg"), "give two names"),
+        (("--zone", "d.svg"), "Did you mean one of: '--json', '--zones'"),
+    ],
+)
+def test_what_inspect_refuses(inspected, arguments, said):
+    code, result, err = inspected(ZONED["15.6 inch"], *arguments)
+    assert code == 2
+    assert said in result["error"]
+    assert len(err.splitlines()) == 1
+    assert [path.name for path in Path().iterdir()] == ["it.toml"]
