@@ -18,28 +18,37 @@ from typing import Annotated, Any, Literal
 from lippmann import toml
 from lippmann.errors import InputError, input_error
 from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
+from lippmann.subpixels import Subpixel, layout_of
 from lippmann.toml import documented, key, variant
+from lippmann.tones import MAX_PAIRS, Curve, curve_of
 
 Grid = Literal["square", "hex"]
 PlanoSide = Literal["panel", "viewer"]
-Subpixels = Literal["none", "rgb", "bgr"]
-Transfer = Literal["srgb", "linear", "gamma2.2"]
+SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
+TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
 
 MM_PER_INCH = 25.4
 #: Nearest eye on which elemental images converge, in focal lengths of the lenslets, or distances D to the panel.
 NEAREST_EYE = 4.0
+#: Keys of a panel that affect no ray.
+TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
 #: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
 MAX_SIDE_PX = 65535
 #: Largest length of a file, mm: far beyond what can be built, well within what squares and quotients survive.
 MAX_LENGTH_MM = 1e12
 Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
+#: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
+LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 #: Above air, up to the densest optical materials.
+MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
+Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(3, 1024))]
+Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -51,20 +60,55 @@ class Panel:
 
     width_px: Side
     height_px: Side
-    pixel_pitch_mm: Annotated[Length, key("pixel pitch, the same in x and y")]
-    subpixels: Annotated[Subpixels, key("colour stripes of a pixel from left to right, or none")] = "none"
+    pixel_pitch_mm: Annotated[Length | LengthPair, key("pixel pitch; [x, y] where the pixels are not square")]
+    subpixels: Annotated[
+        SubpixelsName | Subpixels, key("where in a pixel each colour is: stripes from left to right, or a layout")
+    ] = "none"
     bits: Annotated[int, key("bits of each colour, for PNG files and boards", low=1, high=16)] = 8
-    transfer: Annotated[Transfer, key("curve between panel value and light, for PNG files and boards")] = "srgb"
+    transfer: Annotated[
+        TransferName | MeasuredCurve, key("curve between panel value and light, for PNG files and boards")
+    ] = "srgb"
+
+    white_cd_m2: Annotated[Luminance, key("luminance of white", default="unknown")] = None
+    black_cd_m2: Annotated[Luminance, key("luminance of a black pixel", default="0")] = None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys and their values, without those that were left out and have no default."""
+        return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
+
+    @property
+    def black(self) -> float:
+        """Light of a black pixel, as a share of white's."""
+        return (self.black_cd_m2 or 0.0) / (self.white_cd_m2 or 1.0)
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """Pixel pitches in x and y, mm."""
+        pitch = self.pixel_pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def coarsest_mm(self) -> float:
+        """The larger of the pixel pitches, mm: it limits depth and resolution."""
+        return max(self.pitches_mm)
 
     @property
     def width_mm(self) -> float:
         """Width of the emitting area, mm."""
-        return self.width_px * self.pixel_pitch_mm
+        return self.width_px * self.pitches_mm[0]
 
     @property
     def height_mm(self) -> float:
         """Height of the emitting area, mm."""
-        return self.height_px * self.pixel_pitch_mm
+        return self.height_px * self.pitches_mm[1]
+
+    def with_columns(self, width_px: int) -> Panel:
+        """Return the panel with another number of columns, and rows to match, in the same window."""
+        height_px = max(1, round(width_px * self.height_px / self.width_px))
+        x, y = (self.width_px * side / width_px for side in self.pitches_mm)
+        pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
+        return replace(self, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch)
 
 
 @documented
@@ -148,7 +192,7 @@ class Display:
     def identity(self) -> str:
         """Hash of the optical part, 16 hexadecimal digits; images carry it to name the display that they fit."""
         array = dataclasses.asdict(self.array)
-        panel = {key: value for key, value in dataclasses.asdict(self.panel).items() if key not in ("bits", "transfer")}
+        panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
             # It follows from the glass: at another wavelength this is the same display.
             del array["index"]
@@ -230,6 +274,17 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
         panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
+    if isinstance(panel["pixel_pitch_mm"], tuple) and len(set(panel["pixel_pitch_mm"])) == 1:
+        panel["pixel_pitch_mm"] = panel["pixel_pitch_mm"][0]  # square pixels have one identity
+    for part, check in (("transfer", curve_of), ("subpixels", layout_of)):
+        try:
+            check(panel[part])
+        except InputError as error:
+            raise InputError(f"{where}panel.{part}: {error}") from None
+    white, black = panel["white_cd_m2"], panel["black_cd_m2"]
+    if black is not None and not black < (white or 0.0):
+        what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
+        raise input_error(f"{where}panel.black_cd_m2", what, "give both, in cd/m2, from the data sheet")
     array["index"] = index_of_keys(keys.array, f"{where}array.")
     if focal_mm is not None:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
@@ -258,7 +313,7 @@ def display_text(display: Display) -> str:
     top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
-    tables = {"": top, "panel": dataclasses.asdict(display.panel), "array": dataclasses.asdict(display.array)}
+    tables = {"": top, "panel": display.panel.keys, "array": dataclasses.asdict(display.array)}
     del tables["array"]["glass" if display.array.glass is None else "index"]
     # Numbers, text and lists are written alike in JSON and TOML.
     return "\n".join(
@@ -277,7 +332,7 @@ def check_radius(array: Array, where: str) -> None:
 
 def _check(display: Display, where: str) -> None:
     """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
-    array, pixel_mm = display.array, display.panel.pixel_pitch_mm
+    array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")

@@ -86,7 +86,7 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
     """
     pitch, distance = display.array.pitch_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
-    reach, step = pitch * distance / display.panel.pixel_pitch_mm, display.panel.pixel_pitch_mm / distance
+    reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
     views = []
     for eye, share, zone in zip(eyes_mm, shares, zones(display, [eye[2] for eye in eyes_mm]), strict=True):
         z = eye[2]
@@ -119,7 +119,7 @@ def display_properties(display: Display) -> DisplayProperties:
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
-    reach = pitch * distance / panel.pixel_pitch_mm
+    reach = pitch * distance / panel.coarsest_mm
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
         **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
@@ -128,15 +128,15 @@ def display_properties(display: Display) -> DisplayProperties:
         aperture_distance_mm=distance,
         back_focal_length_mm=array.focal_length_mm - in_glass,
         lenslets=(across, down, across * down),
-        elemental_image_px=image / panel.pixel_pitch_mm,
+        elemental_image_px=image / panel.coarsest_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
         viewing_zone_mm=0.0 if zone is None else 0.5 * (zone.right_mm - zone.left_mm),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
-        angular_resolution_deg=math.degrees(panel.pixel_pitch_mm / distance),
+        angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
         spatial_resolution_mm=pitch,
-        views=math.floor(image / panel.pixel_pitch_mm + 1e-9),
+        views=math.floor(image / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
 
@@ -152,11 +152,12 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
     The period is infinite where each lenslet has the same phase.
     """
     array = display.array
-    ratio = array.pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm) / display.panel.pixel_pitch_mm
+    pitch_mm = array.pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm)
     turn, between = math.radians(array.rotation_deg), math.radians(60.0 if array.grid == "hex" else 90.0)
 
-    def period(along: Callable[[float], float]) -> float:
+    def period(along: Callable[[float], float], pixel_mm: float) -> float:
         """Return a beat's period; `along` gives a unit lattice vector's component across the pixel lines."""
+        ratio = pitch_mm / pixel_mm
         phases = [math.remainder(ratio * along(angle), 1.0) for angle in (turn, turn + between)]
         squares = []
         for i, j in itertools.product((-1, 0, 1), repeat=2):
@@ -165,7 +166,8 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
         frequency = math.sqrt(max(min(squares), 0.0)) / math.sin(between)
         return 1.0 / frequency if frequency else math.inf
 
-    return period(math.cos), period(math.sin)
+    across_mm, down_mm = display.panel.pitches_mm
+    return period(math.cos, across_mm), period(math.sin, down_mm)
 
 
 def visible_moire(display: Display, distance_mm: float = math.inf) -> float | None:
@@ -173,13 +175,13 @@ def visible_moire(display: Display, distance_mm: float = math.inf) -> float | No
     panel, pitch = display.panel, display.array.pitch_mm
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
-    return max(beats) if beats and pitch / panel.pixel_pitch_mm < MOIRE_BELOW_PIXELS else None
+    return max(beats) if beats and pitch / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
 
 
 def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:
     panel, array = display.panel, display.array
     found = []
-    ratio = array.pitch_mm / panel.pixel_pitch_mm
+    ratio = array.pitch_mm / panel.coarsest_mm
     if ratio < 2.0:
         found.append(
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
@@ -194,7 +196,8 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
     # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
-        found.append("colour moire: colour stripes run parallel to the lenslets; turn the array by some degrees")
+        kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
+        found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
     if half_field_deg < 5.0:
         found.append(
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "

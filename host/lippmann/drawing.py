@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.display_properties import percent
@@ -16,8 +17,10 @@ from lippmann.images import replacing
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats, Status, gets_through
 from lippmann.optics.system import System
-from lippmann.rendering.sources import STRIPES
+from lippmann.subpixels import layout_of
 from lippmann.viewing import middle_eye, status_share, status_shares, viewing_distance, zones
+
+Ints = npt.NDArray[np.int64]
 
 SUFFIXES = (".svg", ".png")
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
@@ -137,9 +140,7 @@ def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> N
     if len(columns) <= TOLD_APART:
         axis.vlines(x, y.min(), y.max(), color="0.8", linewidth=0.5)
         axis.hlines(y, x.min(), x.max(), color="0.8", linewidth=0.5)
-        for offset, colour in zip(STRIPES[panel.subpixels] or (), ("red", "green", "blue"), strict=False):
-            middle = x[:-1] + (0.5 + offset) * panel.pixel_pitch_mm
-            axis.vlines(middle, y.min(), y.max(), color=colour, alpha=0.3, linewidth=1.0)
+        _draw_subpixels(axis, display, system, columns[:-1], rows[:-1])
     corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
     x, y = system.frame.turn(*corners)
     centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
@@ -152,6 +153,26 @@ def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> N
         px, py = system.convergence.on_panel(corners[0], corners[1], ax, ay)
         image = system.frame.panel_from_array(ax + px, ay + py)
         axis.plot(*image, color=IMAGE, linewidth=1.0, scalex=False, scaley=False)
+
+
+def _draw_subpixels(axis: Any, display: Display, system: System, columns: Ints, rows: Ints) -> None:
+    """Draw the sub-pixels of the pixels in some columns and rows; white ones grey."""
+    from matplotlib.collections import PolyCollection
+
+    layout = layout_of(display.panel.subpixels)
+    if layout is None:
+        return
+    for colour, left, top, right, bottom in layout.edges():
+        column, row = int(0.5 * (left + right)), int(0.5 * (top + bottom))
+        tiles = columns[(columns - column) % layout.columns == 0] - column, rows[(rows - row) % layout.rows == 0] - row
+        u, v = (tile.reshape(-1, 1) for tile in np.meshgrid(*tiles))
+        x, y = system.frame.panel_from_pixel(
+            u + np.array([left, right, right, left]), v + np.array([top, top, bottom, bottom])
+        )
+        face = "0.6" if colour == "white" else colour
+        # A picture inside the SVG: thousands of shapes would make it large.
+        boxes = PolyCollection(list(np.stack([x, y], axis=2)), facecolor=face, alpha=0.3, rasterized=True)
+        axis.add_collection(boxes, autolim=False)
 
 
 def _draw_section(axis: Any, display: Display) -> None:

@@ -109,7 +109,7 @@ def trace(
     farthest = FARTHEST_LENSLETS * array.pitch_mm
     if max(abs(x) for x in array.offset_mm) > farthest:
         raise InputError(f"array.offset_mm is beyond {farthest:.6g}; bring the array nearer to the panel")
-    pixel = _columns("pixels", pixels, 2, farthest / panel.pixel_pitch_mm)
+    pixel = _columns("pixels", pixels, 2, farthest / panel.coarsest_mm)
     points = None if aperture is None else _columns("aperture", aperture, 2, farthest)
     if points is not None and len(points) != len(pixel):
         raise InputError(f"aperture has {len(points)} rows for {len(pixel)} pixels; give one each")

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file
 from lippmann.stderr import silent_stderr
+from lippmann.tones import Transfer, curve_of, transfer_text
 
 #: Formats with linear radiance, and with panel values.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
@@ -53,9 +54,11 @@ class Picture:
     metadata: dict[str, str]
 
 
-def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
-    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2" or "linear"."""
+def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(light, measured[:, 1], measured[:, 0]).astype(np.float32)
     if transfer == "linear":
         return light
     if transfer == "gamma2.2":
@@ -66,7 +69,7 @@ def encode(linear: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
     raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
-def encoded_values(radiance: npt.NDArray[Any], transfer: str, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
+def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
     """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
 
     Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
@@ -98,9 +101,11 @@ def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
 
 
-def decode(values: npt.NDArray[Any], transfer: str) -> npt.NDArray[np.float32]:
+def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
     """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
     v = np.asarray(values, np.float32)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(v, measured[:, 0], measured[:, 1]).astype(np.float32)
     if transfer == "linear":
         return v
     if transfer == "gamma2.2":
@@ -154,7 +159,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_picture(
-    path: str | Path, radiance: npt.NDArray[Any], metadata: Mapping[str, str], transfer: str = "srgb", bits: int = 8
+    path: str | Path,
+    radiance: npt.NDArray[Any],
+    metadata: Mapping[str, str],
+    transfer: Transfer = "srgb",
+    bits: int = 8,
 ) -> None:
     """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
@@ -170,9 +179,9 @@ def write_picture(
     entries, kind = dict(metadata), oiio.FLOAT
     setting = "compression", "zip"
     if suffix == ".png":
-        entries["transfer"] = transfer
+        entries["transfer"] = transfer_text(transfer)
         kind = oiio.UINT8 if bits <= 8 else oiio.UINT16
-        setting = "oiio:ColorSpace", COLOUR_SPACES.get(transfer, "")
+        setting = "oiio:ColorSpace", COLOUR_SPACES.get(transfer_text(transfer), "")
     elif suffix == ".exr":
         kind = oiio.HALF
     spec = oiio.ImageSpec(width, height, 3, kind)

@@ -16,6 +16,7 @@ from lippmann.display import Display
 from lippmann.errors import DeviceError, input_error
 from lippmann.fullscreen import show_window
 from lippmann.images import ENCODED_SUFFIXES, Radiance, encoded_values, png_bytes, read_picture, write_picture
+from lippmann.tones import transfer_name, transfer_text
 
 
 class Showable:
@@ -124,7 +125,7 @@ class IntegralImage(Showable):
 
 def _tones(display: Display) -> dict[str, str]:
     """Return the panel's transfer curve and bits as metadata."""
-    return {"transfer": display.panel.transfer, "bits": str(display.panel.bits)}
+    return {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
@@ -138,5 +139,6 @@ def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: 
     for key, wanted in _tones(display).items():
         found = metadata.get(key, wanted)
         if encoded and found != wanted:
-            what = f"was made for a panel with {key} {found}, '{display.name}' has {key} {wanted}"
+            names = transfer_name(found), transfer_name(wanted)
+            what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
             raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")

@@ -18,7 +18,8 @@ from lippmann.errors import InputError
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.sampling import square_to_cell
-from lippmann.rendering.sources import APERTURES, STRIPES, lines_from_pixels
+from lippmann.rendering.sources import APERTURES, lines_from_pixels
+from lippmann.subpixels import layout_of
 from lippmann.variant import VARIANTS, current_device
 
 #: Relative difference of singular values of `to_world` that counts as none: chains of float32 transforms.
@@ -55,6 +56,12 @@ def _sensor_class(mi: Any) -> Any:
             if not path:
                 raise InputError("sensor 'integral': no display; give the path of a display file (.toml)")
             self.display = load_display(str(mi.file_resolver().resolve(path)))
+            layout = layout_of(self.display.panel.subpixels)
+            if layout is not None and layout.borrows:
+                raise InputError(
+                    "sensor 'integral': pixels of this panel lack a colour, and a film's pixel has its own rays only; "
+                    "take lippmann render, or a display with other subpixels"
+                )
             self.model = cast(Model, _choice(props, "model", "exact", MODELS))
             self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
@@ -72,11 +79,14 @@ def _sensor_class(mi: Any) -> Any:
             panel, array = self.display.panel, self.display.array
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             weight = mi.Color3f(1.0)
-            stripes = STRIPES[panel.subpixels]
-            if stripes is not None:
-                # A point of a pixel lies in one stripe and has its one colour, three times as bright.
-                third = mi.Float(u - dr.floor(u)) - 0.5
-                weight = mi.Color3f([dr.select(dr.abs(third - offset) <= 1.0 / 6.0, 3.0, 0.0) for offset in stripes])
+            layout = layout_of(panel.subpixels)
+            if layout is not None:
+                # A point of a pixel lies in one sub-pixel and has its one colour, so much brighter.
+                weights = [mi.Float(0.0)] * 3
+                for k, gain, inside in layout.emitters(b, u, v):
+                    if k < 3:
+                        weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
+                weight = mi.Color3f(weights)
             aperture = square_to_cell(b, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of the scene, as the viewer looks.

@@ -1,7 +1,7 @@
 """The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
 
 Rays are traced against the light: from the eye through a point of the view's window (plane z = 0) to the array, through
-the lenslets as `trace_to_panel` does, to the panel pixel, or the pixel's colour stripe, that emits there. A ray that
+the lenslets as `trace_to_panel` does, to the panel pixel, or the pixel's sub-pixel, that emits there. A ray that
 lands in a neighbour's cell sees the neighbour's pixel: this is crosstalk.
 """
 
@@ -25,7 +25,8 @@ from lippmann.optics.pixel_rays import pixels_from_rays
 from lippmann.optics.rays import Model, Status
 from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
-from lippmann.rendering.sources import STRIPES, Window
+from lippmann.rendering.sources import Window
+from lippmann.subpixels import layout_of
 from lippmann.variant import current_device, mitsuba
 
 #: Rays traced at once.
@@ -117,7 +118,7 @@ def observe(
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b = DrJitBackend(current_device())
-    system = System.of(display)
+    system, layout = System.of(display), layout_of(panel.subpixels)
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
     total = window.width_px * window.height_px
     out = np.empty((total, 3), np.float32)
@@ -136,12 +137,15 @@ def observe(
         row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
         place = (row * panel.width_px + column) * 3
         colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
-        stripes = STRIPES[panel.subpixels]
-        if stripes is not None:
-            # A stripe emits one colour from a third of the pixel, three times as bright.
-            stripe = mi.Int(dr.clip(dr.floor((hits.u - dr.floor(hits.u)) * 3.0), 0, 2))
-            order = [round(3.0 * offset) + 1 for offset in stripes]
-            colour = [dr.select(stripe == order[k], 3.0 * c, 0.0) for k, c in enumerate(colour)]
+        if panel.black:
+            colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
+        if layout is not None:
+            # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
+            parts = layout.shown(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
+            colour = [mi.Float(0.0)] * 3
+            for k, gain, inside in layout.emitters(b, hits.u, hits.v):
+                for c in (k,) if k < 3 else range(3):
+                    colour[c] = colour[c] + dr.select(inside, gain * parts[k], 0.0)
         mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
         return mean, hits.status
 

@@ -36,6 +36,8 @@ def key(
     high: float | None = None,
     default: str = "",
     instead_of: str = "",
+    shape: str = "",
+    lengths: tuple[int | None, int | None] = (None, None),
 ) -> msgspec.Meta:
     """Describe a key: `name: Annotated[type, key(...)]`.
 
@@ -49,9 +51,14 @@ def key(
         What holds without the key, in words, where the declaration's default does not say it.
     instead_of
         The key that this one replaces. A file gives exactly one of them; at most one where that key has a `default`.
+    shape
+        What a list is, in words: "a list of ...".
+    lengths
+        Least and most entries of a list.
     """
-    extra = {name: words for name, words in (("x-default", default), ("x-instead-of", instead_of)) if words}
-    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high}
+    known = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
+    extra = {name: words for name, words in known if words}
+    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high, "min_length": lengths[0], "max_length": lengths[1]}
     return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
 
 
@@ -99,7 +106,8 @@ def schema(form: Any) -> Schema:
         # TOML has no null: a key that may be None is left out.
         options = [option for option in node.get("anyOf", ()) if option != {"type": "null"}]
         if options:
-            node = {**node, "anyOf": options} if len(options) > 1 else {**options[0], **node, "anyOf": None}
+            only = options[0] if len(options) == 1 else {"anyOf": options}
+            node = {**only, **node, "anyOf": only.get("anyOf")}
         if "enum" in node:
             node["enum"] = [option for option in node["enum"] if option is not None]
         if node.get("$ref"):  # what the docstring of a class says is for programmers
@@ -191,7 +199,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
         if missing:
             raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
-        if name not in nodes:  # a number of a vector
+        while name not in nodes:  # a number of a vector, or of a list of them
             name = name.rpartition("[")[0]
         raise _wrong(source, name, *nodes[name]) from None
 
@@ -251,6 +259,8 @@ def remedy(node: Schema, name: str) -> str:
         return " or ".join(remedy(option, name) for option in node["anyOf"])
     if "enum" in node:
         return "choose from " + ", ".join(f'"{option}"' for option in node["enum"])
+    if "x-shape" in node:
+        return f"give {node['x-shape']}"
     if "prefixItems" in node:
         return f"give [{', '.join('xyz'[: len(node['prefixItems'])])}], finite numbers"
     bounds = bounds_text(node)

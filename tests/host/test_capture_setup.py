@@ -145,7 +145,7 @@ def test_resized():
         ((DISPLAY.replace("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.6"), OBJECT, THIN, ARRAY, CAMERA),
          "the camera sees 1.67 pixels of a lenslet, fewer than 2"),
         ((DISPLAY.replace("[display.array]", 'subpixels = "rgb"\n[display.array]'), OBJECT, THIN, ARRAY, CAMERA),
-         "has colour stripes"),
+         "has colour sub-pixels"),
         ((DISPLAY.replace("pitch_mm = 1.0", "pitch_mm = 9.0"), OBJECT, THIN, ARRAY, CAMERA),
          "display.array.radius_mm: radius 1.65 mm is too small"),
         (('display = "none.toml"', OBJECT, THIN, ARRAY, CAMERA), "none.toml: no such file"),

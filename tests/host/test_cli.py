@@ -451,7 +451,7 @@ def changed(old: str, new: str) -> str:
         (changed(r"^radius_mm = .*", "radius_mm = 0.5"), "array.radius_mm", "larger radius_mm"),
         (changed(r"^thickness_mm = .*", "thickness_mm = 0.1"), "array.thickness_mm", "leave it out"),
         (changed(r"^grid = .*", 'grid = "triangle"'), "array.grid", "choose from"),
-        (changed(r"^subpixels = .*", 'subpixels = "pentile"'), "panel.subpixels", "choose from"),
+        (changed(r"^subpixels = .*", 'subpixels = "penta"'), "panel.subpixels", "choose from"),
         (changed(r"^\[panel\]", "[panel"), "not TOML", "mend the syntax"),
     ],
 )

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from lippmann.display import Array, Display, Panel, display_text, load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.glass import SELLMEIER, index_of
+from lippmann.subpixels import LAYOUTS
 from truth import mp
 
 PANEL = {"width_px": 640, "height_px": 480, "pixel_pitch_mm": 0.05}
@@ -57,13 +58,17 @@ def displays(draw):
         rotation_deg=draw(st.floats(-360, 360)),
         offset_mm=(draw(st.floats(-10, 10)), draw(st.floats(-10, 10))),
     )
+    fine = pitch / draw(st.floats(1.001, 200))
+    white = draw(st.none() | st.floats(1.0, 2000.0))
     panel = Panel(
         width_px=draw(st.integers(1, 65535)),
         height_px=draw(st.integers(1, 65535)),
-        pixel_pitch_mm=pitch / draw(st.floats(1.001, 200)),
-        subpixels=draw(st.sampled_from(("none", "rgb", "bgr"))),
+        pixel_pitch_mm=draw(st.sampled_from((fine, (fine, 0.7 * fine), (0.3 * fine, fine)))),
+        subpixels=draw(st.sampled_from(("none", "rgb", "bgr", "rgbw", "pentile", LAYOUTS["pentile"]))),
         bits=draw(st.integers(1, 16)),
-        transfer=draw(st.sampled_from(("srgb", "linear", "gamma2.2"))),
+        transfer=draw(st.sampled_from(("srgb", "linear", "gamma2.2", ((0.0, 0.0), (1 / 3, 0.1), (1.0, 1.0))))),
+        white_cd_m2=white,
+        black_cd_m2=None if white is None else draw(st.sampled_from((None, white / 1000))),
     )
     name = draw(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=12))
     display = Display(name, panel, array, draw(st.floats(0, 100)))
@@ -75,7 +80,7 @@ def displays(draw):
 
 
 def as_toml(display: Display) -> str:
-    panel, array = vars(display.panel), dict(vars(display.array))
+    panel, array = but(vars(display.panel)), dict(vars(display.array))
     array["offset_mm"] = list(array["offset_mm"])
     del array["glass" if display.array.glass is None else "index"]
     viewing = {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": list(display.viewing_axis_mm)}
@@ -198,6 +203,9 @@ OPTICAL_CHANGES = [
     {"panel": but(PANEL, pixel_pitch_mm=math.nextafter(0.05, 1))},
     {"panel": but(PANEL, subpixels="rgb")},
     {"panel": but(PANEL, subpixels="bgr")},
+    {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.050001])},
+    {"panel": but(PANEL, subpixels="rgbw")},
+    {"panel": but(PANEL, subpixels="pentile")},
     {"array": but(ARRAY, grid="square")},
     {"array": but(ARRAY, pitch_mm=1.0000001)},
     {"array": but(ARRAY, index=1.5000001)},
@@ -230,6 +238,9 @@ def test_identity_changes_with_every_optical_key():
         {"name": "another"},
         {"panel": but(PANEL, bits=10)},
         {"panel": but(PANEL, transfer="linear")},
+        {"panel": but(PANEL, transfer=[[0, 0], [0.5, 0.3], [1, 1]])},
+        {"panel": but(PANEL, white_cd_m2=300, black_cd_m2=1)},
+        {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.05])},
         # The same said otherwise.
         {"panel": but(PANEL, subpixels="none")},
         {"array": but(ARRAY, plano_side="panel", rotation_deg=0, offset_mm=[0, 0])},

@@ -133,7 +133,7 @@ def test_any_display_within_four_roundings(grid, side, converged, model):
     """
     rng = generator(2, grid, side, model, *(["eye"] if converged else []))
     n, rays, odd = 1500, 0, 0
-    for _ in range(4 if model == "exact" else 2):
+    for _ in range(3 if model == "exact" else 2):
         display = random_display(rng, grid, side, converged=converged)
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * rng.choice((0.0, 1.0, 5.0), (n, 1))

@@ -180,7 +180,7 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, converged
     rng = generator(2, grid, side, *(["eye"] if converged else []))
     seen = dict.fromkeys(range(5), 0)
     compared = skipped = 0
-    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(6)):
+    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(4)):
         display, pixels, aperture = wild_case(rng, grid, side, fate, converged)
         optics, out = optics_of(display), lippmann.trace(display, pixels, aperture)
         assert np.isfinite(out.origin_mm).all()
@@ -219,8 +219,8 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, converged
     # truth has no margin; light in the glass is too steep to pass 16 cells while it rises.
     print(seen, skipped)
     assert compared > 600
-    assert seen[OK] > 60
-    assert seen[CROSSTALK] > 60
+    assert seen[OK] > 40
+    assert seen[CROSSTALK] > 40
     assert seen[REFLECTED] > 20
     if side == "panel":
         assert seen[BLOCKED] > 5

@@ -496,7 +496,7 @@ def test_a_panel_too_large_and_stripes_are_refused(mi, tmp_path):
     large = focused_display("square", width_px=2048, height_px=1024, pixel_pitch=0.1)
     with pytest.raises(InputError, match=str(MAX_RAYS)):
         export_display(scene, large, "exact", tmp_path / "pov")
-    with pytest.raises(InputError, match="colour stripes"):
+    with pytest.raises(InputError, match="colour sub-pixels"):
         export_display(scene, focused_display("square", subpixels="rgb"), "exact", tmp_path / "pov")
 
 

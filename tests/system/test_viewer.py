@@ -34,11 +34,11 @@ LEAST_DB = 40.0
 STEP = 1.01 / 255
 
 
-def small(grid="square", side="panel", subpixels="none", gap=3.0, rotation=0.0):
+def small(grid="square", side="panel", gap=3.0, rotation=0.0, **panel):
     """13 x 10 lenslets of f/3.3, the panel some way off focus."""
     return Display(
         f"{grid}-{side}",
-        Panel(260, 200, 0.05, subpixels),
+        Panel(**{"width_px": 260, "height_px": 200, "pixel_pitch_mm": 0.05, **panel}),
         Array(grid, 1.0, 1.65, 1.5, 0.8, side, rotation_deg=rotation, offset_mm=(0.03, -0.07)),
         gap,
     )
@@ -122,6 +122,8 @@ EYES = (
         {"grid": "square", "side": "viewer", "subpixels": "bgr", "rotation": 20.0},
         {"grid": "hex", "side": "viewer", "gap": 1.5},
         {"grid": "hex", "gap": 0.0, "rotation": -7.0},
+        {"grid": "square", "subpixels": "rgbw", "white_cd_m2": 100.0, "black_cd_m2": 2.0},
+        {"grid": "hex", "subpixels": "pentile", "pixel_pitch_mm": (0.05, 0.065)},
     ],
     ids=lambda shape: "-".join(map(str, shape.values())),
 )

@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.board.tiles import Pixels
-from lippmann.display import Panel, Transfer
+from lippmann.display import Panel, TransferName
 from lippmann.errors import input_error
 from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
 from lippmann.integral_image import IntegralImage
+from lippmann.tones import Transfer, transfer_name, transfer_text
 
 if TYPE_CHECKING:
     from lippmann.board.board import Hello
@@ -30,7 +31,7 @@ class Target(NamedTuple):
     height: int
 
 
-def panel_values(radiance: npt.NDArray[np.float32], transfer: str, bits: int) -> Pixels:
+def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
     """Encode linear radiance (height, width, 3) with a panel's transfer curve and quantise it to the panel's bits.
 
     The 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
@@ -58,7 +59,7 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
 def load_frame(
     path: str | Path,
     target: Hello | Target,
-    transfer: Transfer | None = None,
+    transfer: TransferName | None = None,
     panel: Panel | None = None,
     force: bool = False,
     note: Callable[[str], None] = lambda text: None,
@@ -90,7 +91,8 @@ def load_frame(
     tones: dict[str, Any] = {"transfer": "srgb", "bits": 8} | agreed
     # An encoded file needs no bits: its values are quantised already.
     if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
-        note(f"{path}: {tones['transfer']} and {tones['bits']} bits are assumed; name the panel with --display FILE")
+        curve = transfer_name(tones["transfer"])
+        note(f"{path}: {curve} and {tones['bits']} bits are assumed; name the panel with --display FILE")
     return panel_values(picture.radiance, **tones)
 
 
@@ -104,7 +106,7 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
 
 
 def _tones_of(panel: Panel) -> dict[str, Any]:
-    return {"transfer": panel.transfer, "bits": panel.bits}
+    return {"transfer": transfer_text(panel.transfer), "bits": panel.bits}
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str, Any]:
@@ -128,6 +130,7 @@ def _agreed(name: str, *sources: tuple[str, Mapping[str, Any]]) -> dict[str, Any
         for key, value in tones.items():
             known, first = agreed.setdefault(key, (value, source))
             if known != value:
-                what = f"{key} is {known} in {first}, {value} in {source}"
+                names = [transfer_name(one) if key == "transfer" else one for one in (known, value)]
+                what = f"{key} is {names[0]} in {first}, {names[1]} in {source}"
                 raise input_error(name, what, "name the display that the image was made for, or render it again")
     return {key: value for key, (value, _) in agreed.items()}

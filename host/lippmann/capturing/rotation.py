@@ -62,7 +62,7 @@ def cells_of(display: Display) -> Cells:
     centre = frame.panel_from_array(cx + x0, cy + y0)
     rim = np.zeros(key.shape, bool)
     for ax, ay in lattice.axes:
-        step = sum(map(abs, frame.turn(ax, ay))) * panel.pixel_pitch_mm * (1.0 + ROUNDING)
+        step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
         rim |= np.abs(ax * x + ay * y if ax and ay else x if ax else y) > 0.5 * lattice.pitch_mm - step
     return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
@@ -75,7 +75,7 @@ def rotation_map(display: Display) -> Indices:
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
-    reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / display.panel.pixel_pitch_mm + 2.0
+    reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
     pixel = np.flatnonzero(rim | cut[cell])
     row, column = np.divmod(pixel, width)

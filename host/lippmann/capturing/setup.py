@@ -148,17 +148,14 @@ class Setup:
         panel = self.display.panel
         if not 1 <= width_px <= MAX_SIDE_PX:
             raise InputError(f"size {width_px} is out of range; give 1 to {MAX_SIDE_PX} pixels")
-        height_px = max(1, round(width_px * panel.height_px / panel.width_px))
-        pitch = panel.width_mm / width_px
-        panel = replace(panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch)
-        setup = replace(self, display=replace(self.display, panel=panel))
+        setup = replace(self, display=replace(self.display, panel=panel.with_columns(width_px)))
         check_elemental_images(setup, f"set-up '{self.name}'", "give a larger --size")
         return setup
 
 
 def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
     """Refuse a picture that has too few pixels for each lenslet."""
-    pixels = setup.array.pitch_mm / setup.display.panel.pixel_pitch_mm
+    pixels = setup.array.pitch_mm / setup.display.panel.coarsest_mm
     if pixels < MIN_ELEMENTAL_PX:
         what = f"the camera sees {pixels:.2f} pixels of a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
         raise input_error(where, what, remedy)
@@ -302,7 +299,7 @@ def _check(setup: Setup, source: str) -> None:
     """Refuse what stands in the wrong order on the axis; single tables were checked when they were read."""
     check_elemental_images(setup, source, "give a display of finer pixels or larger lenslets")
     if setup.display.panel.subpixels != "none":
-        what = f"display '{setup.display.name}' has colour stripes, a camera none"
+        what = f"display '{setup.display.name}' has colour sub-pixels, a camera none"
         raise input_error(source, what, "give one without")
     lens, stand = setup.lens, f"{setup.array_distance_mm:.4g} mm behind the lens"
     if lens is not None:

@@ -27,6 +27,7 @@ from lippmann.display_properties import (
 )
 from lippmann.images import check_output
 from lippmann.toml import schema
+from lippmann.tones import transfer_name
 from lippmann.viewing import viewing_distance
 
 #: Kind of TOML file -> module and class that declare it.
@@ -77,7 +78,7 @@ def command(
     result = {
         "name": display.name,
         "identity": display.identity,
-        "panel": {**dataclasses.asdict(panel), "width_mm": panel.width_mm, "height_mm": panel.height_mm},
+        "panel": {**panel.keys, "width_mm": panel.width_mm, "height_mm": panel.height_mm},
         "array": dataclasses.asdict(array),
         "gap_mm": display.gap_mm,
         "viewing_distance_mm": display.viewing_distance_mm,
@@ -130,8 +131,13 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     place = "at infinity" if math.isinf(plane) else f"z = {plane:+.5g} mm ({'in front' if plane > 0 else 'behind'})"
     yield "display", f"{display.name}, identity {display.identity}"
     yield "panel", f"{panel.width_px} x {panel.height_px} px, {panel.width_mm:.5g} x {panel.height_mm:.5g} mm"
-    details = f"sub-pixels {panel.subpixels}, {panel.bits} bits, {panel.transfer}"
-    yield "pixel pitch", f"{panel.pixel_pitch_mm:.6g} mm, {details}"
+    layout = panel.subpixels if isinstance(panel.subpixels, str) else f"by a table of {len(panel.subpixels)}"
+    details = f"sub-pixels {layout}, {panel.bits} bits, {transfer_name(panel.transfer)}"
+    pitch = " x ".join(f"{side:.6g}" for side in dict.fromkeys(panel.pitches_mm))
+    yield "pixel pitch", f"{pitch} mm, {details}"
+    if panel.white_cd_m2 is not None:
+        contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
+        yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
     yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
     yield "gap", f"{display.gap_mm:.6g} mm"
     if display.viewing_distance_mm is not None:

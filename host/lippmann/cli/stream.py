@@ -13,7 +13,7 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Transfer, load_display
+from lippmann.display import TransferName, load_display
 from lippmann.errors import NoBoardError
 
 #: Pause between attempts to reopen a lost board, s.
@@ -28,7 +28,7 @@ def command(
     display_path: str | None = option(
         "The board's display file; its curve and bits must be the image's.", None, flag="--display", metavar="FILE"
     ),
-    transfer: Transfer | None = option(
+    transfer: TransferName | None = option(
         "The panel's curve; must be the image's. Default: the image's, or srgb if it names none.", None
     ),
     force: bool = option("Stream an image that was rendered for another display, or names none.", False),

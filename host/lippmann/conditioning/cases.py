@@ -389,7 +389,7 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
     Float32 resolves their coordinates to a few micrometres only.
     """
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
-    pitch = min(panel.pixel_pitch_mm, 0.4)
+    pitch = min(panel.coarsest_mm, 0.4)
     made = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
     corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
     pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))

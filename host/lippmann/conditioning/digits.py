@@ -72,8 +72,11 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
         columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
     else:
         names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
+    pitch = panel.pixel_pitch_mm
+    # Two pitches are two numbers; one is one number, whose rounding moves both axes.
+    pitches = {"pixel_x_mm": pitch[0], "pixel_y_mm": pitch[1]} if isinstance(pitch, tuple) else {"pixel_mm": pitch}
     numbers = {
-        "pixel_pitch_mm": panel.pixel_pitch_mm,
+        **pitches,
         **{name: getattr(array, name) for name in ("pitch_mm", "radius_mm", "index", "thickness_mm")},
         "gap_mm": rays.display.gap_mm,
         "rotation_deg": array.rotation_deg,
@@ -94,7 +97,8 @@ def _system(rays: Out | Back, n: SimpleNamespace) -> System:
     rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
-    frame = PanelFrame(n.pixel_pitch_mm, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
+    pitches = (n.pixel_mm, n.pixel_mm) if hasattr(n, "pixel_mm") else (n.pixel_x_mm, n.pixel_y_mm)
+    frame = PanelFrame(pitches, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
     distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
     convergence = Convergence()
     if rays.display.viewing_distance_mm is not None:
@@ -200,7 +204,7 @@ class Condition(NamedTuple):
 
 def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
     """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
-    array, pixel_mm = rays.display.array, rays.display.panel.pixel_pitch_mm
+    array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
     start, unit_mm = np.zeros(len(turn)), 1.0

@@ -72,7 +72,7 @@ def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engi
     else:
         got = trace_to_panel(display, rays.origin_mm, rays.direction, engine=engine, device=device)
         values = [got.pixel]
-        shift = np.asarray(digits.apart(got, true)[1], np.float64) * display.panel.pixel_pitch_mm
+        shift = np.asarray(digits.apart(got, true)[1], np.float64) * display.panel.coarsest_mm
         relative = shift / unit.shift_mm
         fast = shift * 1e3, unit.shift_mm * FLOAT32_ULP * 1e3 <= 0.25 * FAST_UM, "micrometre", FAST_UM
     same = np.asarray((got.status == true.status) & (got.lenslet == true.lenslet).all(axis=1))

@@ -186,7 +186,7 @@ def edge_distance_nm(
             way = np.array([np.cos(angle), np.sin(angle)])
             for on_panel, at_aim in ways:
                 # Rows of pixels go down.
-                moved = pixel + on_panel * step_mm / display.panel.pixel_pitch_mm * way * (1.0, -1.0)
+                moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * way * (1.0, -1.0)
                 fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
                 same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
                 distance[same] = np.minimum(distance[same], reach * stated)

@@ -63,6 +63,8 @@ def _value(node: Schema) -> str:
         return " or ".join(_value(option) for option in node["anyOf"])
     if "enum" in node:
         return ", ".join(_toml(option) for option in node["enum"])
+    if "x-shape" in node:
+        return str(node["x-shape"])
     if "prefixItems" in node:
         return f"[{', '.join('xyz'[: len(node['prefixItems'])])}]"
     if node.get("minimum") == 1e-9:

@@ -169,7 +169,7 @@ def near_seams(setup: Setup) -> Mask:
     to_edge = np.min([0.5 * lattice.pitch_mm - np.abs(ax * x + ay * y) for ax, ay in lattice.axes], axis=0)
     rays = rays_from_picture(NumpyBackend(), setup, u, v)
     lost = ~(rays.through_array & rays.through_lens)
-    return np.asarray((to_edge <= panel.pixel_pitch_mm) | lost).reshape(panel.height_px, panel.width_px)
+    return np.asarray((to_edge <= panel.coarsest_mm) | lost).reshape(panel.height_px, panel.width_px)
 
 
 @dataclass(frozen=True)

@@ -94,9 +94,9 @@ def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
 def lenslets_in(display: Display) -> int:
     """Return the number of lenslets in the window: N = ceil(25.4 w / (p D))^2 (paper, equation 5)."""
     array, panel = display.array, display.panel
-    dpi = MM_PER_INCH / panel.pixel_pitch_mm
-    across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitch_mm * dpi) - 1e-9)
-    down = math.ceil(MM_PER_INCH * panel.height_px / (array.row_pitch_mm * dpi) - 1e-9)
+    dpi_x, dpi_y = (MM_PER_INCH / pitch for pitch in panel.pitches_mm)
+    across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitch_mm * dpi_x) - 1e-9)
+    down = math.ceil(MM_PER_INCH * panel.height_px / (array.row_pitch_mm * dpi_y) - 1e-9)
     return across * down
 
 

@@ -97,7 +97,7 @@ def _with_number(name: str, value: Any, given: Out) -> Out:
     part, _, key = name.rpartition(".")
     key, _, entry = key.partition("[")
     if entry:
-        value = tuple(value if f"{k}]" == entry else old for k, old in enumerate(display.array.offset_mm))
+        value = tuple(value if f"{k}]" == entry else old for k, old in enumerate(attrgetter(f"{part}.{key}")(display)))
     changes: dict[str, Any] = {key: value}
     if part == "panel":
         changes = {part: replace(display.panel, **changes)}
@@ -225,8 +225,8 @@ def _other_ties(given: Out) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
     pitch = given.display.array.pitch_mm
     tie = np.isclose(golden(given)["start_mm"], -0.5 * pitch, rtol=1e-12, atol=0.0)
-    nudge = 1e-9 * pitch / given.display.panel.pixel_pitch_mm
-    return np.asarray(given.pixels + np.where(tie, (-nudge, nudge), 0.0))
+    nudge = 1e-9 * pitch / np.array(given.display.panel.pitches_mm) * (-1.0, 1.0)
+    return np.asarray(given.pixels + np.where(tie, nudge, 0.0))
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:
@@ -328,6 +328,8 @@ FITTED = {
     "array.rotation_deg": "panel",
     "array.pitch_mm": "lenslet",
     "panel.pixel_pitch_mm": "panel",
+    "panel.pixel_pitch_mm[0]": "panel",
+    "panel.pixel_pitch_mm[1]": "panel",
     "array.offset_mm[0]": "panel",
     "array.offset_mm[1]": "panel",
 }
@@ -360,8 +362,10 @@ def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
         yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
+    two_pitches = isinstance(given.display.panel.pixel_pitch_mm, tuple)
     for name in FITTED:
-        yield from _number(name, given, values["direction"])
+        if "pixel_pitch" not in name or two_pitches == ("[" in name):
+            yield from _number(name, given, values["direction"])
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
@@ -396,7 +400,7 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     if name == "array.rotation_deg":
         looked += [float(turn) for turn in ROTATIONS]
         looked += [value + math.degrees(turn) for turn in _near(display)]
-    elif name in ("array.pitch_mm", "panel.pixel_pitch_mm"):
+    elif path in ("array.pitch_mm", "panel.pixel_pitch_mm"):
         looked += [value + share * unit for share in _near(display)]
     best, width = min(sorted(looked), key=loss), 0.02 * abs(unit)
     for _ in range(REFINEMENTS):

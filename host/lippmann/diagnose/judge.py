@@ -179,7 +179,7 @@ def _compare(fields: Arrays, given: Out, turn: float, shift_mm: float, panel_mm:
     most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
     for step in np.concatenate([np.eye(2), -np.eye(2)]):
-        pixels = given.pixels + step * panel_mm / given.display.panel.pixel_pitch_mm
+        pixels = given.pixels + step * panel_mm / given.display.panel.pitches_mm
         for moved in (replace(aimed, pixels=pixels), replace(aimed, aperture=given.aims + step * aim_mm)):
             other = golden(moved)
             edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
@@ -198,7 +198,7 @@ def _roundings(given: Out) -> tuple[Floats, Floats]:
     One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
     the trace through the lenslet.
     """
-    pitch, pixel = given.display.array.pitch_mm, given.display.panel.pixel_pitch_mm
+    pitch, pixel = given.display.array.pitch_mm, np.array(given.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
         return 0.5 * np.spacing(np.abs(values).astype(np.float32)).astype(np.float64)

@@ -120,7 +120,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     frame, convergence = system.frame, system.convergence
     # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
     share, rest = convergence.share, 1.0 - convergence.share
-    c, s, px = frame.cos, frame.sin, frame.pitch_mm * rest
+    c, s, (px, py) = frame.cos, frame.sin, (pitch * rest for pitch in frame.pitch_mm)
     zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
@@ -133,8 +133,8 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     shares = _Format(words.share_bits(f), f + 11, _FARTHER)
     shifts = shares._replace(fraction=f + 2, remedy="bring viewing_axis_mm and array.offset_mm nearer to the panel")
     registers = {
-        **columns.registers(x_from_u=px * c / p, x_from_v=px * s / p),
-        **rows.registers(y_from_u=-px * s / row, y_from_v=px * c / row),
+        **columns.registers(x_from_u=px * c / p, x_from_v=py * s / p),
+        **rows.registers(y_from_u=-px * s / row, y_from_v=py * c / row),
         **offsets.registers(x_offset=zero_x / p, y_offset=zero_y / row),
         **slopes.registers(slope_x=slope[0] * p / rest, slope_y=slope[0] * row / rest),
         **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),

@@ -95,10 +95,7 @@ def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None
 
 def resized(display: Display, across: int) -> Display:
     """Return the display with so many pixels across the same window."""
-    panel = display.panel
-    factor = across / panel.width_px
-    height, pitch_mm = round(panel.height_px * factor), panel.pixel_pitch_mm / factor
-    return replace(display, panel=replace(panel, width_px=across, height_px=height, pixel_pitch_mm=pitch_mm))
+    return replace(display, panel=display.panel.with_columns(across))
 
 
 def with_pitch(array: Array, pitch_mm: float) -> Array:

@@ -21,11 +21,11 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 class PanelFrame:
     """The maps between pixel coordinates, the panel's frame and the array's frame.
 
-    They hold the pixel pitch, the panel's size in pixels, the array's origin in the panel's frame, and cosine and sine
-    of the array's rotation.
+    They hold the pixel pitches in x and y, the panel's size in pixels, the array's origin in the panel's frame, and
+    cosine and sine of the array's rotation.
     """
 
-    pitch_mm: float
+    pitch_mm: tuple[float, float]
     width_px: int
     height_px: int
     offset_mm: tuple[float, float]
@@ -37,15 +37,15 @@ class PanelFrame:
         """Return the frame of a display."""
         panel, array = display.panel, display.array
         turn = exact_rotation(array.rotation_deg)
-        return cls(panel.pixel_pitch_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
+        return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
 
     def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
         """Map pixel coordinates (column, row; continuous) to panel millimetres."""
-        return (u - 0.5 * self.width_px) * self.pitch_mm, (0.5 * self.height_px - v) * self.pitch_mm
+        return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]
 
     def pixel_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
         """Map panel millimetres to pixel coordinates."""
-        return x / self.pitch_mm + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm
+        return x / self.pitch_mm[0] + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm[1]
 
     def array_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
         """Map a point from the panel's frame to the array's frame, mm."""

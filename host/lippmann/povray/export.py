@@ -151,12 +151,14 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     The lenslets are not in POV-Ray's scene: each pixel's line of sight is traced from in front of the scene towards the
     display, which no camera behind lenslets can do. The golden engine computes the rays, one for each pixel.
 
-    Raises InputError when the panel has colour stripes or too many pixels, or POV-Ray cannot express a part of the
+    Raises InputError when the panel has sub-pixels or too many pixels, or POV-Ray cannot express a part of the
     scene.
     """
     panel = display.panel
     if panel.subpixels != "none":
-        raise InputError(f"display '{display.name}' has colour stripes, POV-Ray one ray a pixel; take subpixels none")
+        raise InputError(
+            f"display '{display.name}' has colour sub-pixels, POV-Ray one ray a pixel; take subpixels none"
+        )
     if panel.width_px * panel.height_px > MAX_RAYS:
         raise InputError(
             f"display '{display.name}' has {panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's "

@@ -30,6 +30,7 @@ from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
+from lippmann.subpixels import COLOURS, Box
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once. Part of an image's definition, because random integrators draw their numbers by chunk.
@@ -45,8 +46,8 @@ MAX_SAMPLES = 65536
 class Settings:
     """How to render."""
 
-    #: Samples for each pixel (and for each colour stripe). One sample goes through the pixel's centre; more are spread
-    #: over its area (anti-aliasing).
+    #: Samples for each pixel (and for each of its colours, where it has sub-pixels). One goes through the centre;
+    #: more are spread over the area (anti-aliasing).
     samples: int = 1
     #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
@@ -145,22 +146,24 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
-    stripes = source.stripes
-    passes: list[tuple[float, float, tuple[int, ...]]] = (
-        [(0.0, 1.0, (0, 1, 2))] if stripes is None else [(offset, 1.0 / 3.0, (k,)) for k, offset in enumerate(stripes)]
+    # Channels, and the part of a pixel that shows them, for each pixel of the layout.
+    layout = source.layout
+    passes: list[tuple[tuple[int, ...], list[Box]]] = (
+        [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
+        if layout is None
+        else [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
     )
 
     def run(first_tile: int, count: int, number: int) -> list[int]:
         """Render tiles into the planes; return the numbers of lost samples."""
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
-        for offset, stripe_width, channels in passes:
+        for channels, boxes in passes:
             first = dr.opaque(mi.UInt32, first_tile)
             index = dr.arange(mi.UInt32, count * tile_pixels * samples)
             place = index // samples
             pixel, inside = _pixel_of(first, place, width, height)
-            stripe = dr.opaque(mi.Float, offset), stripe_width
-            lines = _lines(source, settings, pixel, index - place * samples, stripe)
+            lines = _lines(source, settings, pixel, index - place * samples, boxes)
             active = lines.active & inside
             lost = [mask & inside for mask in lines.lost]
             sampler = mi.load_dict({"type": "independent"})
@@ -217,19 +220,27 @@ def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any
     return mi.UInt32(row * width + column), inside
 
 
-def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, stripe: tuple[Any, float]) -> Lines:
+def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, boxes: list[Box]) -> Lines:
     """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32).
 
-    `stripe` is the centre and the width of the sampled part of the pixel, in pixels from the pixel's centre.
+    `boxes` are the sampled parts of the pixels of the source's layout, row by row.
     """
     mi = mitsuba()
+    import drjit as dr
+
     b = DrJitBackend(current_device())
     x, y = mi.Float(0.5), mi.Float(0.5)
     if settings.samples > 1:
         x, y = points_in_square(pixel, sample, settings.seed, stream=0)
     row = pixel // source.width_px
-    offset, width = stripe
-    u = b.double(pixel - row * source.width_px) + b.double(0.5 + offset + width * (x - 0.5))
+    column = pixel - row * source.width_px
+    part: Any = boxes[0]._replace(u=dr.opaque(mi.Float, boxes[0].u))
+    if source.layout is not None and len(boxes) > 1:
+        number = row % source.layout.rows * source.layout.columns + column % source.layout.columns
+        part = Box(*(dr.gather(mi.Float, mi.Float(values), number) for values in zip(*boxes, strict=True)))
+    u = b.double(column) + b.double(0.5 + part.u + part.width * (x - 0.5))
+    if any(box.v or box.height != 1.0 for box in boxes):
+        y = 0.5 + part.v + part.height * (y - 0.5)
     return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
 
 

@@ -16,13 +16,11 @@ from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
+from lippmann.subpixels import Layout, layout_of
 from lippmann.variant import mitsuba
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)
-
-#: Centres of the colour stripes, in pixels from the pixel's centre, for red, green and blue.
-STRIPES = {"none": None, "rgb": (-1.0 / 3.0, 0.0, 1.0 / 3.0), "bgr": (1.0 / 3.0, 0.0, -1.0 / 3.0)}
 
 
 class Lines(NamedTuple):
@@ -47,8 +45,8 @@ class RaySource:
     #: Returns the lines of sight; its arguments are a backend, pixel coordinates u and v (double), and for each of them
     #: a random point of the unit square (two Floats), for the lenslets' apertures.
     lines: Callable[[DrJitBackend, Any, Any, tuple[Any, Any]], Lines]
-    #: Centres of the colour stripes for red, green and blue, pixels from the pixel's centre; None without.
-    stripes: tuple[float, float, float] | None = None
+    #: Sub-pixels; None where a pixel emits its three colours alike.
+    layout: Layout | None = None
 
 
 def lines_from_pixels(
@@ -97,7 +95,7 @@ def display_source(
         dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
-    return RaySource(panel.width_px, panel.height_px, lines, STRIPES[panel.subpixels])
+    return RaySource(panel.width_px, panel.height_px, lines, layout_of(panel.subpixels))
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Choice:
 
 def spread_mm(display: Display, z_mm: float) -> float:
     """Return the width to which the light of a panel pixel spreads at a depth, mm."""
-    return abs(z_mm) * display.panel.pixel_pitch_mm / display.aperture_distance_mm
+    return abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm
 
 
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
@@ -162,7 +162,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
     worst = 0.0
     far, near = depth_range_mm
     # From this depth on a pixel spreads beyond the lenslet; between these depths the error has no other peak.
-    kink = display.array.pitch_mm * display.aperture_distance_mm / display.panel.pixel_pitch_mm
+    kink = display.array.pitch_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = np.linalg.norm(crossing(*lines[0], z) - crossing(*lines[1], z), axis=1)
         worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))

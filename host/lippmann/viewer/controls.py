@@ -61,7 +61,7 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     near, far = (share * distance for share in DISTANCES)
     shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
-    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.pixel_pitch_mm / array.pitch_mm), FINE)
+    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.pitch_mm), FINE)
     wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [

@@ -16,7 +16,7 @@ from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
 from lippmann.images import png_bytes
-from lippmann.rendering.sources import STRIPES
+from lippmann.subpixels import COLOURS, layout_of
 from lippmann.viewer.controls import controls_html, focus_reach_mm
 from lippmann.viewer.template import filled, read, shader
 
@@ -72,12 +72,13 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         raise input_error(f"display '{display.name}'", what, "show a smaller panel, or compute views: lippmann observe")
     for direct in directs:
         check_direct(direct, display)
-    aspect = f"{panel.width_px} / {panel.height_px}"
+    square = len(set(panel.pitches_mm)) == 1
+    aspect = f"{panel.width_px} / {panel.height_px}" if square else f"{panel.width_mm:.9g} / {panel.height_mm:.9g}"
     summary = (
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
         f"of {array.pitch_mm:g} mm"
     )
-    described = dataclasses.asdict(display)
+    described = dataclasses.asdict(display) | {"panel": panel.keys}
     del described["name"]
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
@@ -104,7 +105,7 @@ def check_direct(direct: Direct, display: Display) -> None:
     panel = display.panel
     height, width = direct.radiance.shape[:2]
     # Its height was rounded to integer pixels.
-    if abs(width * panel.height_px / panel.width_px - height) > 1.0:
+    if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
         raise InputError(
             f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
             f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"
@@ -137,10 +138,19 @@ def _defines(display: Display) -> dict[str, str]:
         defines["HEX"] = "1"
     if display.array.plano_side == "panel":
         defines["PLANO_TO_PANEL"] = "1"
-    stripes = STRIPES[display.panel.subpixels]
-    if stripes is not None:
-        order = ", ".join(str(round(3.0 * offset) + 1) for offset in stripes)
-        defines["STRIPES"] = f"ivec3({order})"
+    layout = layout_of(display.panel.subpixels)
+    if display.panel.black or layout is not None:
+        defines["EMITS"] = "1"
+        defines["BLACK"] = f"{display.panel.black:.9e}"
+    if layout is not None:
+        boxes, gains = [], []
+        for colour, *edges in layout.edges():
+            boxes.append(f"vec4({', '.join(f'{edge:.9e}' for edge in edges)})")
+            gains.append(f"vec4({', '.join(f'{layout.gain(colour) * (colour == other):.9e}' for other in COLOURS)})")
+        defines["SUBPIXELS"] = str(len(boxes))
+        defines["PERIOD"] = f"vec2({layout.columns}.0, {layout.rows}.0)"
+        defines["WHITE"] = str(float(any(sub[0] == "white" for sub in layout.subpixels)))
+        defines |= {"BOXES": f"vec4[]({', '.join(boxes)})", "GAINS": f"vec4[]({', '.join(gains)})"}
     return defines
 
 

@@ -56,9 +56,9 @@ function panelFromArray(system, [x, y]) {
 }
 
 function panelFromPixel(system, [u, v]) {
-  return [(u - system.panelPx[0] / 2) * system.pixelPitch, (system.panelPx[1] / 2 - v) * system.pixelPitch];
+  return [(u - system.panelPx[0] / 2) * system.pixelPitch[0], (system.panelPx[1] / 2 - v) * system.pixelPitch[1]];
 }
 
 function pixelFromPanel(system, [x, y]) {
-  return [x / system.pixelPitch + system.panelPx[0] / 2, system.panelPx[1] / 2 - y / system.pixelPitch];
+  return [x / system.pixelPitch[0] + system.panelPx[0] / 2, system.panelPx[1] / 2 - y / system.pixelPitch[1]];
 }

@@ -104,7 +104,8 @@ class Viewer {
 
   get panelMm() {
     const { width_px, height_px, pixel_pitch_mm } = this.display.panel;
-    return [width_px * pixel_pitch_mm, height_px * pixel_pitch_mm];
+    const [x, y] = [pixel_pitch_mm, pixel_pitch_mm].flat();
+    return [width_px * x, height_px * y];
   }
 
   // The window of the canvas's shape round the panel.

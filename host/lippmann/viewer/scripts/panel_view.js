@@ -55,7 +55,7 @@ class PanelView {
 
   // Fills the canvas with about three lenslets, those round the middle of what is shown.
   showLenslets(system) {
-    this.zoom = Math.min((Math.min(this.canvas.width, this.canvas.height) * system.pixelPitch) / (3 * system.pitch), MOST_ZOOM);
+    this.zoom = Math.min((Math.min(this.canvas.width, this.canvas.height) * Math.min(...system.pixelPitch)) / (3 * system.pitch), MOST_ZOOM);
     this.panBy(0, 0);
   }
 
@@ -116,7 +116,7 @@ class PanelView {
   }
 
   showsLenslets(system) {
-    return (system.pitch / system.pixelPitch) * this.scale >= SEAMS_FROM_PX;
+    return (system.pitch / Math.max(...system.pixelPitch)) * this.scale >= SEAMS_FROM_PX;
   }
 
   draw(system, eye, { seams, marks }) {

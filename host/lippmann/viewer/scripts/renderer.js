@@ -110,7 +110,7 @@ class ViewRenderer {
       gl.uniform2fv(places.offset, system.offset);
       gl.uniform2fv(places.turn, system.turn);
       gl.uniform2fv(places.panel_px, system.panelPx);
-      gl.uniform1f(places.pixels_per_mm, 1 / system.pixelPitch);
+      gl.uniform2f(places.pixels_per_mm, 1 / system.pixelPitch[0], -1 / system.pixelPitch[1]);
       gl.uniform3fv(places.eye, eye.position);
       gl.uniform1f(places.pupil, eye.pupil);
       gl.uniform1f(places.focus, eye.focus);

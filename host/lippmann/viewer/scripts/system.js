@@ -32,6 +32,6 @@ function systemOf(display, built) {
     share: eye === null ? 0 : apertureDistance / (apertureDistance + eye), // the array stands at this share of the way from panel to eye
     axis: arrayFromPanel(frame, display.viewing_axis_mm), // that eye is in front of it, array's frame
     panelPx: [panel.width_px, panel.height_px],
-    pixelPitch: panel.pixel_pitch_mm,
+    pixelPitch: [panel.pixel_pitch_mm, panel.pixel_pitch_mm].flat().slice(0, 2), // x and y, also of one number
   };
 }

@@ -6,7 +6,7 @@ precision highp float;
 precision highp int;
 
 #include "look.glsl"
-#ifdef STRIPES
+#ifdef EMITS
 #include "srgb.glsl"
 #endif
 
@@ -17,8 +17,8 @@ void main() {
   vec2 pixel;
   if (look(eye_ray(vec2(view_pixel(gl_FragCoord.xy)) + 0.5, vec2(0.0), NEAREST_FACE), pixel)) {
     colour.rgb = value_at(pixel);
-#ifdef STRIPES
-    colour.rgb = encode(stripe_at(pixel) * decode(colour.rgb));
+#ifdef EMITS
+    colour.rgb = encode(emitted(pixel, decode(colour.rgb)));
 #endif
   }
 }

@@ -4,7 +4,7 @@ uniform highp sampler2DArray panel;  // panel values, sRGB, in tiles
 uniform ivec2 tile_px;
 uniform int tiles_across;
 uniform vec2 panel_px;
-uniform float pixels_per_mm;
+uniform vec2 pixels_per_mm;     // rows go down
 uniform vec2 offset;            // the array's origin in the panel's frame
 uniform vec2 turn;              // cos and sin of the array's rotation
 
@@ -22,7 +22,7 @@ vec2 panel_from_array(vec2 point) {
 
 // Pixel coordinates of a point in the panel's frame.
 vec2 pixel_from_panel(vec2 point) {
-  return vec2(pixels_per_mm, -pixels_per_mm) * point + 0.5 * panel_px;
+  return pixels_per_mm * point + 0.5 * panel_px;
 }
 
 bool on_panel(vec2 pixel) {
@@ -36,10 +36,25 @@ vec3 value_at(vec2 pixel) {
   return texelFetch(panel, ivec3(place - tile * tile_px, tile.y * tiles_across + tile.x), 0).rgb;
 }
 
-#ifdef STRIPES
-// A stripe emits its one colour from a third of the pixel, three times as bright there.
-vec3 stripe_at(vec2 pixel) {
-  int stripe = clamp(int(3.0 * fract(pixel.x)), 0, 2);
-  return 3.0 * vec3(equal(ivec3(stripe), STRIPES));
+#ifdef EMITS
+#ifdef SUBPIXELS
+// Left, top, right and bottom of the sub-pixels, and their gains for red, green, blue and white: subpixels.py.
+const vec4 boxes[SUBPIXELS] = BOXES, gains[SUBPIXELS] = GAINS;
+#endif
+
+// What the panel emits at a point of a pixel that shows a light. A black pixel is not quite dark.
+vec3 emitted(vec2 pixel, vec3 light) {
+  light = BLACK + (1.0 - BLACK) * light;
+#ifdef SUBPIXELS
+  vec2 place = mod(pixel, PERIOD);
+  float darkest = WHITE * min(light.r, min(light.g, light.b));
+  vec4 parts = vec4(light - darkest, darkest), sum = vec4(0.0);
+  for (int k = 0; k < SUBPIXELS; ++k) {
+    bool inside = all(greaterThanEqual(place, boxes[k].xy)) && all(lessThan(place, boxes[k].zw));
+    sum += inside ? gains[k] * parts : vec4(0.0);
+  }
+  light = sum.rgb + sum.a;
+#endif
+  return light;
 }
 #endif

@@ -21,8 +21,8 @@ void main() {
   vec2 pixel;
   if (look(eye_ray(vec2(place) + aim, pupil_point, NEAREST_FACE), pixel)) {
     light.rgb = decode(value_at(pixel));
-#ifdef STRIPES
-    light.rgb *= stripe_at(pixel);
+#ifdef EMITS
+    light.rgb = emitted(pixel, light.rgb);
 #endif
   }
   if (ray_number > 0u) light += texelFetch(light_before, ivec2(gl_FragCoord.xy), 0);

@@ -1,0 +1,126 @@
+"""Sub-pixels: where in a pixel each colour is emitted, and which of them shows a colour of a pixel that lacks it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from lippmann.errors import InputError
+
+Colour = Literal["red", "green", "blue", "white"]
+COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
+#: Colour, centre right and up of the first pixel's centre, width and height; all in pixels.
+Subpixel = tuple[Colour, float, float, float, float]
+#: Most pixels, either way, after which a layout repeats.
+MAX_PERIOD = 16
+#: Rounding of a coordinate in a file, pixels.
+ROUNDING = 1e-6
+
+
+def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
+    """Return stripes of a pixel from left to right, named by their first letters."""
+    names, n = {name[0]: name for name in COLOURS}, len(order)
+    places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
+    return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
+
+
+#: The layouts that have a name. Pentile's rows and columns take turns: red, green / blue, green.
+LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
+    **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
+    "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
+}
+
+
+class Box(NamedTuple):
+    """A rectangle of the panel: centre (u right, v down) from a pixel's centre, width and height; pixels."""
+
+    u: float
+    v: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The sub-pixels of a panel, which repeat after some columns and rows of pixels."""
+
+    subpixels: tuple[Subpixel, ...]
+    columns: int
+    rows: int
+
+    def gain(self, colour: Colour) -> float:
+        """Return how much brighter a sub-pixel is than its pixel: the panel's area over that of the colour."""
+        return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
+
+    def emitters(self, b: Any, u: Any, v: Any) -> Iterator[tuple[int, float, Any]]:
+        """Yield for each sub-pixel its colour (a place in `COLOURS`), its gain, and the pixel coordinates inside."""
+        tile_u = u - self.columns * b.floor(u / self.columns)
+        tile_v = v - self.rows * b.floor(v / self.rows)
+        for colour, left, top, right, bottom in self.edges():
+            inside = (tile_u >= left) & (tile_u < right) & (tile_v >= top) & (tile_v < bottom)
+            yield COLOURS.index(colour), self.gain(colour), inside
+
+    def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
+        """Yield colour, left, top, right and bottom of each sub-pixel, pixels from the top left of the first pixel."""
+        for colour, x, y, w, h in self.subpixels:
+            # Rounded, so that neighbours share an edge.
+            left, right = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
+            top, bottom = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
+            yield colour, left, top, right, bottom
+
+    def shown(self, light: Sequence[Any], darkest: Any) -> list[Any]:
+        """Return what red, green, blue and white sub-pixels emit of a pixel's light; `darkest` is its least colour.
+
+        A white sub-pixel emits what the three colours have in common, the others the rest.
+        """
+        if "white" not in (colour for colour, *_ in self.subpixels):
+            return list(light)
+        return [*(colour - darkest for colour in light), darkest]
+
+    def boxes(self, colour: Colour) -> list[Box]:
+        """Return where each pixel of the layout, row by row, shows a colour: its own sub-pixel, else the nearest."""
+        own = [sub for sub in self.subpixels if sub[0] == colour]
+        found = []
+        for number in range(self.columns * self.rows):
+            row, column = divmod(number, self.columns)
+            _, x, y, w, h = min(own, key=lambda sub: (_pixel_of(sub) != (column, row), _away(sub, column, row)))
+            found.append(Box(x - column, -y - row, w, h))
+        return found
+
+    @property
+    def borrows(self) -> bool:
+        """Whether a pixel lacks one of the three colours."""
+        return any(max(map(abs, box[:2])) > 0.5 + ROUNDING for colour in COLOURS[:3] for box in self.boxes(colour))
+
+
+def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:
+    """Return column and row of the pixel that a sub-pixel belongs to."""
+    return math.floor(subpixel[1] + 0.5), math.floor(-subpixel[2] + 0.5)
+
+
+def _away(subpixel: Subpixel, column: int, row: int) -> float:
+    return math.hypot(subpixel[1] - column, subpixel[2] + row)
+
+
+def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
+    """Return the layout of a name or a table; None for "none". Raises InputError for a table that cannot be built."""
+    if subpixels == "none":
+        return None
+    table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels
+    pixels = [_pixel_of(sub) for sub in table]
+    for colour in COLOURS[:3]:
+        if colour not in (sub[0] for sub in table):
+            raise InputError(f"the layout has no {colour}; add a sub-pixel of that colour")
+    for sub, (column, row) in zip(table, pixels, strict=True):
+        colour, x, y, w, h = sub
+        named = f"the {colour} sub-pixel at [{x:g}, {y:g}]"
+        if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
+            raise InputError(f"{named} is not in the {MAX_PERIOD} pixels right of and below the first; move it there")
+        room = 0.5 + ROUNDING
+        if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
+            raise InputError(f"{named} is {w:g} x {h:g} pixels and not inside its pixel; make it smaller or move it")
+        if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
+            raise InputError(f"{named} has another {colour} one in its pixel; leave one out, or count two pixels")
+    return Layout(table, 1 + max(column for column, _ in pixels), 1 + max(row for _, row in pixels))
