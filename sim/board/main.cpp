@@ -22,6 +22,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <thread>
 
 #include "Vtop.h"
 #include "Vtop___024root.h"
@@ -117,6 +118,7 @@ class Board {
     while (!stop.load(std::memory_order_relaxed)) {
       if (reset.exchange(false, std::memory_order_relaxed)) restart();
       for (int k = 0; k < 1024; ++k) step();
+      if (idle()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
     if (!options_.ready.empty()) std::remove(options_.ready.c_str());
@@ -129,7 +131,15 @@ class Board {
   }
 
  private:
+  // The last request is answered, its frames have been on the panel for a while, and no waveform is asked for. The
+  // clock then runs at a small share of its speed, until the host's next byte: a board that waits needs no processor.
+  bool idle() const {
+    return answered_ && options_.trace.empty() &&
+           clocks_ - spoke_ > 1'000'000 + 4LL * LIPPMANN_WIDTH * LIPPMANN_HEIGHT;
+  }
+
   void restart() {
+    spoke_ = clocks_;
     top_.rst_ni = 1;
     clock();
     top_.rst_ni = 0;
@@ -185,12 +195,16 @@ class Board {
   void taken() {
     line_.from_host().drop();
     ++in_;
+    spoke_ = clocks_;
+    answered_ = false;
     // The thread waits while there is no room; it is woken when half the buffer is free.
     if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
   }
 
   void send(uint8_t byte) {
     ++out_;
+    spoke_ = clocks_;
+    answered_ = true;
     if (!line_.to_host().put(byte)) ++lost_;
     line_.ring();
   }
@@ -205,6 +219,8 @@ class Board {
   Uart uart_;
   Screen screen_;
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
+  int64_t spoke_ = 0;     // clock of the last byte either way
+  bool answered_ = true;  // that byte was the board's
 };
 
 }  // namespace

@@ -586,6 +586,32 @@ def test_waveforms_of_a_window(tmp_path):
     assert file.stat().st_size > 1000
 
 
+def test_an_idle_board_needs_no_processor_and_wakes_at_once(quick):
+    """Once what it was asked for is done; it shows the frame first."""
+    image = random_image(21)
+    with Board.open(quick.url) as board:
+        send_frame(board, image)
+        wait_for(quick.folder, image)
+        clocks = BOARD_REGISTERS["clocks"].address
+
+        def used():
+            """Processor seconds of the board so far."""
+            user, system = Path(f"/proc/{quick.process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+            return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+        until = time.monotonic() + 60.0
+        share = 1.0
+        while share > 0.3 and time.monotonic() < until:
+            before, begun = used(), time.monotonic()
+            time.sleep(0.5)
+            share = (used() - before) / (time.monotonic() - begun)
+        assert share <= 0.3
+        first = board.read(clocks)[0]
+        assert board.read(clocks)[0] > first
+        send_frame(board, random_image(22))
+    wait_for(quick.folder, random_image(22))
+
+
 def test_a_power_cycle_in_the_middle(virtual):
     before, image = random_image(9), random_image(8)
     with Board.open(virtual.url) as board:
