@@ -103,7 +103,10 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
     """
     array, f = display.array, build.fraction_bits
-    p, row, R = array.pitch_mm, array.row_pitch_mm, array.radius_mm
+    if not array.regular or array.extent_mm is not None:
+        what = "array.pitch_mm of two numbers, array.shear and array.extent_mm have no registers yet"
+        raise InputError(f"display '{display.name}': {what}; give one pitch_mm, and leave the others out")
+    p, row, R = array.pitches_mm[0], array.row_pitch_mm, array.radius_mm
     exact = build.model == "exact"
     _check_build(display, build, model)
     _check_panel(display)

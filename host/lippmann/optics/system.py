@@ -38,7 +38,7 @@ class System:
     def of(cls, display: Display) -> System:
         """Return the system of a display."""
         array = display.array
-        lattice, frame = Lattice(array.grid, array.pitch_mm), PanelFrame.of(display)
+        lattice, frame = Lattice.of(array), PanelFrame.of(display)
         share = display.convergence / (1.0 + display.convergence)
         return cls(
             frame=frame,
