@@ -208,7 +208,7 @@ def _check_panel(display: Display) -> None:
     system = System.of(display)
     corner = system.frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
     x, y = system.convergence.towards_eye(*corner)
-    x, y = x / array.pitch_mm, y / array.row_pitch_mm
+    x, y = x / array.pitches_mm[0], y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
@@ -273,7 +273,7 @@ def _check_lens(display: Display, build: Build) -> None:
     radii.
     """
     array, f, most = display.array, build.fraction_bits, words.FRACTIONS[-1]
-    half, least = 0.5 * array.pitch_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
+    half, least = 0.5 * array.pitches_mm[0] / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:
         more = f", or take more fraction bits, up to {most}" if f < most else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"

@@ -76,9 +76,9 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
     aspect = f"{panel.width_px} / {panel.height_px}" if square else f"{panel.width_mm:.9g} / {panel.height_mm:.9g}"
     summary = (
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
-        f"of {array.pitch_mm:g} mm"
+        f"of {' × '.join(f'{pitch:g}' for pitch in dict.fromkeys(array.pitches_mm))} mm"
     )
-    described = dataclasses.asdict(display) | {"panel": panel.keys}
+    described = dataclasses.asdict(display) | {"panel": panel.keys, "array": array.keys}
     del described["name"]
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
