@@ -16,6 +16,7 @@ from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
 from lippmann.images import png_bytes
+from lippmann.optics.lattice import Lattice
 from lippmann.subpixels import COLOURS, layout_of
 from lippmann.viewer.controls import controls_html, focus_reach_mm
 from lippmann.viewer.template import filled, read, shader
@@ -136,6 +137,8 @@ def _defines(display: Display) -> dict[str, str]:
     defines = {}
     if display.array.grid == "hex":
         defines["HEX"] = "1"
+    if Lattice.of(display.array).stepped:
+        defines["STEPPED"] = "1"
     if display.array.plano_side == "panel":
         defines["PLANO_TO_PANEL"] = "1"
     layout = layout_of(display.panel.subpixels)
