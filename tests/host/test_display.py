@@ -605,12 +605,12 @@ def test_bad_eyes(keys, key, remedy):
         ({"pitch_mm": [0.1, 0.04]}, "pitch_mm", "at least a pixel"),
         ({"shear": 1.0, "radius_mm": 0.7}, "radius_mm", "larger radius_mm"),
         ({"extent_mm": 20.0}, "extent_mm", "[x, y]"),
-        ({"extent_mm": [20.0, -1.0]}, "extent_mm", "number"),
+        ({"extent_mm": [20.0, -1.0]}, "extent_mm[1]", "number"),
         ({"extent_mm": [0.99, 10.0]}, "extent_mm", "leave it out"),
         ({"extent_mm": [20.0, 0.86]}, "extent_mm", "leave it out"),
         ({"extent_mm": [20000.0, 15000.0]}, "extent_mm", "in mm"),
         ({"extent_mm": [4.0, 4.0], "offset_mm": [19.0, 0.0]}, "extent_mm", "offset_mm"),
-        ({"extent_mm": [4.0, 40.0], "offset_mm": [14.0, 14.0], "rotation_deg": 45.0}, "extent_mm", "offset_mm"),
+        ({"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": 45.0}, "extent_mm", "offset_mm"),
         ({"extend_mm": [4.0, 4.0]}, "extend_mm", "did you mean extent_mm?"),
     ],
 )
@@ -625,7 +625,7 @@ def test_arrays_that_are_no_mistake():
         {"shear": 1.0},
         {"extent_mm": [1.0, 0.867]},
         {"extent_mm": [4.0, 4.0], "offset_mm": [17.9, 0.0]},
-        {"extent_mm": [4.0, 40.0], "offset_mm": [14.0, 14.0], "rotation_deg": -45.0},
+        {"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": -45.0},
     ):
         parse_display(toml(array=but(ARRAY, **keys)))
 
