@@ -279,7 +279,7 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
 CONVERGED = {
     "square-panel": {"viewing_distance_mm": 200.0, "viewing_axis_mm": (-20.0, 12.0)},
     "hex-viewer": {"viewing_distance_mm": 120.0, "viewing_axis_mm": (30.0, 0.0)},
-    "hex-panel": {"viewing_distance_mm": 300.0, "viewing_axis_mm": (10.0, -8.0)},
+    "hex-panel": {"viewing_distance_mm": 150.0, "viewing_axis_mm": (10.0, -8.0)},
 }
 
 
