@@ -168,7 +168,8 @@ def test_any_display_within_four_roundings(grid, side, kind, model):
         assert (aside <= 50 * NANOMETRE + 4 * moved)[alike].all(), display
         rays += np.count_nonzero(alike)
     assert odd <= 3
-    assert rays > n
+    # Half of the skewed arrays end on the panel, and many a ray beside them.
+    assert rays > (n / 2 if kind == "skewed" else n)
 
 
 @pytest.mark.parametrize("aimed", [False, True])
