@@ -32,6 +32,10 @@ Pair = tuple[float, float]
 MM_PER_INCH = 25.4
 #: Least viewing distance, in focal lengths of the lenslets or in distances D to the panel, whichever is longer.
 NEAREST_EYE = 4.0
+#: Largest ratio of an array's pitches: beyond it cells are slits, not lenslets.
+MAX_PITCH_RATIO = 4.0
+#: Largest extent of an array, in diagonals of the panel.
+MAX_EXTENT = 100.0
 #: Keys of a panel that affect no ray.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
 #: Largest side of a panel, px: the largest that picture files and 16-bit indices can hold.
@@ -42,6 +46,9 @@ Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 #: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
 LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
+Shear = Annotated[float, key("shift of the rows along x, as a share of their height", low=-1.0, high=1.0)]
+_EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
+Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets everywhere")]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
@@ -117,7 +124,10 @@ class Array:
     """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
 
     grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
-    pitch_mm: Annotated[Length, key("lenslet pitch, at least a pixel; hexagonal: across the flats")]
+    pitch_mm: Annotated[
+        Length | LengthPair,
+        key("lenslet pitch, at least a pixel; hexagonal: across the flats; [x, y] where they differ"),
+    ]
     radius_mm: Annotated[Length, key("radius of the dome (the curved face); at least the cell's half diagonal")]
     index: Index
     thickness_mm: Annotated[Length, key("from the dome's vertex to the flat face, at least the sag", default="the sag")]
@@ -126,15 +136,74 @@ class Array:
     rotation_deg: Annotated[float, key("rotation of the lattice, counter-clockwise for the viewer")] = 0.0
     offset_mm: Annotated[Pair, key("position of a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
 
+    shear: Shear = 0.0
+    extent_mm: Extent = None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys and their values, without those that were left out or say what holds without them."""
+        found = dataclasses.asdict(self)
+        if self.shear == 0.0:
+            del found["shear"]
+        if self.extent_mm is None:
+            del found["extent_mm"]
+        return found
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """Pitch px of the lenslets of a row, and the pitch py that the rows' distance follows from, mm."""
+        pitch = self.pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def finest_mm(self) -> float:
+        """The smaller of the pitches, mm."""
+        return min(self.pitches_mm)
+
+    @property
+    def coarsest_mm(self) -> float:
+        """The larger of the pitches, mm."""
+        return max(self.pitches_mm)
+
+    def pitch_of(self, along_mm: float) -> float | tuple[float, ...]:
+        """Return the key `pitch_mm` of the array stretched so far that the lenslets of a row are `along_mm` apart."""
+        pitch = self.pitch_mm
+        return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
+
+    @property
+    def regular(self) -> bool:
+        """Whether the lattice is the regular one: a single pitch, no shear."""
+        return self.shear == 0.0 and self.pitches_mm[0] == self.pitches_mm[1]
+
     @property
     def half_diagonal_mm(self) -> float:
-        """Centre of a cell to its corner, mm."""
-        return self.pitch_mm / (math.sqrt(2.0) if self.grid == "square" else math.sqrt(3.0))
+        """Centre of a cell to its farthest corner, mm."""
+        px, py = self.pitches_mm
+        if self.regular:
+            return px / (math.sqrt(2.0) if self.grid == "square" else math.sqrt(3.0))
+        shear = abs(self.shear)
+        if self.grid == "square":
+            return 0.5 * math.hypot(px + shear * py, py)
+        top = py / math.sqrt(3.0)
+        return max(math.hypot(shear * top, top), 0.5 * math.hypot(px + shear * top, top))
 
     @property
     def row_pitch_mm(self) -> float:
         """Distance of neighbouring rows of lenslets, mm."""
-        return self.pitch_mm * (0.5 * math.sqrt(3.0) if self.grid == "hex" else 1.0)
+        return self.pitches_mm[1] * (0.5 * math.sqrt(3.0) if self.grid == "hex" else 1.0)
+
+    @property
+    def half_steps(self) -> tuple[int, int] | None:
+        """The farthest lenslets within the extent, in half steps along a row and in half rows; None without an extent.
+
+        Lenslet (i, j) is there when its steps |2 i|, hexagonal |2 i + j|, and |2 j| are not more than these. An extent
+        that ends on a centre, but for rounding, includes that lenslet.
+        """
+        if self.extent_mm is None:
+            return None
+        pitches = (self.pitches_mm[0], self.row_pitch_mm)
+        along, across = (math.floor(w / p * (1.0 + 1e-12)) for w, p in zip(self.extent_mm, pitches, strict=True))
+        return along, across
 
     @property
     def flat_distance_mm(self) -> float:
@@ -191,7 +260,7 @@ class Display:
     @cached_property
     def identity(self) -> str:
         """Hash of the optical part, 16 hexadecimal digits; images carry it to name the display that they fit."""
-        array = dataclasses.asdict(self.array)
+        array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
             # The glass gives the index, so that a display has the same identity at every wavelength.
@@ -229,7 +298,7 @@ class Display:
             array,
             rotation_deg=array.rotation_deg + rotation_deg,
             offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
-            pitch_mm=array.pitch_mm * pitch_scale,
+            pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
         )
         if pitch_scale > 1.0:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
@@ -274,8 +343,7 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
         panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
-    if isinstance(panel["pixel_pitch_mm"], tuple) and len(set(panel["pixel_pitch_mm"])) == 1:
-        panel["pixel_pitch_mm"] = panel["pixel_pitch_mm"][0]  # square pixels have one identity
+    panel["pixel_pitch_mm"] = plain_pitch(panel["pixel_pitch_mm"])
     for part, check in (("transfer", curve_of), ("subpixels", layout_of)):
         try:
             check(panel[part])
@@ -285,10 +353,12 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     if black is not None and not black < (white or 0.0):
         what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
         raise input_error(f"{where}panel.black_cd_m2", what, "give both, in cd/m2, from the data sheet")
+    array["pitch_mm"] = plain_pitch(array["pitch_mm"])
     array["index"] = index_of_keys(keys.array, f"{where}array.")
     if focal_mm is not None:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
     made = Array(**array)
+    check_pitch(made, f"{where}array.pitch_mm")
     if made.thickness_mm is None:
         check_radius(made, f"{where}array.radius_mm")
         made = replace(made, thickness_mm=made.sag_mm)
@@ -296,6 +366,11 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display
+
+
+def plain_pitch(pitch_mm: float | tuple[float, ...]) -> float | tuple[float, ...]:
+    """Return a pitch of two equal numbers as one, so that both ways of writing have one identity."""
+    return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
 def index_of_keys(keys: Any, where: str) -> float:
@@ -313,13 +388,21 @@ def display_text(display: Display) -> str:
     top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
-    tables = {"": top, "panel": display.panel.keys, "array": dataclasses.asdict(display.array)}
+    tables = {"": top, "panel": display.panel.keys, "array": display.array.keys}
     del tables["array"]["glass" if display.array.glass is None else "index"]
     # Numbers, text and lists look the same in JSON and in TOML.
     return "\n".join(
         (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
         for name, table in tables.items()
     )
+
+
+def check_pitch(array: Array, where: str) -> None:
+    """Refuse cells that are slits; `where` names the key in errors."""
+    if array.coarsest_mm > MAX_PITCH_RATIO * array.finest_mm:
+        px, py = array.pitches_mm
+        what = f"[{px:g}, {py:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
+        raise input_error(where, what, "give [pitch along a row, pitch of the rows] in mm")
 
 
 def check_radius(array: Array, where: str) -> None:
@@ -336,9 +419,11 @@ def _check(display: Display, where: str) -> None:
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
-    if array.pitch_mm < pixel_mm:
-        what = f"{array.pitch_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
+    if array.finest_mm < pixel_mm:
+        what = f"{array.finest_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
         raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
+    if array.extent_mm is not None:
+        _check_extent(display, f"{where}array.extent_mm")
     if display.viewing_distance_mm is None:
         if display.viewing_axis_mm != (0.0, 0.0):
             what = "has no effect without viewing_distance_mm"
@@ -348,6 +433,31 @@ def _check(display: Display, where: str) -> None:
     if not display.viewing_distance_mm >= nearest:
         what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
+
+
+def _check_extent(display: Display, where: str) -> None:
+    """Refuse an extent without a lenslet in front of the panel, or one far larger than the panel."""
+    array, panel = display.array, display.panel
+    width, height = array.extent_mm or (0.0, 0.0)
+    given, least = f"{width:g} x {height:g} mm", (array.pitches_mm[0], array.row_pitch_mm)
+    if width < least[0] or height < least[1]:
+        what = f"{given} holds no lenslet of {least[0]:.4g} x {least[1]:.4g} mm"
+        raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
+    if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
+        what = f"{given} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
+        raise input_error(where, what, "give it in mm, or leave it out for lenslets everywhere")
+    # Two parallelograms are apart when one of their four directions separates them.
+    turn = math.radians(array.rotation_deg)
+    c, s = math.cos(turn), math.sin(turn)
+    rows = (c, s)
+    columns = (c * array.shear - s, s * array.shear + c)
+    reach = array.half_diagonal_mm
+    for ax, ay in ((1.0, 0.0), (0.0, 1.0), (-rows[1], rows[0]), (-columns[1], columns[0])):
+        here = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
+        there = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
+        if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > here + there + reach * math.hypot(ax, ay):
+            what = f"{given} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
+            raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")
 
 
 def check_array(array: Array, where: str) -> None:

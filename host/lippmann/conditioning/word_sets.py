@@ -132,7 +132,7 @@ def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     if build.converge:
         aim = centre
     # The outermost word may go either way.
-    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitch_mm, array.row_pitch_mm])
+    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
     return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))
 
 

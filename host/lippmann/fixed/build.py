@@ -118,4 +118,4 @@ def _chief_rays_stray(display: Display) -> bool:
     sine = slope / math.hypot(1.0, slope) / array.index
     # At the rims' plane; nearer to the viewer the ray is nearer to the axis.
     depth = array.thickness_mm - array.sag_mm
-    return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= 0.5 * array.pitch_mm
+    return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= 0.5 * array.finest_mm

@@ -103,7 +103,10 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
     """
     array, f = display.array, build.fraction_bits
-    p, row, R = array.pitch_mm, array.row_pitch_mm, array.radius_mm
+    if not array.regular or array.extent_mm is not None:
+        what = "array.pitch_mm of two numbers, array.shear and array.extent_mm have no registers yet"
+        raise InputError(f"display '{display.name}': {what}; give one pitch_mm, and leave the others out")
+    p, row, R = array.pitches_mm[0], array.row_pitch_mm, array.radius_mm
     exact = build.model == "exact"
     _check_build(display, build, model)
     _check_panel(display)
@@ -205,7 +208,7 @@ def _check_panel(display: Display) -> None:
     system = System.of(display)
     corner = system.frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
     x, y = system.convergence.towards_eye(*corner)
-    x, y = x / array.pitch_mm, y / array.row_pitch_mm
+    x, y = x / array.pitches_mm[0], y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
@@ -270,7 +273,7 @@ def _check_lens(display: Display, build: Build) -> None:
     radii.
     """
     array, f, most = display.array, build.fraction_bits, words.FRACTIONS[-1]
-    half, least = 0.5 * array.pitch_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
+    half, least = 0.5 * array.pitches_mm[0] / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:
         more = f", or take more fraction bits, up to {most}" if f < most else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"

@@ -1,7 +1,10 @@
 """Step 2 of a ray: the lenslet that a point belongs to, and the point's position inside that lenslet.
 
-The centre of lenslet (i, j) is at p (i, j) on the square grid, at p (i + j/2, j sqrt(3)/2) on the hexagonal one. A cell
-is half-open, -p/2 <= q < p/2 along each of its axes, so that every point of the plane has exactly one owner.
+The centre of lenslet (i, j) of the regular lattice of pitch 1 is at (X, Y) = (i, j) on the square grid, at
+(i + j/2, j sqrt(3)/2) on the hexagonal one. A cell is half-open, -1/2 <= q < 1/2 along each of its axes, so that every
+point of the plane has exactly one owner. The array's lattice is an affine image of it, cells included:
+
+    y = py Y,   x = px X + shear y.
 """
 
 from __future__ import annotations
@@ -9,7 +12,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lippmann.display import Grid
+import numpy as np
+
+from lippmann.display import Array, Grid, Pair
 from lippmann.optics.backend import Arr, Backend
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
@@ -23,47 +28,102 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """Square or hexagonal lattice with pitch p (mm), in the array's frame.
+    """Square or hexagonal lattice with the pitches px and py (mm) and a shear, in the array's frame.
 
-    `half_sqrt3` is sqrt(3)/2 in the precision of the coordinates.
+    `half_sqrt3` is sqrt(3)/2 in the precision of the coordinates; `half_steps` as in `Array`: where the lenslets end.
     """
 
     grid: Grid
-    pitch_mm: float
+    pitch_mm: float | tuple[float, ...]
     half_sqrt3: float = HALF_SQRT3
+    shear: float = 0.0
+    half_steps: tuple[int, int] | None = None
+
+    @classmethod
+    def of(cls, array: Array) -> Lattice:
+        """Return the lattice of an array."""
+        return cls(array.grid, array.pitch_mm, shear=array.shear, half_steps=array.half_steps)
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """The pitches px and py, mm."""
+        pitch = self.pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def half_mm(self) -> float:
+        """Half a cell along each of `axes`, mm: px/2."""
+        return 0.5 * self.pitches_mm[0]
+
+    @property
+    def stepped(self) -> bool:
+        """Whether the sides of cells are not midway between centres, so that domes have steps between them."""
+        px, py = self.pitches_mm
+        return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
     @property
     def axes(self) -> tuple[tuple[float, float], ...]:
-        """Unit vectors perpendicular to the sides of a cell, one for each pair of opposite sides."""
-        if self.grid == "square":
-            return (1.0, 0.0), (0.0, 1.0)
-        return (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
+        """Vectors perpendicular to the sides of a cell, one for each pair of opposite sides.
+
+        A point q from the centre is in the cell when each product a . q is in [-px/2, px/2). The vectors of a regular
+        lattice have length 1.
+        """
+        regular: tuple[tuple[float, float], ...] = (1.0, 0.0), (0.0, 1.0)
+        if self.grid == "hex":
+            regular = (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
+        px, py = self.pitches_mm
+        return tuple((ax, ay * (px / py) - ax * self.shear) for ax, ay in regular)
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
         """Corners of a cell, counter-clockwise, from its centre, mm."""
+        px, py = self.pitches_mm
         sides = len(self.axes)
-        radius, first = 0.5 * self.pitch_mm / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
+        radius, first = 0.5 * px / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
         angles = (first + math.pi * k / sides for k in range(2 * sides))
-        return tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
+        return tuple(self.sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
+
+    def sheared(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Return a point of the lattice without its shear where the shear moves it, mm."""
+        return (x + self.shear * y, y) if self.shear else (x, y)
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), mm, in the floating-point format of `i` and `j`."""
+        px, py = self.pitches_mm
         if self.grid == "square":
-            return i * self.pitch_mm, j * self.pitch_mm
-        return (i + 0.5 * j) * self.pitch_mm, j * (self.half_sqrt3 * self.pitch_mm)
+            return self.sheared(i * px, j * py)
+        return self.sheared((i + 0.5 * j) * px, j * (self.half_sqrt3 * py))
+
+    def present(self, b: Backend, i: Arr, j: Arr) -> Arr:
+        """Tell whether lenslet (i, j) lies within the extent of the array, if it has one (see `Array.half_steps`)."""
+        if self.half_steps is None:
+            return i < math.inf
+        along = 2.0 * i + j if self.grid == "hex" else 2.0 * i
+        return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
+
+    def nearest_within(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Return the points within the extent that are nearest along and across the rows; numpy arrays, mm."""
+        if self.half_steps is None:
+            return x, y
+        px, py = self.pitches_mm
+        row = self.half_sqrt3 * py if self.grid == "hex" else py
+        # Between the middles of the last rows, and of their last lenslets.
+        along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
+        y = np.clip(y, -across, across)
+        return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
         """Return the owner (i, j), whole numbers in x's format, and the point from its centre (mm)."""
-        p = self.pitch_mm
+        px, py = self.pitches_mm
+        along = x - self.shear * y if self.shear else x
         if self.grid == "square":
-            i = b.floor(x * (1.0 / p) + 0.5)
-            j = b.floor(y * (1.0 / p) + 0.5)
+            i = b.floor(along * (1.0 / px) + 0.5)
+            j = b.floor(y * (1.0 / py) + 0.5)
         else:
             # First the corner (i, j) of the lattice parallelogram that holds the point, then the nearest of its four
             # corners: the bisectors between them are q = 1/2 and q = 1 along the cell's axes.
-            t = y * (1.0 / (self.half_sqrt3 * p))
-            u = x * (1.0 / p)
+            t = y * (1.0 / (self.half_sqrt3 * py))
+            u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
@@ -79,10 +139,11 @@ class Lattice:
 
     def holds(self, x: Arr, y: Arr) -> Arr:
         """Tell whether a point, measured from a lenslet's centre, lies in its cell."""
-        half = 0.5 * self.pitch_mm
-        inside = (x >= -half) & (x < half)
-        for ax, ay in self.axes[1:]:
-            q = y if ax == 0.0 else ax * x + ay * y
+        half = self.half_mm
+        # A point on a side that runs along x or y must not be rounded off it.
+        across = [x if a == (1.0, 0.0) else y if a == (0.0, 1.0) else a[0] * x + a[1] * y for a in self.axes]
+        inside = (across[0] >= -half) & (across[0] < half)
+        for q in across[1:]:
             inside = inside & (q >= -half) & (q < half)
         return inside
 
@@ -92,14 +153,14 @@ class Lattice:
         Return t where it crosses the cell's side (infinite when dx = dy = 0), the step (di, dj) to the neighbour across
         that side, whole numbers in x's format, and that neighbour's centre from this one's, mm.
         """
-        half = 0.5 * self.pitch_mm
+        half = self.half_mm
         t = di = dj = cx = cy = None
         for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
             q, v = ax * x + ay * y, ax * dx + ay * dy
             sign = b.where(v < 0.0, -1.0, 1.0)
             parallel = b.absolute(v) < 1e-30
             t_k = b.where(parallel, math.inf, (sign * half - q) / b.where(parallel, 1.0, v))
-            nx, ny = sign * (ax * self.pitch_mm), sign * (ay * self.pitch_mm)
+            nx, ny = (sign * step for step in self.centre(si, sj))
             if t is None:
                 t, di, dj, cx, cy = t_k, sign * si, sign * sj, nx, ny
                 continue
