@@ -115,7 +115,7 @@ def test_rsqrt_all_words_of_the_compact_configuration():
 def test_the_worst_word_that_the_reference_names():
     """Found among all words by the test marked full, below."""
     page = (repository() / "docs/reference/rtl.md").read_text()
-    row = r"([\d.]+) units of the last place at most, at word (\d+), of all ([\d,]+)"
+    row = r"([\d.]+) units of the last place at most, at word (\d+), over all ([\d,]+)"
     said, word, inputs = re.search(row, page).groups()
     assert f"{worst_rsqrt(23, [np.array([int(word)])])[0]:.4f}" == said
     assert inputs == f"{3 << 24:,}"

@@ -258,7 +258,7 @@ def test_the_table_has_the_zones_and_shares_of_its_eyes():
 def test_an_eye_behind_the_display_is_refused():
     display = changed(ZONED["domes to the panel"])
     for z in (-1.0, 0.0, 2.5):
-        with pytest.raises(InputError, match=r"not before the display, which ends at 2\.5 mm"):
+        with pytest.raises(InputError, match=r"not in front of the display, whose front is at z = 2\.5 mm"):
             status_share(display, (0.0, 0.0, z))
 
 
