@@ -132,8 +132,16 @@ def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
     if build.converge:
         aim = centre
     # The outermost word may go either way.
-    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitch_mm, array.row_pitch_mm])
-    return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))
+    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
+
+    def too_far(x: Floats, y: Floats, limit: Floats) -> search.Bools:
+        return np.asarray((np.abs(np.stack([x, y], axis=1)) >= limit).any(axis=1))
+
+    x, y = (centre - start).T
+    found = too_far(x - array.shear * y, y, limit)
+    # Behind `shear` the words hold four times as much, and points are measured upright.
+    upright = 4.0 * limit if build.shear else limit
+    return found | too_far(x, y, upright) | too_far(*(aim - start).T, upright)
 
 
 def aims_of(display: Display, build: Build, words: Words) -> Floats | None:

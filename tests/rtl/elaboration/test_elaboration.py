@@ -35,7 +35,7 @@ PARAMETERS = {
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
     "board": [{}, {"ByteLink": 1, "F": 23, "Grid": 1}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
-    "config_bank": [{"Width": w} for w in (1, 916)],
+    "config_bank": [{"Width": w} for w in (1, 1140)],
     "cell_product": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s} for a, b, d, s in ((18, 18, 0, 0), (25, 25, 20, 1), (27, 25, 21, 0))
     ],

@@ -46,7 +46,7 @@ def instance(build: Build) -> Instance:
          **dict.fromkeys(("dx_o", "dy_o", "dz_o"), near), "status_o": 3},
         f"optics_pkg::ray_latency({p['F']}, {p['Grid']}, {p['Model']}, {viewer}, {aims}, {p['Walk']}, {converge})",
         p,
-        {"config_i": 916},
+        {"config_i": 1140},
     )  # fmt: skip
 
 

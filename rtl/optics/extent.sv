@@ -1,0 +1,41 @@
+`default_nettype none
+
+/// Tells whether the array has no lenslet (i, j): an array may be smaller than its panel.
+///
+///   missing   where |c| > along or |j| > across,   c = 2 i + j (square: 2 i)
+///
+/// c counts half pitches along the rows. -c > n is tested as ~c >= n, which needs no negation.
+/// Latency 2.
+module extent #(
+  parameter int Grid = optics_pkg::GridSquare
+) (
+  input  logic                                    clk_i,
+  input  logic signed [optics_pkg::IndexBits-1:0] i_i,
+  input  logic signed [optics_pkg::IndexBits-1:0] j_i,
+  input  logic signed [optics_pkg::IndexBits+1:0] along_i,   // largest |c| of a lenslet
+  input  logic signed [optics_pkg::IndexBits:0]   across_i,  // largest |j|
+  output logic                                    missing_o
+);
+  import optics_pkg::*;
+
+  localparam int Wc = IndexBits + 2;
+  localparam int Wj = IndexBits + 1;
+
+  if (Grid != GridSquare && Grid != GridHex) begin : gen_illegal_grid
+    $fatal(1, "extent: Grid must be GridSquare or GridHex");
+  end
+
+  // The limits' own registers keep the way from the configuration short.
+  logic signed [Wc-1:0] c_q, along_q;
+  logic signed [Wj-1:0] j_q, across_q;
+  always_ff @(posedge clk_i) begin
+    along_q <= along_i;
+    across_q <= across_i;
+    c_q <= (Wc'(i_i) <<< 1) + (Grid == GridHex ? Wc'(j_i) : '0);
+    j_q <= Wj'(j_i);
+    missing_o <= c_q > along_q || ~c_q >= along_q || j_q > across_q || ~j_q >= across_q;
+  end
+
+endmodule
+
+`default_nettype wire
