@@ -5,7 +5,7 @@
 ///   missing   where |c| > along or |j| > across,   c = 2 i + j (square: 2 i)
 ///
 /// c counts half pitches along the rows. -c > n is tested as ~c >= n, which needs no negation.
-/// Latency 2.
+/// Latency extent_latency().
 module extent #(
   parameter int Grid = optics_pkg::GridSquare
 ) (
@@ -28,12 +28,17 @@ module extent #(
   // The limits' own registers keep the way from the configuration short.
   logic signed [Wc-1:0] c_q, along_q;
   logic signed [Wj-1:0] j_q, across_q;
+  logic right_q, left_q, up_q, down_q;
   always_ff @(posedge clk_i) begin
     along_q <= along_i;
     across_q <= across_i;
     c_q <= (Wc'(i_i) <<< 1) + (Grid == GridHex ? Wc'(j_i) : '0);
     j_q <= Wj'(j_i);
-    missing_o <= c_q > along_q || ~c_q >= along_q || j_q > across_q || ~j_q >= across_q;
+    right_q <= c_q > along_q;
+    left_q <= ~c_q >= along_q;
+    up_q <= j_q > across_q;
+    down_q <= ~j_q >= across_q;
+    missing_o <= right_q || left_q || up_q || down_q;
   end
 
 endmodule

@@ -183,6 +183,11 @@ package optics_pkg;
     return grid == GridHex ? 4 : 1;
   endfunction
 
+  /// Latency of `extent`: sum, comparisons, their combination.
+  function automatic int extent_latency();
+    return 3;
+  endfunction
+
   function automatic int aim_latency(int grid);
     return lenslet_latency(grid) + 1;
   endfunction

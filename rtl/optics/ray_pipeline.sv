@@ -225,7 +225,7 @@ module ray_pipeline #(
   logic signed [Wx:0] towards_x_d, towards_y_d;
   logic signed [Wa-1:0] a_q, b_q;
   logic signed [Wx-1:0] x_q, y_q, from_x_q, from_y_q;
-  logic stray_q, beyond_q, stray_q2, beyond_q2;
+  logic stray_q, beyond_q;
   assign towards_x_d = (Wx + 1)'(a) - (Wx + 1)'(x);
   assign towards_y_d = (Wx + 1)'(b) - (Wx + 1)'(y);
   always_ff @(posedge clk_i) begin
@@ -234,7 +234,6 @@ module ray_pipeline #(
     from_y_q <= Difference ? Wx'(towards_y_d) : y;
     beyond_q <= beyond || (!Converge && (towards_x_d[Wx] != towards_x_d[Wx-1]
         || towards_y_d[Wx] != towards_y_d[Wx-1]));
-    {stray_q2, beyond_q2} <= {stray_q, beyond_q};
   end
 
   localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
@@ -273,20 +272,24 @@ module ray_pipeline #(
 
   // ---- delays to the end of the pipeline ----
   localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) - 2;
-  logic stray_late, beyond_late, own_missing_late;
-  delay #(.Width(3), .Cycles(OutAt - LensAt - 2)) i_flags (
-    .clk_i, .d_i({stray_q2, beyond_q2, own_missing}),
+  logic stray_after, beyond_after, stray_late, beyond_late, own_missing_late;
+  delay #(.Width(2), .Cycles(extent_latency() - 1)) i_flags_match (
+    .clk_i, .d_i({stray_q, beyond_q}), .q_o({stray_after, beyond_after})
+  );
+  delay #(.Width(3), .Cycles(OutAt - LensAt - extent_latency())) i_flags (
+    .clk_i, .d_i({stray_after, beyond_after, own_missing}),
     .q_o({stray_late, beyond_late, own_missing_late})
   );
 
   // ---- through the lenslet ----
-  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // the former a clock before
+  localparam int Early = extent_latency() - 1;  // so that the test ends a clock after OutAt
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // the former before the others
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_reflected, out_crosstalk;
 
   if (Model != ModelExact) begin : gen_ideal
-    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt - 1)) i_lens (
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt - Early)) i_lens (
       .clk_i, .d_i({lens_i, lens_j}), .q_o({early_i, early_j})
     );
     logic signed [Wh-1:0] hx_late, hy_late;
@@ -409,7 +412,7 @@ module ray_pipeline #(
       .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_early)
     );
     always_ff @(posedge clk_i) missed_late <= missed_early;
-    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt - 1)) i_lens_out (
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt - Early)) i_lens_out (
       .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({early_i, early_j})
     );
 
@@ -493,6 +496,9 @@ module ray_pipeline #(
     .clk_i, .i_i(early_i), .j_i(early_j), .along_i(config_i.extent_i[IndexBits+1:0]),
     .across_i(config_i.extent_j[IndexBits:0]), .missing_o(exit_missing)
   );
+  delay #(.Width(2 * IndexBits), .Cycles(Early)) i_out_match (
+    .clk_i, .d_i({early_i, early_j}), .q_o({out_i, out_j})
+  );
 
   // ---- exit ray, and its status ----
   logic signed [IndexBits-1:0] i_q, j_q;
@@ -500,7 +506,6 @@ module ray_pipeline #(
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
   logic missed_q, reflected_q, blocked_q, crosstalk_q;
   always_ff @(posedge clk_i) begin
-    {out_i, out_j} <= {early_i, early_j};
     own_missing_q <= own_missing_late;
     {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2} <=
         {out_i, out_j, out_x, out_y, out_z, out_dx, out_dy, out_dz};

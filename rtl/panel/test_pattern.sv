@@ -87,7 +87,7 @@ module test_pattern #(
     .clk_i, .i_i(i), .j_i(j), .along_i(optics_i.extent_i[IndexBits+1:0]),
     .across_i(optics_i.extent_j[IndexBits:0]), .missing_o(missing)
   );
-  delay #(.Width(1), .Cycles(MulLatency)) i_missing (
+  delay #(.Width(1), .Cycles(MulLatency + 2 - extent_latency())) i_missing (
     .clk_i, .d_i(missing), .q_o(missing_late)
   );
 

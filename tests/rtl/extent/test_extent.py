@@ -15,7 +15,7 @@ def test_equals_twin(grid):
     s = seed()
     rng = np.random.default_rng(s)
     one = Instance(
-        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "2", {"Grid": GRIDS.index(grid)},
+        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "optics_pkg::extent_latency()", {"Grid": GRIDS.index(grid)},
         {"along_i": 14, "across_i": 13},
     )  # fmt: skip
     seen = Coverage("extent", grid)
