@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -166,6 +165,11 @@ class Array:
         """The larger of the pitches, mm."""
         return max(self.pitches_mm)
 
+    def pitch_of(self, along_mm: float) -> float | tuple[float, ...]:
+        """Return the key `pitch_mm` of the array stretched so far that the lenslets of a row are `along_mm` apart."""
+        pitch = self.pitch_mm
+        return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
+
     @property
     def regular(self) -> bool:
         """Whether the lattice is the regular one: a single pitch, no shear."""
@@ -192,15 +196,14 @@ class Array:
     def half_steps(self) -> tuple[int, int] | None:
         """The farthest lenslets within the extent, in half steps along a row and in half rows; None without an extent.
 
-        Lenslet (i, j) is there when its steps |2 i|, hexagonal |2 i + j|, and |2 j| are not more than these. Exact for
-        the decimal numbers of the keys: an extent that ends on a centre includes that lenslet.
+        Lenslet (i, j) is there when its steps |2 i|, hexagonal |2 i + j|, and |2 j| are not more than these. An extent
+        that ends on a centre, but for rounding, includes that lenslet.
         """
         if self.extent_mm is None:
             return None
-        width, height = (Fraction(str(float(side))) for side in self.extent_mm)
-        px, py = (Fraction(str(float(pitch))) for pitch in self.pitches_mm)
-        rows = (height / py) ** 2 * (Fraction(4, 3) if self.grid == "hex" else 1)
-        return math.floor(width / px), math.isqrt(math.floor(rows))
+        pitches = (self.pitches_mm[0], self.row_pitch_mm)
+        along, across = (math.floor(w / p * (1.0 + 1e-12)) for w, p in zip(self.extent_mm, pitches, strict=True))
+        return along, across
 
     @property
     def flat_distance_mm(self) -> float:
@@ -291,12 +294,11 @@ class Display:
         Raises InputError when nothing that can be built is left, such as a negative gap.
         """
         array = self.array
-        scaled = tuple(pitch * pitch_scale for pitch in array.pitches_mm)
         moved = replace(
             array,
             rotation_deg=array.rotation_deg + rotation_deg,
             offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
-            pitch_mm=scaled if isinstance(array.pitch_mm, tuple) else scaled[0],
+            pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
         )
         if pitch_scale > 1.0:
             # A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann.display import Display, Pair
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.system import System
 from lippmann.toml import documented, key
 from lippmann.viewing import Zone, middle_eye, remedy, status_share, viewing_distance, zones
 
@@ -84,14 +86,14 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
 
     Raises InputError for an eye that is not before the display.
     """
-    pitch, distance = display.array.pitch_mm, display.aperture_distance_mm
+    pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
     views = []
     for eye, share, zone in zip(eyes_mm, shares, zones(display, [eye[2] for eye in eyes_mm]), strict=True):
         z = eye[2]
         depths = (z * reach / (reach - z) if z > reach else -math.inf, z * reach / (reach + z))
-        arcmin, moire = 60.0 * math.degrees(pitch / z), visible_moire(display, z)
+        arcmin, moire = 60.0 * math.degrees(display.array.coarsest_mm / z), visible_moire(display, z)
         views.append(EyeView(eye, share, zone, depths, z * step, arcmin, moire))
     return views
 
@@ -109,10 +111,11 @@ def table_of_views(display: Display) -> list[EyeView]:
 def display_properties(display: Display) -> DisplayProperties:
     """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
-    pitch, distance = array.pitch_mm, display.aperture_distance_mm
+    pitch, distance = array.finest_mm, display.aperture_distance_mm
+    extent = array.extent_mm or (math.inf, math.inf)
     # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
-    across = math.ceil(panel.width_mm / pitch - 1e-9)
-    down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
+    across = math.ceil(min(panel.width_mm, extent[0]) / array.pitches_mm[0] - 1e-9)
+    down = math.ceil(min(panel.height_mm, extent[1]) / array.row_pitch_mm - 1e-9)
     image = pitch * (1.0 + display.convergence)
     half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
     (zone,) = zones(display, [viewing_distance(display)])
@@ -135,7 +138,7 @@ def display_properties(display: Display) -> DisplayProperties:
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
         depth_range_mm=(-reach, reach),
         angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
-        spatial_resolution_mm=pitch,
+        spatial_resolution_mm=array.coarsest_mm,
         views=math.floor(image / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
@@ -151,37 +154,38 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
     f . a = k . a modulo 1 for both lattice vectors. The length of f is the distance of k from the reciprocal lattice.
     The period is infinite where each lenslet has the same phase.
     """
-    array = display.array
-    pitch_mm = array.pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm)
-    turn, between = math.radians(array.rotation_deg), math.radians(60.0 if array.grid == "hex" else 90.0)
+    lattice, frame = System.of(display).lattice, PanelFrame.of(display)
+    pitch_mm = lattice.pitches_mm[0]
+    # In lenslet pitches; the second from the first, and the area of the two.
+    step, row = (tuple(c / pitch_mm for c in lattice.centre(*lenslet)) for lenslet in ((1, 0), (0, 1)))
+    area = step[0] * row[1]
 
-    def period(along: Callable[[float], float], pixel_mm: float) -> float:
-        """Return a beat's period; `along` gives a unit lattice vector's component across the pixel lines."""
-        ratio = pitch_mm / pixel_mm
-        phases = [math.remainder(ratio * along(angle), 1.0) for angle in (turn, turn + between)]
-        squares = []
+    def period(axis: int, pixel_mm: float) -> float:
+        """Return the period of a beat with the pixel lines across an axis."""
+        ratio = pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm) / pixel_mm
+        phases = [math.remainder(ratio * frame.turn(*vector)[axis], 1.0) for vector in (step, row)]
+        lengths = []
         for i, j in itertools.product((-1, 0, 1), repeat=2):
             first, second = phases[0] + i, phases[1] + j
-            squares.append(first * first + second * second - 2.0 * first * second * math.cos(between))
-        frequency = math.sqrt(max(min(squares), 0.0)) / math.sin(between)
+            lengths.append(math.hypot(first * row[1], second * step[0] - first * row[0]))
+        frequency = min(lengths) / area
         return 1.0 / frequency if frequency else math.inf
 
-    across_mm, down_mm = display.panel.pitches_mm
-    return period(math.cos, across_mm), period(math.sin, down_mm)
+    return period(0, display.panel.pitches_mm[0]), period(1, display.panel.pitches_mm[1])
 
 
 def visible_moire(display: Display, distance_mm: float = math.inf) -> float | None:
     """Return the longest period of a visible beat in lenslets; None without one."""
-    panel, pitch = display.panel, display.array.pitch_mm
+    panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
-    return max(beats) if beats and pitch / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
+    return max(beats) if beats and display.array.finest_mm / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
 
 
 def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:
     panel, array = display.panel, display.array
     found = []
-    ratio = array.pitch_mm / panel.coarsest_mm
+    ratio = array.finest_mm / panel.coarsest_mm
     if ratio < 2.0:
         found.append(
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "

@@ -92,7 +92,7 @@ def draw_display(display: Display, path: Path) -> None:
     panel, system = display.panel, System.of(display)
     half = np.array((panel.width_mm, panel.height_mm)) / 2.0
     with _drawing(path, 2, 2, (11.0, 9.0)) as ((whole, section), (centre, corner)):
-        every = max(1, round(panel.width_mm / display.array.pitch_mm / MARKS))
+        every = max(1, round(panel.width_mm / display.array.pitches_mm[0] / MARKS))
         span = int(np.hypot(*half) / display.array.row_pitch_mm / every) + 2
         x, y = _lenslets(system, (0.0, 0.0), span, every)
         inside = (abs(x) <= half[0]) & (abs(y) <= half[1])
@@ -104,7 +104,7 @@ def draw_display(display: Display, path: Path) -> None:
         _draw_section(section, display)
         for axis, name, place in (
             (centre, "middle", (0.0, 0.0)),
-            (corner, "top right corner", half - display.array.pitch_mm),
+            (corner, "top right corner", half - display.array.coarsest_mm),
         ):
             _draw_close(axis, display, system, np.array(place))
             _edge(axis, half)
@@ -117,7 +117,9 @@ def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every:
     """Return the centres of the lenslets around a place of the panel, up to `span` steps of `every` lenslets away."""
     i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
     steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
-    x, y = system.centre(i + steps[0], j + steps[1])
+    i, j = i + steps[0], j + steps[1]
+    here = system.lattice.present(NumpyBackend(), i, j)
+    x, y = system.centre(i[here], j[here])
     return x, y
 
 
@@ -128,7 +130,7 @@ def _edge(axis: Any, half: Floats) -> None:
 
 def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> None:
     """Draw the pixels, the cells of the lenslets and their elemental images around a place of the panel."""
-    panel, pitch = display.panel, display.array.pitch_mm
+    panel, pitch = display.panel, display.array.coarsest_mm
     reach = 0.5 * CLOSE * pitch
     axis.set(xlim=place[0] + reach * np.array((-1, 1)), ylim=place[1] + reach * np.array((-1, 1)), aspect="equal")
     first, last = (system.frame.pixel_from_panel(place[0] + a, place[1] - a) for a in (-reach, reach))
@@ -178,7 +180,7 @@ def _draw_subpixels(axis: Any, display: Display, system: System, columns: Ints, 
 def _draw_section(axis: Any, display: Display) -> None:
     """Draw the panel, three lenslets and rays of the middle one's pixels, in the plane of the array's rows."""
     array, system = display.array, System.of(display)
-    pitch, gap, thickness, reach = array.pitch_mm, display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm
+    pitch, gap, thickness, reach = array.pitches_mm[0], display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm
     sign, flat = (-1.0, -thickness) if system.plano_to_panel else (1.0, thickness)
     near = flat if system.plano_to_panel else 0.0
     across = np.linspace(-0.5, 0.5, 41) * pitch

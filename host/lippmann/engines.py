@@ -106,7 +106,7 @@ def trace(
     """
     _check_model(model)
     array, panel = display.array, display.panel
-    farthest = FARTHEST_LENSLETS * array.pitch_mm
+    farthest = FARTHEST_LENSLETS * array.finest_mm
     if max(abs(x) for x in array.offset_mm) > farthest:
         raise InputError(f"array.offset_mm is beyond {farthest:.6g}; bring the array nearer to the panel")
     pixel = _columns("pixels", pixels, 2, farthest / panel.coarsest_mm)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, lines_from_pixels
@@ -76,7 +77,7 @@ def _sensor_class(mi: Any) -> Any:
         ) -> tuple[Any, Any]:
             """Return rays through points of the film (sample2, 0 to 1 from the top left) and their weights."""
             b = DrJitBackend(current_device())
-            panel, array = self.display.panel, self.display.array
+            panel = self.display.panel
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
             weight = mi.Color3f(1.0)
             layout = layout_of(panel.subpixels)
@@ -87,7 +88,7 @@ def _sensor_class(mi: Any) -> Any:
                     if k < 3:
                         weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
                 weight = mi.Color3f(weights)
-            aperture = square_to_cell(b, sample3.x, sample3.y, array.grid, array.pitch_mm) if self.full else None
+            aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of the scene, as the viewer looks.
             t = (self.near_mm - point[2]) / direction[2]

@@ -79,7 +79,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
     """Return the window that covers the panel, `width_px` wide; None: one pixel for each lenslet."""
     panel = display.panel
     if width_px is None:
-        width_px = max(1, round(panel.width_mm / display.array.pitch_mm))
+        width_px = max(1, round(panel.width_mm / display.array.pitches_mm[0]))
     height_px = max(1, round(width_px * panel.height_mm / panel.width_mm))
     return Window(panel.width_mm, panel.height_mm, width_px, height_px)
 

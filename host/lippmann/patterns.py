@@ -51,6 +51,8 @@ class Places(NamedTuple):
     centre: npt.NDArray[np.bool_]
     right: npt.NDArray[Any]
     up: npt.NDArray[Any]
+    #: Whether the lenslet is there: beside the array the mount is opaque, and its pixels stay black.
+    present: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,13 @@ class Pixels:
     @cached_property
     def places(self) -> Places:
         """The pixels' lenslets, and where in their cells they are."""
-        panel, grid = self.display.panel, self.display.array.grid
+        panel, grid, system = self.display.panel, self.display.array.grid, System.of(self.display)
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
             config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
             i, j, x, y = test_pattern.located(config, grid, f, panel.width_px, panel.height_px, columns, rows)
-            return Places(i, j, test_pattern.centres(config, f, x, y), *test_pattern.views(grid, f, x, y))
-        system = System.of(self.display)
+            centre, views = test_pattern.centres(config, f, x, y), test_pattern.views(grid, f, x, y)
+            return Places(i, j, centre, *views, system.lattice.present(NumpyBackend(), i, j))
         u, v = columns + 0.5, rows + 0.5
         i, j, x, y = system.locate(NumpyBackend(), u, v)
         cx, cy = system.lattice.centre(i, j)
@@ -85,29 +87,32 @@ class Pixels:
         centre = (abs(at_u - u) <= IN_PIXEL) & (abs(at_v - v) <= IN_PIXEL)
         # A hexagonal cell is four thirds of a row high.
         high = self.display.array.row_pitch_mm * (4.0 / 3.0 if grid == "hex" else 1.0)
-        sides = x / self.display.array.pitch_mm, y / high
-        return Places(i, j, centre, *(np.clip(np.floor(256.0 * (side + 0.5)), 0, 255) for side in sides))
+        sides = (x - system.lattice.shear * y) / self.display.array.pitches_mm[0], y / high
+        right, up = (np.clip(np.floor(256.0 * (side + 0.5)), 0, 255) for side in sides)
+        return Places(i, j, centre, right, up, system.lattice.present(NumpyBackend(), i, j))
 
 
 def lens_centres(at: Pixels) -> Values:
     """White where the eye sees a lenslet's centre."""
-    return np.asarray(at.places.centre[..., None])
+    return np.asarray((at.places.centre & at.places.present)[..., None])
 
 
 def cells(at: Pixels) -> Values:
     """Red, green, blue by (i - j) modulo 3: cells with a common side differ."""
-    return np.asarray(((at.places.i - at.places.j) % 3)[..., None] == np.arange(3))
+    colour = np.where(at.places.present, (at.places.i - at.places.j) % 3, -1)
+    return np.asarray(colour[..., None] == np.arange(3))
 
 
 def view_numbers(at: Pixels) -> Values:
     """Red and green: the place in the cell, to the right and upward, in 255ths; blue 0."""
-    right, up = at.places.right, at.places.up
+    right, up = at.places.right * at.places.present, at.places.up * at.places.present
     return np.asarray(np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0)
 
 
 def single_lens(at: Pixels) -> Values:
     """White in the cell of one lenslet."""
-    return np.asarray(((at.places.i == at.lens[0]) & (at.places.j == at.lens[1]))[..., None])
+    its = (at.places.i == at.lens[0]) & (at.places.j == at.lens[1])
+    return np.asarray((its & at.places.present)[..., None])
 
 
 def checker(at: Pixels) -> Values:

@@ -90,7 +90,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     # went on: a lenslet there may see a neighbour's image beyond the edge, and the next lenslet sees it before.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
-    i, j, *_ = system.lattice.locate(NumpyBackend(), *system.frame.array_from_panel(x, y))
+    place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
+    i, j, *_ = system.lattice.locate(NumpyBackend(), *place)
     centres = np.stack(system.centre(i, j), axis=-1)
     corners = np.array(system.lattice.corners)
     around = np.concatenate([corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
@@ -122,16 +123,17 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
 
 def _half_width(display: Display) -> float:
     """Return half the paraxial width of a lenslet's own zone at the height 1."""
-    return 0.5 * (1.0 + display.convergence) * display.array.pitch_mm / display.aperture_distance_mm
+    return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
 
 def remedy(display: Display) -> str:
     """Say which change of the display opens a zone at the eyes' distance."""
-    old = _Change(display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitch_mm)
+    old = _Change(
+        display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
+    )
     for new in _changes(display, old):
-        array = replace(
-            display.array, pitch_mm=new.pitch_mm, radius_mm=new.focal_length_mm * (display.array.index - 1.0)
-        )
+        pitch_mm, radius_mm = display.array.pitch_of(new.pitch_mm), new.focal_length_mm * (display.array.index - 1.0)
+        array = replace(display.array, pitch_mm=pitch_mm, radius_mm=radius_mm)
         if array.radius_mm < array.half_diagonal_mm:
             continue
         array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))

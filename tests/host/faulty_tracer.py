@@ -12,7 +12,9 @@ import numpy as np
 def trace(display, pixels, aims, fault=""):
     """Return the arrays of a file of rays."""
     panel, array = display.panel, display.array
-    pitch, R, n, T, gap = array.pitch_mm, array.radius_mm, array.index, array.thickness_mm, display.gap_mm
+    R, n, T, gap = array.radius_mm, array.index, array.thickness_mm, display.gap_mm
+    wide, high = array.pitches_mm[::-1] if fault == "pitches swapped" else array.pitches_mm
+    shear = {"missing shear": 0.0, "shear's sign": -array.shear}.get(fault, array.shear)
     if fault == "wrong index":
         n = 1.4585
     if fault == "radius for focal length":
@@ -53,23 +55,25 @@ def trace(display, pixels, aims, fault=""):
         dx, dy = (depth / height * (ax - px), depth / height * (ay - py))
         seen_x, seen_y = X + c * dx + s * dy, Y + c * dy - s * dx
 
-    # The cell: the nearest centre, ties to the larger coordinate.
-    row = pitch if array.grid == "square" else pitch * math.sqrt(0.75)
+    # The cell: on the regular lattice of pitch 1 the nearest centre, ties to the larger coordinate.
+    seen_x, seen_y = (seen_x - shear * seen_y) / wide, seen_y / high
+    row = 1.0 if array.grid == "square" else math.sqrt(0.75)
     best = np.full(len(X), np.inf)
     i, j = np.zeros((2, len(X)))
     for k in (-1, 0, 1):
         jj = np.floor(seen_y / row + 0.5) + k
         shift = 0.0 if array.grid == "square" else jj / 2
-        ii = np.floor(seen_x / pitch - shift + 0.5)
+        ii = np.floor(seen_x - shift + 0.5)
         if fault == "tie rule":
-            ii = np.ceil(seen_x / pitch - shift - 0.5)
-        near = (seen_x - (ii + shift) * pitch) ** 2 + (seen_y - jj * row) ** 2
+            ii = np.ceil(seen_x - shift - 0.5)
+        near = (seen_x - (ii + shift)) ** 2 + (seen_y - jj * row) ** 2
         closer = near < best
         best, i, j = np.where(closer, near, best), np.where(closer, ii, i), np.where(closer, jj, j)
     if fault == "neighbour's lenslet":
         i = i + 1
     shift = 0.0 if array.grid == "square" else j / 2
-    cx, cy = (i + shift) * pitch, j * row
+    cy = j * row * high
+    cx = (i + shift) * wide + shear * cy
     x, y = X - cx, Y - cy
     a, b = aims.T
 
@@ -106,7 +110,8 @@ def trace(display, pixels, aims, fault=""):
     shift = 0.0 if array.grid == "square" else j / 2
     if fault == "hex rows swapped":
         shift = -shift
-    cx, cy = (i + shift) * pitch, j * row
+    cy = j * row * high
+    cx = (i + shift) * wide + shear * cy
     centre = np.stack([offset[0] + c * cx - s * cy, offset[1] + s * cx + c * cy], axis=1)
 
     def turned(w):

@@ -14,8 +14,11 @@ from lippmann.display import Array, Display, Grid, Panel, PlanoSide
 
 GRIDS: tuple[Grid, ...] = ("square", "hex")
 SIDES: tuple[PlanoSide, ...] = ("panel", "viewer")
-#: Elemental images right behind their lenslets, and such that converge on an eye.
-eyes = pytest.mark.parametrize("converged", [False, True], ids=["far", "near"])
+#: Regular arrays, such that converge on an eye, and such of two pitches and a shear, which may end and converge.
+KINDS = ("far", "near", "skewed")
+kinds = pytest.mark.parametrize("kind", KINDS)
+#: Of their seeds.
+KEYS: dict[str, list[str]] = {"far": [], "near": ["eye"], "skewed": ["skewed"]}
 LONG_PI = np.longdouble("3.14159265358979323846264338327950288")
 
 Floats = npt.NDArray[np.float64]
@@ -37,20 +40,14 @@ def display_of(
     pixel_pitch: float = 0.0625,
     eye: float | None = None,
     axis: tuple[float, float] = (0.0, 0.0),
+    shear: float = 0.0,
+    row_pitch: float | None = None,
+    extent: tuple[float, float] | None = None,
 ) -> Display:
     """A display of plain numbers, mm and degrees; thickness None is the thinnest lenslet."""
-    array = Array(grid, pitch, radius, index, math.nan, side, None, rotation, offset)
-    made = Array(
-        grid,
-        pitch,
-        radius,
-        index,
-        array.sag_mm if thickness is None else thickness,
-        side,
-        None,
-        rotation,
-        offset,
-    )
+    pitches = pitch if row_pitch is None else (pitch, row_pitch)
+    array = Array(grid, pitches, radius, index, math.nan, side, None, rotation, offset, shear, extent)
+    made = replace(array, thickness_mm=array.sag_mm if thickness is None else thickness)
     return Display("case", Panel(width_px, height_px, pixel_pitch), made, gap, eye, axis)
 
 
@@ -63,16 +60,24 @@ def random_display(
     shallowest: float = 30.0,
     index: tuple[float, float] = (1.3, 2.4),
     widest_mm: float = 700.0,
-    converged: bool = False,
+    kind: str = "far",
+    ends: bool = True,
 ) -> Display:
     """A display that could be built, drawn wide: pitch 0.1 to 5 mm, panels to 700 mm, any turn.
 
     R goes from `steepest` half diagonals (nearly hemispheres) logarithmically to `shallowest`; a
-    third of the lenslets are as thin as can be, a third of the panels in contact. `converged`: on an
-    eye from half a diagonal of the panel to ten times as far, which is off the panel's centre.
+    third of the lenslets are as thin as can be, a third of the panels in contact. `kind` "near": on an
+    eye from half a diagonal of the panel to ten times as far, which is off the panel's centre; "skewed": rows 0.6 to
+    1.6 pitches apart and sheared by up to 0.4, half of the arrays ending on the panel (if `ends`), half converged.
     """
     pitch = float(np.exp(rng.uniform(np.log(0.1), np.log(5.0))))
     rho = pitch / math.sqrt({"square": 2, "hex": 3}[grid])
+    lattice = {}
+    if kind == "skewed":
+        shear = float(rng.choice((rng.uniform(-0.4, 0.4), rng.normal() * 0.002)))
+        rows = pitch * float(rng.choice((rng.uniform(0.6, 1.6), 1.0 + rng.normal() * 0.002)))
+        lattice = {"shear": shear, "row_pitch": rows}
+        rho = farthest_corner(grid, pitch, rows, shear)
     radius = rho * float(np.exp(rng.uniform(np.log(steepest), np.log(shallowest))))
     sag = rho**2 / (radius + math.sqrt(radius**2 - rho**2))
     n = float(rng.uniform(*index))
@@ -94,8 +99,30 @@ def random_display(
         width_px=sides[0],
         height_px=sides[1],
         pixel_pitch=pixel_pitch,
+        **lattice,
     )
-    return with_random_eye(rng, made) if converged else made
+    if kind == "skewed" and rng.random() < 0.5 and ends:
+        # Lenslets that need not be many, and borders that run between lenslets and through them.
+        extent = tuple(
+            float(max(side * rng.uniform(0.3, 1.2), 2.1 * pitch))
+            for side in (made.panel.width_mm, made.panel.height_mm)
+        )
+        made = replace(made, array=replace(made.array, extent_mm=extent))
+    return with_random_eye(rng, made) if kind == "near" or (kind == "skewed" and rng.random() < 0.5) else made
+
+
+def lattice(rng: np.random.Generator, kind: str, pitch: float) -> dict[str, float]:
+    """Two pitches and a shear for `display_of`, if `kind` is "skewed": cells that a dome of a pitch's radius spans."""
+    if kind != "skewed":
+        return {}
+    return {"shear": float(rng.uniform(-0.2, 0.2)), "row_pitch": pitch * float(rng.uniform(0.8, 1.2))}
+
+
+def farthest_corner(grid: Grid, pitch: float, rows: float, shear: float) -> float:
+    """Half the longest diagonal of a cell: of the regular cell's corners, brought to the lattice."""
+    turns = np.radians({"square": [45, 135], "hex": [30, 90, 150]}[grid])
+    x, y = np.stack([np.cos(turns), np.sin(turns)]) / math.sqrt({"square": 2, "hex": 3}[grid])
+    return float(np.hypot(pitch * x + shear * rows * y, rows * y).max())
 
 
 def with_random_eye(rng: np.random.Generator, display: Display) -> Display:
@@ -118,13 +145,19 @@ def random_pixels(rng: np.random.Generator, display: Display, n: int) -> Floats:
 
 def random_in_cell(rng: np.random.Generator, display: Display, n: int) -> Floats:
     """Points spread evenly over a cell, (n, 2), mm, array's axes, from the lenslet's centre."""
-    pitch = display.array.pitch_mm
+    pitch, rows = display.array.pitches_mm
     if display.array.grid == "square":
-        return rng.uniform(-pitch / 2, pitch / 2, (n, 2))
-    points = rng.uniform(-1, 1, (8 * n, 2)) * pitch * (0.5, 1 / math.sqrt(3))
-    # Projections on 60 and 120 degrees; the one on 0 holds already.
-    slanted = points @ np.array([[0.5, -0.5], [math.sqrt(0.75), math.sqrt(0.75)]])
-    return points[np.abs(slanted).max(axis=1) < pitch / 2][:n]
+        points = rng.uniform(-pitch / 2, pitch / 2, (n, 2))
+    else:
+        points = rng.uniform(-1, 1, (8 * n, 2)) * pitch * (0.5, 1 / math.sqrt(3))
+        # Projections on 60 and 120 degrees; the one on 0 holds already.
+        slanted = points @ np.array([[0.5, -0.5], [math.sqrt(0.75), math.sqrt(0.75)]])
+        points = points[np.abs(slanted).max(axis=1) < pitch / 2][:n]
+    return (
+        points
+        if display.array.regular
+        else points @ np.array([[1, 0], [display.array.shear * rows / pitch, rows / pitch]])
+    )
 
 
 def optics_of(display: Display) -> truth.Optics:
@@ -135,7 +168,10 @@ def optics_of(display: Display) -> truth.Optics:
         height_px=display.panel.height_px,
         pixel_pitch_mm=display.panel.pixel_pitch_mm,
         grid=array.grid,
-        pitch_mm=array.pitch_mm,
+        pitch_mm=array.pitches_mm[0],
+        row_pitch_mm=array.pitches_mm[1],
+        shear=array.shear,
+        extent_mm=array.extent_mm,
         radius_mm=array.radius_mm,
         index=array.index,
         thickness_mm=array.thickness_mm,
@@ -154,7 +190,9 @@ def long_optics_of(display: Display) -> dict[str, Any]:
     return {
         "hexagonal": array.grid == "hex",
         "plano_viewer": array.plano_side == "viewer",
-        "pitch_mm": array.pitch_mm,
+        "pitch_mm": array.pitches_mm[0],
+        "row_pitch_mm": array.pitches_mm[1],
+        "shear": array.shear,
         "radius_mm": array.radius_mm,
         "index": array.index,
         "thickness_mm": array.thickness_mm,

@@ -162,7 +162,7 @@ def test_pixels_of_cells_against_50_digits(grid, side):
     """Where the eye sees a cell's point, and the way back."""
     rng = generator(SEED + 2, grid, side)
     for _ in range(5):
-        display = random_display(rng, grid, side, converged=True)
+        display = random_display(rng, grid, side, kind="near")
         optics, local = optics_of(display), random_in_cell(rng, display, 20)
         cells = located(display, random_pixels(rng, display, len(local)))[0]
         pixels = pixels_from_cells(display, cells, local)

@@ -79,6 +79,22 @@ EYE_FAULTS = {
 }
 
 
+#: Planted faults of the lattice of `skewed_display_for`: what must be said.
+SKEWED_FAULTS = {
+    "missing shear": "shear left out",
+    "shear's sign": "sign of the shear",
+    "pitches swapped": "axes of pitch_mm swapped",
+}
+
+
+def skewed_display_for(grid):
+    """Two pitches and a shear that move the lenslets of the panel's corner by up to 0.7 mm."""
+    return display_of(
+        grid, "panel", pitch=1.0, radius=1.2, index=1.52, thickness=1.5, gap=0.7, rotation=9.0, offset=(0.31, -0.17),
+        width_px=640, height_px=400, pixel_pitch=0.05, row_pitch=0.985, shear=0.03,
+    )  # fmt: skip
+
+
 def eye_display_for(grid):
     """An eye 60 mm away, aside of the middle, so that elemental images lie up to half a pitch beside their lenslets."""
     return dataclasses.replace(display_for(grid), viewing_distance_mm=60.0, viewing_axis_mm=(6.0, -4.0))
@@ -101,7 +117,18 @@ def test_planted_faults_of_the_eye_are_named(grid, fault):
         assert (verdict.stage, verdict.fault) == ("lenslet", EYE_FAULTS[fault]), verdict
 
 
-@pytest.mark.parametrize("made", [display_for, eye_display_for])
+@pytest.mark.parametrize("fault", SKEWED_FAULTS)
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_planted_faults_of_a_skewed_lattice_are_named(grid, fault):
+    """From directions alone, and with all steps."""
+    display = skewed_display_for(grid)
+    arrays = faulty_tracer.trace(display, *inner_rays_for(display), fault)
+    for names in (("direction", "status"), arrays):
+        verdict = judged(display, {name: arrays[name] for name in ("pixel", "aperture_mm", *names)})
+        assert (verdict.stage, verdict.fault) == ("lenslet", SKEWED_FAULTS[fault]), verdict
+
+
+@pytest.mark.parametrize("made", [display_for, eye_display_for, skewed_display_for])
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_a_right_tracer_is_right(grid, made):
     """Which also says that golden and the tracer of this folder agree within the tolerance."""
@@ -519,5 +546,8 @@ def test_the_reference_lists_the_faults():
     page = (repository() / "docs/reference/diagnoses.md").read_text()
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][1:]
     assert len(rows) >= 20
-    for stage, says in (*FAULTS.values(), *(("lenslet", says) for says in EYE_FAULTS.values())):
+    for stage, says in (
+        *FAULTS.values(),
+        *(("lenslet", says) for says in (*EYE_FAULTS.values(), *SKEWED_FAULTS.values())),
+    ):
         assert any(row[1] == stage and says in row[2] for row in rows), says

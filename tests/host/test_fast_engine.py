@@ -14,9 +14,11 @@ import pytest
 from lippmann.optics.rays import MODELS, Status
 from optics_cases import (
     GRIDS,
+    KEYS,
     SIDES,
     display_of,
-    eyes,
+    kinds,
+    lattice,
     random_display,
     random_in_cell,
     random_pixels,
@@ -47,8 +49,7 @@ def near_edge(display, pixels, aperture, model, wanted) -> np.ndarray:
     """Tell for each ray whether golden, its inputs changed by float32's rounding, has the status
     that is wanted: 1e-6 px, or four roundings of the lenslet where these are more.
     """
-    pitch = display.array.pitch_mm
-    step_mm = max(4 * ROUNDING * pitch, 1e-6 * display.panel.pixel_pitch_mm)
+    step_mm = max(4 * ROUNDING * display.array.coarsest_mm, 1e-6 * display.panel.pixel_pitch_mm)
     found = np.zeros(len(pixels), bool)
     for angle in np.arange(8) * math.pi / 4:
         step = step_mm * np.array([math.cos(angle), math.sin(angle)])
@@ -72,17 +73,19 @@ def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
 
 
 @pytest.mark.parametrize("model", MODELS)
-@eyes
+@kinds
 @everywhere
-def test_two_microradians_and_fifty_nanometres(grid, side, converged, model):
+def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
     """Chief rays and aperture points in the cell; a phone's panel and one 700 mm wide; turned too.
 
     The panel is anywhere from contact to beyond the focus.
     """
-    rng = generator(grid, side, model, *(["eye"] if converged else []))
+    rng = generator(grid, side, model, *KEYS[kind])
     n = 2000
     rays = odd = 0
-    for wide, turn, chief in itertools.product((True,) if converged else (False, True), (0.0, 33.3), (True, False)):
+    for wide, turn, chief in itertools.product(
+        (True,) if kind == "near" else (False, True), (0.0, 33.3), (True, False)
+    ):
         pitch = float(rng.uniform(0.3, 2.0))
         radius = pitch * float(rng.uniform(1.0, 3.0))
         index = float(rng.uniform(1.4, 1.9))
@@ -100,8 +103,9 @@ def test_two_microradians_and_fifty_nanometres(grid, side, converged, model):
             width_px=int(width / (pitch / 20)),
             height_px=int(0.6 * width / (pitch / 20)),
             pixel_pitch=pitch / 20,
+            **lattice(rng, kind, pitch),
         )
-        if converged:
+        if kind == "near":
             display = with_random_eye(rng, display)
         pixels = random_pixels(rng, display, n)
         aperture = None if chief else random_in_cell(rng, display, n)
@@ -119,22 +123,22 @@ def test_two_microradians_and_fifty_nanometres(grid, side, converged, model):
         assert (aside[good] <= 50 * NANOMETRE).all(), display
         rays += np.count_nonzero(good)
     assert odd <= 2  # of 16,000: float32's rounding is 1e-7 of a cell wide
-    assert rays > (1000 if converged else 8000)
+    assert rays > (8000 if kind == "far" else 1000)
 
 
 @pytest.mark.parametrize("model", MODELS)
-@eyes
+@kinds
 @everywhere
-def test_any_display_within_four_roundings(grid, side, converged, model):
+def test_any_display_within_four_roundings(grid, side, kind, model):
     """Displays drawn wide, panels in contact, aims into cells three pitches away.
 
     The change that one rounding of the point and the aim, in x and y, makes to golden's ray is
     magnified as the engine's own roundings are; four times that is allowed on top.
     """
-    rng = generator(2, grid, side, model, *(["eye"] if converged else []))
+    rng = generator(2, grid, side, model, *KEYS[kind])
     n, rays, odd = 1500, 0, 0
     for _ in range(4 if model == "exact" else 2):
-        display = random_display(rng, grid, side, converged=converged)
+        display = random_display(rng, grid, side, kind=kind)
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * rng.choice((0.0, 1.0, 5.0), (n, 1))
         golden = lippmann.trace(display, pixels, aperture, model)
@@ -142,7 +146,7 @@ def test_any_display_within_four_roundings(grid, side, converged, model):
         odd += same_statuses(display, pixels, aperture, model, golden, fast)
 
         # A thousand roundings, so that golden's own do not show.
-        step = 1000 * ROUNDING * display.array.pitch_mm
+        step = 1000 * ROUNDING * display.array.coarsest_mm
         turned, moved = np.zeros(n), np.zeros(n)
         alike = both_counted(golden, fast) & (fast.lenslet == golden.lenslet).all(axis=1)
         for k, axis in itertools.product((0, 1), np.eye(2)):
@@ -282,16 +286,16 @@ def test_all_fates_alike(side):
 
 
 @pytest.mark.parametrize("model", MODELS)
-@eyes
+@kinds
 @everywhere
-def test_world_to_panel(grid, side, converged, model):
+def test_world_to_panel(grid, side, kind, model):
     """The panel point is as far off as eight roundings of the ray's place and direction carry.
 
     A float32 ray is off by 2^-24 pitches in place and 2^-24 in each component of its direction;
     golden traces rays with a thousand times these changes, and so tells what they do on the panel.
     For R >= p and 30 degrees aside 99 % stay below 1e-4 of a pixel, a twentieth pitch wide.
     """
-    rng = generator(5, grid, side, model, *(["eye"] if converged else []))
+    rng = generator(5, grid, side, model, *KEYS[kind])
     n = 2000
     hit = odd = 0
     for wide in (False, True):
@@ -310,8 +314,9 @@ def test_world_to_panel(grid, side, converged, model):
             width_px=int(width / (pitch / 20)),
             height_px=int(width / (pitch / 20)),
             pixel_pitch=pitch / 20,
+            **lattice(rng, kind, pitch),
         )
-        if converged:
+        if kind == "near":
             display = with_random_eye(rng, display)
         eye = np.array([0.1 * width, -0.05 * width, width])
         target = np.column_stack([rng.uniform(-0.52, 0.52, (n, 2)) * width, np.zeros(n)])

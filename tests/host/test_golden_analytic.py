@@ -16,9 +16,10 @@ from lippmann.optics.models import ray_matrix
 from lippmann.optics.system import System
 from optics_cases import (
     GRIDS,
+    KEYS,
     SIDES,
     display_of,
-    eyes,
+    kinds,
     optics_of,
     random_display,
     random_in_cell,
@@ -150,13 +151,13 @@ def local_of(display, pixels):
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
-@eyes
+@kinds
 @everywhere
-def test_ideal_models_against_their_formulas_in_50_digits(grid, side, converged, model):
+def test_ideal_models_against_their_formulas_in_50_digits(grid, side, kind, model):
     """Chief and other rays; the ABCD matrices are multiplied out by hand here."""
-    rng = generator(grid, side, model, *(["eye"] if converged else []))
+    rng = generator(grid, side, model, *KEYS[kind])
     for _ in range(10):
-        display = random_display(rng, grid, side, converged=converged)
+        display = random_display(rng, grid, side, kind=kind, ends=False)
         array, n = display.array, 8
         pixels = random_pixels(rng, display, n)
         aperture = random_in_cell(rng, display, n) * 0.999
@@ -241,13 +242,13 @@ def test_ray_matrix_in_50_digits(side):
 
 
 @pytest.mark.parametrize("model", ["pinhole", "thin", "paraxial"])
-@eyes
+@kinds
 @everywhere
-def test_ideal_models_there_and_back(grid, side, converged, model):
+def test_ideal_models_there_and_back(grid, side, kind, model):
     """Backwards they undo themselves. A pinhole's rays all leave through the centre."""
-    rng = generator(3, grid, side, model, *(["eye"] if converged else []))
+    rng = generator(3, grid, side, model, *KEYS[kind])
     for _ in range(20):
-        display = random_display(rng, grid, side, converged=converged)
+        display = random_display(rng, grid, side, kind=kind, ends=False)
         array = display.array
         pixels = random_pixels(rng, display, 100)
         aperture = random_in_cell(rng, display, 100) * 0.99

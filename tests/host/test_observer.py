@@ -10,7 +10,7 @@ from lippmann.errors import InputError
 from lippmann.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.sources import Window
-from optics_cases import GRIDS, SIDES, eyes, random_display
+from optics_cases import GRIDS, KEYS, SIDES, kinds, random_display
 from scene_cases import centres, focused_display, generator
 
 SEED = 1201
@@ -76,14 +76,14 @@ def test_an_eye_sees_the_pixel_on_its_line_through_each_centre(mi, eye, model):
     np.testing.assert_array_equal(seen[sure, 1], np.floor(v)[sure])
 
 
-@eyes
+@kinds
 @pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
-def test_one_ray_against_golden(mi, grid, side, converged):
+def test_one_ray_against_golden(mi, grid, side, kind):
     """A view through a window of nearly no size is one known ray; golden traces it back to its pixel."""
-    rng = generator(SEED, grid, side, *(["eye"] if converged else []))
+    rng = generator(SEED, grid, side, *KEYS[kind])
     decided = 0
     for _ in range(4):
-        display = random_display(rng, grid, side, steepest=1.5, widest_mm=40.0, converged=converged)
+        display = random_display(rng, grid, side, steepest=1.5, widest_mm=40.0, kind=kind)
         panel = display.panel
         noise = rng.random((panel.height_px, panel.width_px, 3), np.float32)
         eye = np.array([*rng.uniform(-60.0, 60.0, 2), 500.0])

@@ -75,7 +75,9 @@ class Optics:
     along x). pitch_mm: lenslet to lenslet, hex across flats. radius_mm: R of the dome, positive.
     index: of the glass, in air. thickness_mm: T, from the flat face to the vertices' plane. gap_mm:
     panel to near face (flat face or vertices). plano_side: 'panel' or 'viewer'. rotation_rad: of
-    the array, counter-clockwise. offset_mm: (x, y) of the array's origin.
+    the array, counter-clockwise. offset_mm: (x, y) of the array's origin. row_pitch_mm: pitch py
+    that rows follow from (None: pitch_mm). shear: rows are shifted along x by so much of their y.
+    extent_mm: (w, h) of the area with lenslets.
     """
 
     width_px: int
@@ -92,6 +94,9 @@ class Optics:
     offset_mm: tuple[float, float] = (0.0, 0.0)
     eye_mm: float | None = None
     axis_mm: tuple[float, float] = (0.0, 0.0)
+    row_pitch_mm: float | None = None
+    shear: float = 0.0
+    extent_mm: tuple[float, float] | None = None
 
 
 class Ray(NamedTuple):
@@ -213,6 +218,8 @@ class _Model:
 
     pixel: Mpf
     p: Mpf
+    py: Mpf
+    shear: Mpf
     R: Mpf
     n: Mpf
     T: Mpf
@@ -229,12 +236,20 @@ class _Model:
 @lru_cache(maxsize=64)
 def _model(optics: Optics) -> _Model:
     p, R, T, gap = (mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm))
-    rho = p / mp.sqrt({"square": 2, "hex": 3}[optics.grid])
+    py = p if optics.row_pitch_mm is None else mp.mpf(optics.row_pitch_mm)
+    shear = mp.mpf(optics.shear)
+    # Corners of the regular cell of pitch 1, to the right and the left above, and a hexagon's top.
+    corners = {"square": [(0.5, mp.mpf(0.5)), (-0.5, mp.mpf(0.5))]}.get(
+        optics.grid, [(0.5, 1 / mp.sqrt(12)), (-0.5, 1 / mp.sqrt(12)), (0, 1 / mp.sqrt(3))]
+    )
+    rho = max(mp.hypot(p * x + shear * py * y, py * y) for x, y in corners)
     bulge = {"panel": 1, "viewer": -1}[optics.plano_side]
     turn = mp.mpf(optics.rotation_rad)
     return _Model(
         pixel=mp.mpf(optics.pixel_pitch_mm),
         p=p,
+        py=py,
+        shear=shear,
         R=R,
         n=mp.mpf(optics.index),
         T=T,
@@ -314,7 +329,8 @@ def _lattice(optics: Optics, x: Mpf, y: Mpf) -> tuple[Mpf, Mpf]:
     """Return (u, w), as in `projections`, of a panel-frame point in mm."""
     m = _model(optics)
     dx, dy = x - m.offset[0], y - m.offset[1]
-    u, w = (m.cos * dx + m.sin * dy) / m.p, (m.cos * dy - m.sin * dx) / m.p
+    X, Y = m.cos * dx + m.sin * dy, m.cos * dy - m.sin * dx
+    u, w = (X - m.shear * Y) / m.p, Y / m.py
     return (u, w) if optics.grid == "square" else (u, w * mp.sqrt(3))
 
 
@@ -349,8 +365,18 @@ def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
     """Return the panel-frame centre (x, y) of a lenslet, mm."""
     m = _model(optics)
     i, j = lenslet
-    X, Y = (m.p * i, m.p * j) if optics.grid == "square" else (m.p * (i + mp.mpf(j) / 2), m.p * j * mp.sqrt(3) / 2)
+    u, w = (mp.mpf(i), mp.mpf(j)) if optics.grid == "square" else (i + mp.mpf(j) / 2, j * mp.sqrt(3) / 2)
+    X, Y = m.p * u + m.shear * m.py * w, m.py * w
     return (m.offset[0] + m.cos * X - m.sin * Y, m.offset[1] + m.sin * X + m.cos * Y)
+
+
+def there(optics: Optics, lenslet: Lenslet) -> bool:
+    """Tell whether a lenslet is one of the array's."""
+    if optics.extent_mm is None:
+        return True
+    m, (i, j) = _model(optics), lenslet
+    u, w = (mp.mpf(i), mp.mpf(j)) if optics.grid == "square" else (i + mp.mpf(j) / 2, j * mp.sqrt(3) / 2)
+    return bool(2 * abs(u * m.p) <= optics.extent_mm[0] and 2 * abs(w * m.py) <= optics.extent_mm[1])
 
 
 def _ball(optics: Optics, lenslet: Lenslet) -> Vec:
@@ -364,7 +390,6 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
 
     Generous, so that floats are enough here.
     """
-    m = _model(optics)
     root3 = math.sqrt(3)
     ends = []
     for x, y, _ in (p, q):
@@ -372,7 +397,7 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
         ends.append(complex(u, w if optics.grid == "square" else w / root3))
     a, b = ends
     way = b - a
-    near = 0.5 + float(mp.sqrt(m.R**2 - (m.R - m.sag) ** 2) / m.p)  # half diagonal and a half pitch to spare
+    near = 0.5 + {"square": math.sqrt(1 / 2), "hex": math.sqrt(1 / 3)}[optics.grid]  # a half pitch to spare
     row = 1.0 if optics.grid == "square" else root3 / 2
     found = []
     for j in range(
@@ -416,12 +441,18 @@ def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = 
             return None, mp.inf
         t_first = max(t_first, after)
     horizontal = mp.hypot(d[0], d[1])
-    if (t_last - t_first) * horizontal > 2 * UNSURE_TO * m.p:
-        t_last = t_first + 2 * UNSURE_TO * m.p / horizontal
+    fine = min(m.p, m.py)
+    if (t_last - t_first) * horizontal > 2 * UNSURE_TO * fine:
+        t_last = t_first + 2 * UNSURE_TO * fine / horizontal
+    stopped: list[tuple[Mpf, Mpf]] = []  # t, margin
     met: list[tuple[Mpf, Mpf, _Meeting]] = []  # t, clearance in the cell, what
     missed: list[tuple[Mpf, Mpf]] = []  # t, distance in pitches
     for lenslet in _lenslets_near(optics, _along(p, d, t_first), _along(p, d, t_last)):
         ball = _ball(optics, lenslet)
+        if m.shear or m.p != m.py:
+            for t, far, stops in _walls(optics, p, d, lenslet, leaving):
+                if t_first < t <= t_last:
+                    (stopped if stops else missed).append((t, far))
         t_foot = _dot(_minus(ball, p), d)
         from_ball = _minus(_along(p, d, t_foot), ball)
         h2 = _dot(from_ball, from_ball)
@@ -444,10 +475,34 @@ def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = 
             met.append((t, min(clearance, half_chord / m.p), _Meeting(t, lenslet, point, normal)))
         else:
             missed.append((t, -clearance))
-    if not met:
-        return None, min((far for _, far in missed), default=mp.inf)
+    wall, sure = min(stopped, default=(mp.inf, mp.inf))
+    if not met or wall < min(met, key=lambda entry: entry[0])[0]:
+        far = min((far for t, far in missed if t <= wall), default=mp.inf)
+        # A wall, marked by the ray's own direction in place of its normal.
+        return (_Meeting(wall, (0, 0), _along(p, d, wall), d) if stopped else None), min(far, sure)
     t, margin, meeting = min(met, key=lambda entry: entry[0])
     return meeting, min([margin, *(far for t_other, far in missed if t_other <= t)])
+
+
+def _walls(optics: Optics, p: Vec, d: Vec, lenslet: Lenslet, leaving: bool) -> list[tuple[Mpf, Mpf, bool]]:
+    """Return t where a line comes into a lenslet's cell, the margin, and whether a wall stops it.
+
+    There the ray stays in the glass, or in the air, or there is a wall between two domes.
+    """
+    m, ball, found = _model(optics), _ball(optics, lenslet), []
+    here, ahead = (projections(optics.grid, *_lattice(optics, *q[:2]), lenslet) for q in (p, _along(p, d, mp.mpf(1))))
+    for k, (q, r) in enumerate(zip(here, ahead, strict=True)):
+        if q == r:
+            continue
+        t = ((-1 if r > q else 1) / mp.mpf(2) - q) / (r - q)
+        point = _along(p, d, t)
+        from_ball = _minus(point, ball)
+        height = mp.sqrt(_dot(from_ball, from_ball)) - m.R
+        others = (a + t * (b - a) for j, (a, b) in enumerate(zip(here, ahead, strict=True)) if j != k)
+        inside = min(mp.mpf(1) / 2 - abs(other) for other in others)
+        in_glass = height < 0 or m.bulge * from_ball[2] <= 0
+        found.append((t, min(abs(height) / m.p, abs(inside)), bool(inside >= 0 and in_glass != leaving)))
+    return found
 
 
 def _meet_in_reach(optics: Optics, start: Vec, d: Vec, *, leaving: bool) -> tuple[_Meeting | None, Mpf]:
@@ -458,7 +513,9 @@ def _meet_in_reach(optics: Optics, start: Vec, d: Vec, *, leaving: bool) -> tupl
     meeting, margin = _meet(optics, start, d, leaving=leaving)
     if meeting is None:
         return None, margin
-    way = mp.hypot(meeting.point[0] - start[0], meeting.point[1] - start[1]) / m.p
+    if meeting.normal is d:
+        return None, margin
+    way = mp.hypot(meeting.point[0] - start[0], meeting.point[1] - start[1]) / min(m.p, m.py)
     if UNSURE_FROM < way < UNSURE_TO:
         margin = mp.mpf(0)
     return (None, margin) if way > REACH else (meeting, margin)
@@ -471,7 +528,7 @@ def _blocked(optics: Optics, p: Vec, d: Vec) -> tuple[Vec | None, Mpf]:
     if heads <= 0:
         return p, -heads
     meeting, margin = _meet(optics, p, d, leaving=False, after=mp.mpf(0))
-    if -p[2] / d[2] * mp.hypot(d[0], d[1]) > UNSURE_FROM * m.p:
+    if -p[2] / d[2] * mp.hypot(d[0], d[1]) > UNSURE_FROM * min(m.p, m.py):
         margin = mp.mpf(0)
     return (None if meeting is None else meeting.point), min(margin, heads)
 
@@ -504,7 +561,9 @@ def chief_or_aperture_direction(optics: Optics, x: Any, y: Any, lenslet: Lenslet
     return _unit((aim_x - mp.mpf(x), aim_y - mp.mpf(y), aperture_distance(optics)))
 
 
-def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
+def trace(  # noqa: PLR0911 (one return a fate)
+    optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0
+) -> Ray:
     """Trace one ray of model `exact` from the pixel point (u, v) to the aperture point (a, b).
 
     u, v: pixels. a, b: mm, from the centre of the pixel's lenslet, array's axes. See `Ray`.
@@ -513,6 +572,8 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
     start = panel_point(optics, u, v)
     home = owner_of(optics, start[0], start[1])
     margin = _clearance(optics.grid, *_lattice(optics, *seen_through(optics, start[0], start[1])), home)
+    if not there(optics, home):
+        return Ray(BLOCKED, home, start, _UP, mp.mpf(0), margin)
     d = chief_or_aperture_direction(optics, start[0], start[1], home, a, b)
     none = mp.mpf(0)
 
@@ -523,6 +584,8 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
         margin = min(margin, near)
         if meeting is None:
             return Ray(MISSED, home, face, d, none, margin)
+        if not there(optics, meeting.lenslet):
+            return Ray(BLOCKED, meeting.lenslet, meeting.point, d, none, margin)
         out, cos2 = _refract(d, meeting.normal, m.n)
         margin = min(margin, abs(cos2))
         if out is None:
@@ -537,6 +600,8 @@ def trace(optics: Optics, u: Any, v: Any, a: Any = 0, b: Any = 0) -> Ray:
         margin = min(margin, near)
         if meeting is None:
             return Ray(MISSED, home, start, d, none, margin)
+        if not there(optics, meeting.lenslet):
+            return Ray(BLOCKED, meeting.lenslet, meeting.point, d, none, margin)
         d = _into_glass(d, meeting.normal, m.n)
         if _leaves_the_shoulder(optics, meeting.point, d):
             margin = none
@@ -615,6 +680,8 @@ def world_to_panel(  # noqa: PLR0911 (one return a fate)
         margin = min(margin, near)
         if meeting is None:
             return Landing(MISSED, None, None, p, d, margin)
+        if not there(optics, meeting.lenslet):
+            return Landing(BLOCKED, meeting.lenslet, None, meeting.point, d, margin)
         d = _into_glass(d, meeting.normal, m.n)
         if _leaves_the_shoulder(optics, meeting.point, d):
             margin = mp.mpf(0)
@@ -630,6 +697,8 @@ def world_to_panel(  # noqa: PLR0911 (one return a fate)
         margin = min(margin, near)
         if meeting is None:
             return Landing(MISSED, None, None, entry, d, margin)
+        if not there(optics, meeting.lenslet):
+            return Landing(BLOCKED, meeting.lenslet, None, meeting.point, d, margin)
         face = meeting.point
         out, cos2 = _refract(d, meeting.normal, m.n)
         margin = min(margin, abs(cos2))
@@ -733,6 +802,8 @@ def back_to_panel_many(
     gap_mm: npt.ArrayLike,
     rotation_rad: npt.ArrayLike = 0.0,
     offset_mm: npt.ArrayLike = (0.0, 0.0),
+    row_pitch_mm: npt.ArrayLike | None = None,
+    shear: npt.ArrayLike = 0.0,
 ) -> tuple[LongArray, LongArray]:
     """Trace n exit rays backwards to the panel, each through its own display, in longdouble.
 
@@ -762,8 +833,12 @@ def back_to_panel_many(
     # Move the lenslet's vertex to the origin and, where the domes point to the panel, mirror z:
     # then every dome points up.
     i, j = ij[:, 0], ij[:, 1]
-    X = p * np.where(hexagonal, i + j / 2, i)
-    Y = p * j * np.where(hexagonal, np.sqrt(np.longdouble(3)) / 2, np.longdouble(1))
+    Y = (
+        (p if row_pitch_mm is None else long(row_pitch_mm))
+        * j
+        * np.where(hexagonal, np.sqrt(np.longdouble(3)) / 2, np.longdouble(1))
+    )
+    X = p * np.where(hexagonal, i + j / 2, i) + long(shear) * Y
     cx = shift[..., 0] + (np.cos(turn) * X - np.sin(turn) * Y)
     cy = shift[..., 1] + (np.sin(turn) * X + np.cos(turn) * Y)
     mirror = np.where(viewer, np.longdouble(-1), np.longdouble(1))

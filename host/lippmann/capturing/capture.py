@@ -45,13 +45,13 @@ def check_placement(scene: Scene, setup: Setup) -> None:
             )
     # Beyond this depth the light of a single point comes from the whole display: an object is not recognisable.
     panel, array = setup.display.panel, setup.display.array
-    reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.pitch_mm
+    reach = setup.display.aperture_distance_mm * max(panel.width_mm, panel.height_mm) / array.finest_mm
     depth = shown_depth(setup, [far, near], rotated=True)
     if depth[0] * depth[1] > 0.0 and np.abs(depth).min() > reach:
         raise InputError(
             f"set-up '{setup.name}': array.position_mm: {setup.position_mm:g} mm is outside the image space: the "
             f"scene's image is {image[0]:.4g} to {image[1]:.4g} mm behind the lens, the array "
-            f"{setup.array_distance_mm:.4g} mm, and {max(panel.width_mm, panel.height_mm) / array.pitch_mm:.3g} "
+            f"{setup.array_distance_mm:.4g} mm, and {max(panel.width_mm, panel.height_mm) / array.finest_mm:.3g} "
             "lenslets across the display are too few for such a depth; give a position nearer to it, or a wider panel"
         )
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from lippmann.capturing.setup import Pickup, Setup
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import square_to_cell
@@ -60,7 +61,10 @@ def rays_from_picture(
         aperture = (x, y)
         x, y = x - axis_x * back, y - axis_y * back
     out = leave_panel(b, system, x, y, aperture, "exact")
-    cx, cy = system.lattice.centre(i + b.double(out.di), j + b.double(out.dj))
+    own = i, j
+    i, j = i + b.double(out.di), j + b.double(out.dj)
+    status = system.through_mount(b, out.status, (i, j), own)
+    cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(b.double(out.ray.dx), b.double(out.ray.dy))
     # From the plane of the array's vertices through the imaging lens to the object's frame.
@@ -74,7 +78,7 @@ def rays_from_picture(
         ray, inside = lens.trace(b, ray)
         passed = passed & inside
         object_z = object_z + lens.hiatus_mm
-    return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), gets_through(out.status), passed)
+    return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), gets_through(status), passed)
 
 
 def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
@@ -88,7 +92,7 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
         mi = mitsuba()
         aims = None
         if aperture == "full" and isinstance(setup.pickup, Pickup):
-            x, y = square_to_cell(b, *square, array.grid, array.pitch_mm)
+            x, y = square_to_cell(b, *square, Lattice.of(array))
             aims = (b.double(x), b.double(y))
         ray, through_array, through_lens = rays_from_picture(b, setup, u, v, aims)
         point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))

@@ -63,7 +63,8 @@ def cells_of(display: Display) -> Cells:
     rim = np.zeros(key.shape, bool)
     for ax, ay in lattice.axes:
         step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
-        rim |= np.abs(ax * x + ay * y if ax and ay else x if ax else y) > 0.5 * lattice.pitch_mm - step
+        across = x if (ax, ay) == (1.0, 0.0) else y if (ax, ay) == (0.0, 1.0) else ax * x + ay * y
+        rim |= np.abs(across) > lattice.half_mm - step
     return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 

@@ -113,7 +113,7 @@ def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
         "identity": setup.display.identity,
         "width_px": panel.width_px,
         "height_px": panel.height_px,
-        "elemental_image_px": setup.array.pitch_mm / panel.coarsest_mm,
+        "elemental_image_px": setup.array.finest_mm / panel.coarsest_mm,
         "focal_length_mm": None if lens is None else lens.focal_length_mm,
         "image_distance_mm": setup.image_distance_mm,
         "magnification": setup.magnification,

@@ -79,7 +79,7 @@ def command(
         "name": display.name,
         "identity": display.identity,
         "panel": {**panel.keys, "width_mm": panel.width_mm, "height_mm": panel.height_mm},
-        "array": dataclasses.asdict(array),
+        "array": array.keys,
         "gap_mm": display.gap_mm,
         "viewing_distance_mm": display.viewing_distance_mm,
         "viewing_axis_mm": display.viewing_axis_mm,
@@ -118,7 +118,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",
             f"{view.lenslet_arcmin:.3g}'",
-            "none" if moire is None else f"every {moire * display.array.pitch_mm:.3g} mm",
+            "none" if moire is None else f"every {moire * display.array.pitches_mm[0]:.3g} mm",
         )
 
 
@@ -138,7 +138,11 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     if panel.white_cd_m2 is not None:
         contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
         yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
-    yield "array", f"{array.grid}, pitch {array.pitch_mm:g} mm, {side}, rotation {array.rotation_deg:g} deg"
+    pitches = " x ".join(f"{pitch:g}" for pitch in dict.fromkeys(array.pitches_mm))
+    shear = f", shear {array.shear:g}" if array.shear else ""
+    yield "array", f"{array.grid}, pitch {pitches} mm{shear}, {side}, rotation {array.rotation_deg:g} deg"
+    if array.extent_mm is not None:
+        yield "extent", f"{array.extent_mm[0]:g} x {array.extent_mm[1]:g} mm; no light beside it"
     yield "gap", f"{display.gap_mm:.6g} mm"
     if display.viewing_distance_mm is not None:
         x, y = display.viewing_axis_mm

@@ -21,6 +21,7 @@ from lippmann.engines import trace
 from lippmann.errors import input_error
 from lippmann.images import check_output, replacing
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import Aperture
@@ -70,7 +71,7 @@ def command(
     points = None
     if aperture == "full":
         s, t = random.uniform(size=(2, len(pixel)))
-        points = np.stack(square_to_cell(NumpyBackend(), s, t, display.array.grid, display.array.pitch_mm), axis=1)
+        points = np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
     if engine == "fast":
         from lippmann.variant import start_mitsuba
 

@@ -142,7 +142,7 @@ def without_eye(display: Display) -> Display:
 def steep(display: Display, share: float = 1.02) -> Display:
     """Return a display of thin, nearly hemispherical domes, a pitch from the panel."""
     array = display.array
-    return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.pitch_mm)
+    return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
 
 
 def _nudged(points: Floats, random: np.random.Generator) -> Floats:
@@ -197,7 +197,8 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
     """Pixels exactly on edges and corners, at coordinates that float64 holds exactly: the tie rule decides."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
-    tied = changed(display, pitch_mm=1.0, radius_mm=1.5, rotation_deg=0.0, offset_mm=(0.0, 0.0), gap_mm=0.5)
+    plain: dict[str, Any] = {"shear": 0.0, "extent_mm": None, "rotation_deg": 0.0, "offset_mm": (0.0, 0.0)}
+    tied = changed(display, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5, **plain)
     tied = replace(without_eye(tied), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
@@ -210,7 +211,7 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
     pixels = random_pixels(display, random, count)
     angle = random.uniform(0.0, 2.0 * math.pi, count)
     # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
-    farthest = 0.5 * FARTHEST_LENSLETS * display.array.pitch_mm / display.aperture_distance_mm
+    farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, min(8.0, math.log10(farthest)), count)
     yield Out("grazing-launch", display, pixels, np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
 
@@ -255,7 +256,7 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
     array = display.array
     rho = array.half_diagonal_mm
     thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
-    canyon = changed(display, radius_mm=400.0 * array.pitch_mm, thickness_mm=0.0, gap_mm=0.0)
+    canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
     for status, made, reach in (
         (Status.CROSSTALK, steep(display), 1.5),
         (Status.BLOCKED, thin, 6.0),
@@ -334,7 +335,7 @@ def f_numbers(display: Display) -> dict[str, Display]:
     """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
     array, displays = display.array, {}
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
-        focal = number * array.pitch_mm
+        focal = number * array.coarsest_mm
         index = max(array.index, 1.0 + 1.01 * array.half_diagonal_mm / focal)
         made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
         to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
@@ -375,7 +376,7 @@ def rotations(display: Display) -> dict[str, Display]:
 @_of_displays
 def offsets(display: Display) -> dict[str, Display]:
     """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
-    p, row = display.array.pitch_mm, display.array.row_pitch_mm
+    p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {
         "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
     }  # fmt: skip
@@ -427,7 +428,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
     Displays just beyond are refused (tests/host/test_conditioning_fixed.py).
     """
-    array, p, rho = display.array, display.array.pitch_mm, display.array.half_diagonal_mm
+    array, p, rho = display.array, display.array.finest_mm, display.array.half_diagonal_mm
     deepest = 3.999 if array.plano_side == "viewer" else 5.999
     limits = {
         "index-low": changed(display, index=1.16),
@@ -459,4 +460,32 @@ def converged(display: Display) -> dict[str, Display]:
         "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
         "steep": seen(steep(display), 0.5 * panel.width_mm),
         "far": seen(display, 1e12),
+    }
+
+
+@_of_displays
+def skewed(display: Display) -> dict[str, Display]:
+    """Arrays of two pitches and a shear, up to the most that a file may say, and arrays smaller than the panel."""
+    array, panel = display.array, display.panel
+    px, py = array.pitches_mm
+
+    def made(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
+        domes = replace(array, pitch_mm=pitch_mm, shear=shear)
+        return changed(
+            display,
+            pitch_mm=pitch_mm,
+            shear=shear,
+            radius_mm=max(array.radius_mm, 1.01 * domes.half_diagonal_mm),
+            **other,
+        )
+
+    edges = (0.4 * panel.width_mm, 2.0 * (round(0.2 * panel.height_mm / array.row_pitch_mm) * array.row_pitch_mm))
+    return {
+        "measured": made((1.0004 * px, 0.9991 * py), 0.0012),
+        "shear-1e-12": made((px, py), 1e-12),
+        "shear-1": made((px, py), 1.0),
+        "shear--1": made((px, py), -1.0),
+        "narrow": made((px, 4.0 * px), 0.3),
+        "wide": made((px, 0.25 * px), -0.3),
+        "extent": made((px, py), 0.0, extent_mm=edges),
     }

@@ -72,12 +72,10 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
         columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
     else:
         names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
-    pitch = panel.pixel_pitch_mm
-    # Two pitches are two numbers; one is one number, whose rounding moves both axes.
-    pitches = {"pixel_x_mm": pitch[0], "pixel_y_mm": pitch[1]} if isinstance(pitch, tuple) else {"pixel_mm": pitch}
     numbers = {
-        **pitches,
-        **{name: getattr(array, name) for name in ("pitch_mm", "radius_mm", "index", "thickness_mm")},
+        **_pitches("pixel", panel.pixel_pitch_mm),
+        **_pitches("pitch", array.pitch_mm),
+        **{name: getattr(array, name) for name in ("radius_mm", "index", "thickness_mm", "shear")},
         "gap_mm": rays.display.gap_mm,
         "rotation_deg": array.rotation_deg,
         "offset_x_mm": array.offset_mm[0],
@@ -89,16 +87,31 @@ def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
     return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
 
 
+def _pitches(name: str, pitch: float | tuple[float, ...]) -> dict[str, float]:
+    """Return two pitches as two numbers; one is one number, whose rounding moves both axes."""
+    if isinstance(pitch, tuple):
+        return {f"{name}_x_mm": pitch[0], f"{name}_y_mm": pitch[1]}
+    return {f"{name}_mm": pitch}
+
+
 def _system(rays: Out | Back, n: SimpleNamespace) -> System:
     """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
-    lattice = Lattice(grid, n.pitch_mm, mp.sqrt(3) / 2)
-    rho = n.pitch_mm / mp.sqrt(2 if grid == "square" else 3)
+    pitches, pixels = (
+        tuple(getattr(n, f"{name}_{axis}", None) or getattr(n, f"{name}_mm") for axis in ("x_mm", "y_mm"))
+        for name in ("pitch", "pixel")
+    )
+    lattice = Lattice(grid, pitches, mp.sqrt(3) / 2, n.shear, rays.display.array.half_steps)
+    (px, py), shear = pitches, abs(n.shear)
+    # Corners of the cell, to the right above and, of a hexagon, at the top.
+    corners = [(px + shear * py) / 2, py / 2], [0, 0]
+    if grid == "hex":
+        corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
+    rho = max(mp.hypot(*corner) for corner in corners)
     sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
     offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
-    pitches = (n.pixel_mm, n.pixel_mm) if hasattr(n, "pixel_mm") else (n.pixel_x_mm, n.pixel_y_mm)
-    frame = PanelFrame(pitches, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
+    frame = PanelFrame(pixels, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
     distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
     convergence = Convergence()
     if rays.display.viewing_distance_mm is not None:
@@ -206,7 +219,7 @@ def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
     """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
-    shift = np.full(len(turn), float(np.spacing(max(array.pitch_mm, array.thickness_mm))))
+    shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))
     start, unit_mm = np.zeros(len(turn)), 1.0
     if isinstance(true, Hits):
         shift = pixel_mm * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
@@ -217,7 +230,7 @@ def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
         turn += turned * unit
         shift += shifted * unit_mm * unit
         start += turned * {"u": 1.0 / pixel_mm, "v": 1.0 / pixel_mm, "a": 1.0, "b": 1.0}.get(name, 0.0)
-    return Condition(shift / array.pitch_mm if isinstance(true, Hits) else turn, shift, start)
+    return Condition(shift / array.finest_mm if isinstance(true, Hits) else turn, shift, start)
 
 
 def on_edge(rays: Out | Back, ulps: int) -> Bools:

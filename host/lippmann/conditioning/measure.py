@@ -67,7 +67,7 @@ def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engi
         turn, shift = (np.asarray(error, np.float64) for error in digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
         # One rounding of a float32 half a pitch from the lenslet's centre.
-        rounding = float(np.spacing(np.float32(0.5 * array.pitch_mm)))
+        rounding = float(np.spacing(np.float32(0.5 * array.coarsest_mm)))
         fast = turn * 1e6, unit.start * rounding * 1e6 <= CONDITIONED_URAD, "microradian", FAST_URAD
     else:
         got = trace_to_panel(display, rays.origin_mm, rays.direction, engine=engine, device=device)
@@ -125,8 +125,9 @@ def fixed_words(rays: Out, fraction_bits: int, max_cell_steps: int | None = None
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
-    near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitch_mm, array.row_pitch_mm]), axis=1)
-    inside: Bools = Lattice(array.grid, array.pitch_mm).holds(aims[:, 0], aims[:, 1])
+    along = np.abs(np.stack([aims[:, 0] - array.shear * aims[:, 1], aims[:, 1]], axis=1))
+    near: Bools = np.all(along <= 1.4 * np.array([array.pitches_mm[0], array.row_pitch_mm]), axis=1)
+    inside: Bools = Lattice.of(array).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""
     for kept in (near, near & inside):
         if not kept.any():

@@ -28,8 +28,9 @@ def random_pixels(display: Display, random: np.random.Generator, count: int) -> 
 def random_aims(display: Display, random: np.random.Generator, count: int, reach: float = 1.0) -> Floats:
     """Return points anywhere in a lenslet's cell, (count, 2), mm, times `reach`."""
     array = display.array
-    lattice = Lattice(array.grid, array.pitch_mm)
-    points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitch_mm
+    lattice = Lattice.of(array)
+    points = random.uniform(-0.6, 0.6, (4 * count + 64, 2)) * array.pitches_mm
+    points = np.stack(lattice.sheared(*points.T), axis=1)
     points = points[lattice.holds(points[:, 0], points[:, 1])]
     return np.asarray(points[:count] * reach, np.float64)
 

@@ -164,9 +164,9 @@ def near_seams(setup: Setup) -> Mask:
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     u, v = column.ravel() + 0.5, row.ravel() + 0.5
     frame = PanelFrame.of(setup.captured)
-    lattice = Lattice(setup.array.grid, setup.array.pitch_mm)
+    lattice = Lattice.of(setup.array)
     _, _, x, y = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(u, v)))
-    to_edge = np.min([0.5 * lattice.pitch_mm - np.abs(ax * x + ay * y) for ax, ay in lattice.axes], axis=0)
+    to_edge = np.min([lattice.half_mm - np.abs(ax * x + ay * y) for ax, ay in lattice.axes], axis=0)
     rays = rays_from_picture(NumpyBackend(), setup, u, v)
     lost = ~(rays.through_array & rays.through_lens)
     return np.asarray((to_edge <= panel.coarsest_mm) | lost).reshape(panel.height_px, panel.width_px)
@@ -206,7 +206,7 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
     found = []
     for grid, name in SETUPS.items():
         setup = load_setup(scenes / f"setups/{name}.toml")
-        setup = with_window(setup, PICTURE_PX, setup.array.pitch_mm)
+        setup = with_window(setup, PICTURE_PX, setup.array.pitches_mm[0])
         scene = load_for(scenes / "seed/diffuse.xml", setup)
         theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
         source = capture_source(setup)

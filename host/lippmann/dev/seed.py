@@ -95,7 +95,7 @@ def lenslets_in(display: Display) -> int:
     """Return the number of lenslets in the window: N = ceil(25.4 w / (p D))^2 (paper, equation 5)."""
     array, panel = display.array, display.panel
     dpi_x, dpi_y = (MM_PER_INCH / pitch for pitch in panel.pitches_mm)
-    across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitch_mm * dpi_x) - 1e-9)
+    across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitches_mm[0] * dpi_x) - 1e-9)
     down = math.ceil(MM_PER_INCH * panel.height_px / (array.row_pitch_mm * dpi_y) - 1e-9)
     return across * down
 
@@ -146,7 +146,9 @@ def _row(tracer: str, setup: Setup, antialias: bool, run: Rendered | Run, base: 
     array, across = setup.display.array, setup.display.panel.width_px
     count = lenslets_in(setup.display)
     relative = run.cpu_seconds / base.cpu_seconds
-    return Timed(tracer, array.grid, across, array.pitch_mm, count, antialias, run.seconds, run.cpu_seconds, relative)
+    return Timed(
+        tracer, array.grid, across, array.pitches_mm[0], count, antialias, run.seconds, run.cpu_seconds, relative
+    )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from lippmann.display import Display, Grid
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
 from lippmann.optics.system import System
 
@@ -176,8 +175,22 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         )
         along_y = partial(_with_number, "array.rotation_deg", array.rotation_deg + 90.0)
         yield _before("lenslet", "hexagonal rows along y for x", along_y, "lenslet", "home")
+    yield from _affine_variants(display)
     yield from _eye_variants(display)
     yield _before("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), "panel_mm")
+
+
+def _affine_variants(display: Display) -> Iterator[Variant]:
+    """Yield wrong numbers of a lattice that is not the regular one, or that ends."""
+    array, (px, py) = display.array, display.array.pitches_mm
+    if array.shear:
+        yield _with("lenslet", "shear left out", "array.shear", 0.0)
+        yield _with("lenslet", "sign of the shear", "array.shear", -array.shear)
+    if px != py:
+        yield _with("lenslet", "axes of pitch_mm swapped", "array.pitch_mm", (py, px))
+        yield _with("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px)
+    if array.extent_mm is not None:
+        yield _with("status", "extent_mm left out", "array.extent_mm", None)
 
 
 def _eye_variants(display: Display) -> Iterator[Variant]:
@@ -205,7 +218,7 @@ def _through_neighbour(step: Floats, given: Out) -> Arrays:
     frame, b = system.frame, NumpyBackend()
     rays = golden(given)
     cx, cy = system.lattice.centre(step[0], step[1])
-    wide = Lattice(system.lattice.grid, 8.0 * system.lattice.pitch_mm)
+    wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
     x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
     ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
@@ -223,9 +236,11 @@ def _through_neighbour(step: Floats, given: Out) -> Arrays:
 
 def _other_ties(given: Out) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
-    pitch = given.display.array.pitch_mm
-    tie = np.isclose(golden(given)["start_mm"], -0.5 * pitch, rtol=1e-12, atol=0.0)
-    nudge = 1e-9 * pitch / np.array(given.display.panel.pitches_mm) * (-1.0, 1.0)
+    array = given.display.array
+    x, y = golden(given)["start_mm"].T
+    sides = np.stack([x - array.shear * y, y], axis=1)
+    tie = np.isclose(sides, -0.5 * np.array(array.pitches_mm), rtol=1e-12, atol=0.0)
+    nudge = 1e-9 * array.finest_mm / np.array(given.display.panel.pitches_mm) * (-1.0, 1.0)
     return np.asarray(given.pixels + np.where(tie, nudge, 0.0))
 
 
@@ -327,6 +342,9 @@ FITTED = {
     "array.radius_mm": "dome",
     "array.rotation_deg": "panel",
     "array.pitch_mm": "lenslet",
+    "array.pitch_mm[0]": "lenslet",
+    "array.pitch_mm[1]": "lenslet",
+    "array.shear": "lenslet",
     "panel.pixel_pitch_mm": "panel",
     "panel.pixel_pitch_mm[0]": "panel",
     "panel.pixel_pitch_mm[1]": "panel",
@@ -362,9 +380,10 @@ def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
         yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
-    two_pitches = isinstance(given.display.panel.pixel_pitch_mm, tuple)
     for name in FITTED:
-        if "pixel_pitch" not in name or two_pitches == ("[" in name):
+        value = attrgetter(name.partition("[")[0])(given.display)
+        # One pitch or two; and no shear is made up where the display has none.
+        if isinstance(value, tuple) == ("[" in name) and (value or name != "array.shear"):
             yield from _number(name, given, values["direction"])
 
 
@@ -386,7 +405,7 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     value = attrgetter(path)(display)
     value = value[int(entry[0])] if entry else value
     # Offsets repeat after a pitch: their size says nothing about their error.
-    unit = value if value and "offset" not in name else display.array.pitch_mm
+    unit = value if value and "offset" not in name else display.array.coarsest_mm
 
     def loss(tried: float) -> float:
         """Return the median error: rays that change lenslet or status on the way must not weigh."""
@@ -400,6 +419,8 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     if name == "array.rotation_deg":
         looked += [float(turn) for turn in ROTATIONS]
         looked += [value + math.degrees(turn) for turn in _near(display)]
+    elif path == "array.shear":
+        looked += [value + turn for turn in _near(display)]
     elif path in ("array.pitch_mm", "panel.pixel_pitch_mm"):
         looked += [value + share * unit for share in _near(display)]
     best, width = min(sorted(looked), key=loss), 0.02 * abs(unit)
@@ -414,6 +435,6 @@ def _near(display: Display) -> Floats:
     """Return shares of a pitch, or turns in radians, that move the panel's corner by steps of `CORNER` pitches."""
     # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
     panel = display.panel
-    step = CORNER * display.array.pitch_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    step = CORNER * display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     most = int(NEAR / step)
     return step * np.arange(-most, most + 1, dtype=np.float64)

@@ -142,8 +142,9 @@ class _Comparison:
     def ties(self) -> Bools:
         """The panel points exactly on an edge that two cells share, which only one of them owns."""
         array, start = self.given.display.array, self.golden["start_mm"]
-        columns = start if array.grid == "square" else start[:, :1]
-        return np.asarray((columns == -0.5 * array.pitch_mm).any(axis=1))
+        px, py = array.pitches_mm
+        tied = start[:, 0] - array.shear * start[:, 1] == -0.5 * px
+        return np.asarray(tied | (start[:, 1] == -0.5 * py) if array.grid == "square" else tied)
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
         """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
@@ -198,7 +199,7 @@ def _roundings(given: Out) -> tuple[Floats, Floats]:
     One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
     the trace through the lenslet.
     """
-    pitch, pixel = given.display.array.pitch_mm, np.array(given.display.panel.pitches_mm)
+    pitch, pixel = given.display.array.coarsest_mm, np.array(given.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
         return 0.5 * np.spacing(np.abs(values).astype(np.float32)).astype(np.float64)

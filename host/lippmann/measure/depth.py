@@ -96,7 +96,7 @@ def measure_depths(
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
     display = setup.display
-    window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitch_mm))
+    window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitches_mm[0]))
     x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
     depths = []
     for model, eyes_mm in looks:
@@ -113,7 +113,7 @@ def measure_depths(
 def strip_of(setup: Setup) -> Setup:
     """Return the set-up with a strip from the middle of its display, in finer pixels."""
     width_px, height_px = (count * PIXELS for count in STRIP)
-    pitch_mm = setup.display.array.pitch_mm / PIXELS
+    pitch_mm = setup.display.array.pitches_mm[0] / PIXELS
     panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
     return replace(setup, display=replace(setup.display, panel=panel))
 

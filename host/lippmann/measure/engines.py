@@ -25,6 +25,7 @@ from lippmann.measure.pictures import Pictures
 from lippmann.measure.plan import Plan
 from lippmann.measure.simulation import Simulation
 from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, gets_through
 from lippmann.optics.sampling import points_in_square, square_to_cell
@@ -95,7 +96,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
 
     b = DrJitBackend(current_device())
     system = System.of(display)
-    panel, array = display.panel, display.array
+    panel = display.panel
     numbers = itertools.count()
 
     def launch() -> float:
@@ -107,7 +108,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
         points = None
         if aperture == "full":
             s, t = points_in_square(index, mi.UInt32(0), 0, stream=1)
-            points = square_to_cell(b, s, t, array.grid, array.pitch_mm)
+            points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))

@@ -100,16 +100,19 @@ def resized(display: Display, across: int) -> Display:
 
 def with_pitch(array: Array, pitch_mm: float) -> Array:
     """Return an array of lenslets of the same shape with another pitch."""
-    factor = pitch_mm / array.pitch_mm
+    factor = pitch_mm / array.pitches_mm[0]
     return replace(
-        array, pitch_mm=pitch_mm, radius_mm=array.radius_mm * factor, thickness_mm=array.thickness_mm * factor
+        array,
+        pitch_mm=array.pitch_of(pitch_mm),
+        radius_mm=array.radius_mm * factor,
+        thickness_mm=array.thickness_mm * factor,
     )
 
 
 def with_lenslets_across(display: Display, across: int) -> Display:
     """Return the display with so many lenslets of the same shape, larger or smaller, across the same window."""
     array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
-    return replace(display, array=array, gap_mm=display.gap_mm * array.pitch_mm / display.array.pitch_mm)
+    return replace(display, array=array, gap_mm=display.gap_mm * array.pitches_mm[0] / display.array.pitches_mm[0])
 
 
 def waves(triangles: int, lights: int) -> Scene:
@@ -151,7 +154,7 @@ def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], Non
 
     def lenslets(across: int) -> int:
         array = with_lenslets_across(small, across).array
-        return round(small.panel.width_mm * small.panel.height_mm / (array.pitch_mm * array.row_pitch_mm))
+        return round(small.panel.width_mm * small.panel.height_mm / (array.pitches_mm[0] * array.row_pitch_mm))
 
     panels = [resized(display, across) for across in plan.pixels_across]
     one = Settings(seed=seed)

@@ -10,7 +10,8 @@ distance or with R: a flat face is c = 0.
 
 **The height field.** The array's face is one surface made of caps, one for each cell. A ray meets the cap of its cell
 or steps to the next cell. Neighbouring caps have equal heights on the flat between them, so the first cap met before
-the ray leaves its cell is the first met at all, and no ray slips between two cells.
+the ray leaves its cell is the first met at all, and no ray slips between two cells. On a sheared lattice, and on a
+hexagonal one of two pitches, they have not: a wall stands there, and a ray that comes to it is lost.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ class Dome:
     def curvature(self) -> float:
         """1 / R, 1/mm."""
         return 1.0 / self.radius_mm
+
+    def height(self, x: Arr, y: Arr, z: Arr) -> Arr:
+        """Return a number that is negative for points (lens-local) in the glass and positive for those in the air."""
+        return self.curvature * (x * x + y * y + z * z) + 2.0 * z
 
 
 class Crossing(NamedTuple):
@@ -96,6 +101,11 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         hit, t, at, cosine = cap(b, dome, here, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
         settled = hit & (t <= t_flat)
+        if dome.lattice.stepped:
+            # Through the wall between two domes: the glass ends there, or begins.
+            x, y, z = (p + t_flat * d for p, d in zip(here[:3], here[3:], strict=True))
+            depth = dome.height(x - to_x, y - to_y, z) * (1.0 if upward else -1.0)
+            steps = b.where(settled | (depth <= 0.0), steps, MAX_CELLS)
         return (
             settled,
             steps + 1,
@@ -165,7 +175,7 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
 
     def leaves_glass(_steps: Arr, here: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
         x, y, z = here.x + t_flat * here.dx, here.y + t_flat * here.dy, here.z + t_flat * here.dz
-        return (t_flat < t_rim) & (dome.curvature * (x * x + y * y + z * z) + 2.0 * z > 0.0)
+        return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
     # At the rims' plane still inside its own cell: a chord of one sphere, all in the glass.
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
@@ -190,6 +200,10 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
         t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
         t_plane = (plane - here.z) / here.dz
         met = meets(steps, here, t, t_flat, t_plane)
+        if dome.lattice.stepped:
+            # The wall where the ray has come into this cell.
+            x, y, z = here.x + t * here.dx, here.y + t * here.dy, here.z + t * here.dz
+            met = met | ((steps > 0) & (up * dome.height(x, y, z) < 0.0))
         searching = ~met & (t_flat < t_plane)
         x, y = b.where(searching, here.x - to_x, here.x), b.where(searching, here.y - to_y, here.y)
         return searching, steps + 1, blocked | met, t_flat, x, y, *here[2:]

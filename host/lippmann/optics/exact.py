@@ -62,7 +62,7 @@ def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
         ray = transported(ray, -system.dome.sag_mm)
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=True)
-    out, square = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=True)
+    out, square = _through_dome(b, system, crossing, system.index, upward=True)
     reflected = square <= 0.0
     blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
     return _exit(b, out, start, crossing, reflected, blocked, square)
@@ -74,7 +74,7 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     if strays:
         ray, start = _relocated(b, system, ray)
     crossing = meet(b, system.dome, ray, upward=False)
-    inside, _ = refract_dome(b, system.dome, crossing.ray, crossing.cosine, 1.0 / system.index, upward=False)
+    inside, _ = _through_dome(b, system, crossing, 1.0 / system.index, upward=False)
     blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
     passes = ~crossing.missed & ~blocked
     at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
@@ -91,10 +91,19 @@ def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
     # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
     ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))
     crossing = meet(b, system.dome, ray, upward=False)
-    out, square = refract_dome(b, system.dome, crossing.ray, crossing.cosine, system.index, upward=False)
+    out, square = _through_dome(b, system, crossing, system.index, upward=False)
     reflected = square <= 0.0
     blocked = blocked_below(b, system.dome, out, ~crossing.missed & ~reflected)
     return _exit(b, mirrored(out), start, crossing, reflected, blocked, square)
+
+
+def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:
+    """Refract rays where they meet a dome; one that is lost at a wall between domes keeps its direction."""
+    ray = crossing.ray
+    out, square = refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
+    if system.lattice.stepped:
+        out = Ray(*(b.where(crossing.missed, old, new) for old, new in zip(ray, out, strict=True)))
+    return out, square
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr]]:

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from lippmann.display import Array, Grid, Pair
 from lippmann.optics.backend import Arr, Backend
 
@@ -54,6 +56,12 @@ class Lattice:
         return 0.5 * self.pitches_mm[0]
 
     @property
+    def stepped(self) -> bool:
+        """Whether the sides of cells are not midway between centres, so that domes have steps between them."""
+        px, py = self.pitches_mm
+        return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
+
+    @property
     def axes(self) -> tuple[tuple[float, float], ...]:
         """Vectors perpendicular to the sides of a cell, one for each pair of opposite sides.
 
@@ -73,23 +81,36 @@ class Lattice:
         sides = len(self.axes)
         radius, first = 0.5 * px / math.cos(0.5 * math.pi / sides), 0.5 * math.pi / sides
         angles = (first + math.pi * k / sides for k in range(2 * sides))
-        return tuple(self._sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
+        return tuple(self.sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
 
-    def _sheared(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def sheared(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Return a point of the lattice without its shear where the shear moves it, mm."""
         return (x + self.shear * y, y) if self.shear else (x, y)
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), mm, in the floating-point format of `i` and `j`."""
         px, py = self.pitches_mm
         if self.grid == "square":
-            return self._sheared(i * px, j * py)
-        return self._sheared((i + 0.5 * j) * px, j * (self.half_sqrt3 * py))
+            return self.sheared(i * px, j * py)
+        return self.sheared((i + 0.5 * j) * px, j * (self.half_sqrt3 * py))
 
     def present(self, b: Backend, i: Arr, j: Arr) -> Arr:
-        """Tell whether lenslet (i, j) lies within the extent of the array, which is given (see `Array.half_steps`)."""
-        assert self.half_steps is not None
+        """Tell whether lenslet (i, j) lies within the extent of the array, if it has one (see `Array.half_steps`)."""
+        if self.half_steps is None:
+            return i < math.inf
         along = 2.0 * i + j if self.grid == "hex" else 2.0 * i
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
+
+    def nearest_within(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Return the points within the extent that are nearest along and across the rows; numpy arrays, mm."""
+        if self.half_steps is None:
+            return x, y
+        px, py = self.pitches_mm
+        row = self.half_sqrt3 * py if self.grid == "hex" else py
+        # Between the middles of the last rows, and of their last lenslets.
+        along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
+        y = np.clip(y, -across, across)
+        return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
         """Return the owner (i, j), whole numbers in x's format, and the point from its centre (mm)."""

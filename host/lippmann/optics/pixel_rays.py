@@ -40,10 +40,12 @@ def rays_from_pixels(
     """
     i, j, x, y = system.locate(b, u, v)
     out = models.leave_panel(b, system, x, y, aperture, model)
+    own = i, j
     i, j = i + b.double(out.di), j + b.double(out.dj)
+    status = system.through_mount(b, out.status, (i, j), own)
     ray, turn = out.ray, system.frame.turn
     ray = Ray(*turn(ray.x, ray.y), ray.z, *turn(ray.dx, ray.dy), ray.dz)
-    return LocalRays(ray, *system.centre(i, j), b.integer(i), b.integer(j), out.status)
+    return LocalRays(ray, *system.centre(i, j), b.integer(i), b.integer(j), status)
 
 
 class PixelHits(NamedTuple):
@@ -69,7 +71,7 @@ def pixels_from_rays(
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
     # A ray that meets the array's plane too far out has missed; its numbers are replaced, so that none overflows.
-    farthest = FARTHEST_LENSLETS * system.lattice.pitch_mm
+    farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
     safe_z = b.where(heads_there, safe_z, -1.0)
@@ -86,5 +88,6 @@ def pixels_from_rays(
     owned = b.where(system.owns(landing.x, landing.y, cx, cy), int(Status.OK), int(Status.CROSSTALK))
     arrival = b.where(on_panel, owned, int(Status.BLOCKED))
     status = b.where(gets_through(landing.status), arrival, landing.status)
+    status = system.through_mount(b, status, (i, j))
     status = b.where(heads_there, status, int(Status.MISSED))
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))

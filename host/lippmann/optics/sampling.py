@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lippmann.display import Grid
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.lattice import HALF_SQRT3
+from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.variant import mitsuba
 
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
@@ -34,14 +33,16 @@ def points_in_square(pixel: Any, sample: Any, seed: int, stream: int) -> tuple[A
     return coordinate(0), coordinate(1)
 
 
-def square_to_cell(b: Backend, s: Arr, t: Arr, grid: Grid, pitch_mm: float) -> tuple[Arr, Arr]:
+def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> tuple[Arr, Arr]:
     """Map points (s, t) of the unit square to a lenslet's cell, with equal areas for equal areas; lens-local mm."""
-    if grid == "square":
-        return (s - 0.5) * pitch_mm, (t - 0.5) * pitch_mm
+    px, py = lattice.pitches_mm
+    if lattice.grid == "square":
+        return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
     # A hexagon is three rhombi round its centre; each is spanned by two of its corner vectors.
-    radius = pitch_mm / (2.0 * HALF_SQRT3)
+    radius, tall = px / (2.0 * HALF_SQRT3), py / px
     corners = [
-        (radius * math.cos(a), radius * math.sin(a)) for a in (math.pi / 6.0, 5.0 * math.pi / 6.0, 1.5 * math.pi)
+        lattice.sheared(radius * math.cos(a), radius * math.sin(a) * tall)
+        for a in (math.pi / 6.0, 5.0 * math.pi / 6.0, 1.5 * math.pi)
     ]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

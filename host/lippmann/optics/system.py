@@ -12,6 +12,7 @@ from lippmann.optics.convergence import Convergence
 from lippmann.optics.dome import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
+from lippmann.optics.rays import Status
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,18 @@ class System:
     def owns(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Arr:
         """Tell whether the lenslet at (cx, cy) owns a point of the panel, measured from there; array's axes, mm."""
         return self.lattice.holds(*self.convergence.within_cell(x, y, cx, cy))
+
+    def through_mount(self, b: Backend, status: Arr, left: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None) -> Arr:
+        """Return statuses, blocked where lenslets (i, j) are missing: the mount is opaque there.
+
+        `left` are those that rays pass, `own` the pixels' own ones. A ray that met no dome stays missed.
+        """
+        if self.lattice.half_steps is None:
+            return status
+        there = self.lattice.present(b, *left) | (status == int(Status.MISSED))
+        if own is not None:
+            there = there & self.lattice.present(b, *own)
+        return b.where(there, status, int(Status.BLOCKED))
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
         """Return the centre of lenslet (i, j), panel frame, mm."""

@@ -16,7 +16,7 @@ import numpy as np
 from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
 from lippmann.capturing.setup import Pickup, Setup
 from lippmann.errors import InputError
-from lippmann.optics.lattice import HALF_SQRT3, Lattice
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.povray.camera import pinhole
 from lippmann.povray.export import View
@@ -103,9 +103,14 @@ def lenslets(setup: Setup) -> str:
         sphere = f"merge {{ {sphere} {beyond} }}"
     body = f"difference {{ {cell} {sphere}" if setup.concave else f"intersection {{ {sphere} {cell}"
     lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
-    rows = lattice_rows(setup)
-    p = array.pitch_mm
-    step_x, step_y = (0.5 * p, HALF_SQRT3 * p) if array.grid == "hex" else (0.0, p)
+    rows, lattice = lattice_rows(setup), Lattice.of(array)
+    (p, _), (step_x, step_y) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
+    shown, mount = "L_lenslet", ""
+    if lattice.half_steps is not None:
+        mount = f"#declare L_mount = object {{ {cell} {BLACK} no_shadow no_reflection }}\n"
+        along = f"abs(2 * Column + {'(Row + ' + str(rows[0][0]) + ')' if array.grid == 'hex' else '0'})"
+        inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * (Row + {rows[0][0]})) <= {lattice.half_steps[1]}"
+        shown = f"#if ({inside}) L_lenslet #else L_mount #end"
     frame = PanelFrame.of(setup.captured)
     place = np.eye(4)
     place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
@@ -114,27 +119,29 @@ def lenslets(setup: Setup) -> str:
     row = f"(Row + {rows[0][0]})"
     at = f"Column * {number(p)} + {row} * {number(step_x)}, {row} * {number(step_y)}, 0"
     return f"""{lenslet}
-#declare L_first = array[{len(rows)}] {{ {starts} }}
+{mount}#declare L_first = array[{len(rows)}] {{ {starts} }}
 #declare L_last = array[{len(rows)}] {{ {ends} }}
 #for (Row, 0, {len(rows) - 1})
   #for (Column, L_first[Row], L_last[Row])
-    object {{ L_lenslet translate <{at}> {matrix(place)} }}
+    object {{ {shown} translate <{at}> {matrix(place)} }}
   #end
 #end"""
 
 
 def _prism(setup: Setup, near: float, far: float) -> str:
     array = setup.array
-    half = 0.5 * array.pitch_mm
     low, high = min(near, far), max(near, far)
-    if array.grid == "square":
+    half = 0.5 * array.pitches_mm[0]
+    if array.grid == "square" and array.regular:
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
     turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
     radius = 2.0 * half / math.sqrt(3.0)
     corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+    if not array.regular:
+        corners = [*Lattice.of(array).corners, Lattice.of(array).corners[0]]
     # POV-Ray's prisms are along y; the matrix rotates it to z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
-    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, 7, {points}"
+    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(corners)}, {points}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
 
 
@@ -142,14 +149,14 @@ def lattice_rows(setup: Setup) -> list[tuple[int, int, int]]:
     """Return (row j, first i, last i) of the lenslets that cover the window and `SPARE_LENSLETS` more on each side."""
     panel, array = setup.display.panel, setup.array
     frame = PanelFrame.of(setup.captured)
-    spare = (SPARE_LENSLETS + 0.5) * array.pitch_mm
-    lattice = Lattice(array.grid, array.pitch_mm)
+    spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
+    lattice = Lattice.of(array)
     # The window's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
-    count = math.ceil(reach / array.row_pitch_mm)
+    count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
     found = []
     for j in range(-count, count + 1):
-        i = np.arange(-2 * count, 2 * count + 1)
+        i = np.arange(-3 * count, 3 * count + 1)
         x, y = frame.panel_from_array(*lattice.centre(i.astype(float), np.full(len(i), float(j))))
         seen = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
         if seen.any():

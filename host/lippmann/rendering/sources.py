@@ -12,6 +12,7 @@ from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sampling import square_to_cell
@@ -77,10 +78,10 @@ def display_source(
     is for "twin" and "rtl". If a pixel has several samples, "fast" places them anywhere in it; the other engines place
     them on the same sixteenths of a pixel, which the RTL's words can express.
     """
-    panel, array = display.panel, display.array
+    panel = display.panel
 
     def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
-        aperture_points = square_to_cell(b, *square, array.grid, array.pitch_mm) if aperture == "full" else None
+        aperture_points = square_to_cell(b, *square, Lattice.of(display.array)) if aperture == "full" else None
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
         # An engine that takes and gives numpy arrays.

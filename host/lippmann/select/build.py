@@ -179,7 +179,8 @@ def _spread(display: Display) -> Floats:
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
     """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
-    axes = np.array(System.of(display).lattice.axes)
+    lattice = System.of(display).lattice
+    axes = np.array(lattice.axes)
     across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)
-    inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * 0.5 * display.array.pitch_mm]
+    inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * lattice.half_mm]
     return inside

@@ -18,6 +18,7 @@ from lippmann.display import Array, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Floats, Model, Rays, gets_through
 from lippmann.optics.system import System
 
@@ -57,7 +58,7 @@ def spread_mm(display: Display, z_mm: float) -> float:
 
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
     """Return the pixel of the reconstructed view at a depth, mm."""
-    return max(display.array.pitch_mm, spread_mm(display, z_mm))
+    return max(display.array.finest_mm, spread_mm(display, z_mm))
 
 
 def choose_model(
@@ -93,8 +94,9 @@ def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floa
     cells, _ = located(display, np.stack(np.meshgrid(*np.outer(size, steps)), axis=-1).reshape(-1, 2))
     corners = corners_mm(array)
     # Points over the cell's bounding square; those outside a hexagon belong to neighbours, which does no harm.
-    side = np.linspace(-0.49, 0.49, PROBE_POINTS) * array.pitch_mm
-    local = np.concatenate([np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), inside * corners])
+    side, (px, py) = np.linspace(-0.49, 0.49, PROBE_POINTS), array.pitches_mm
+    over = np.stack(Lattice.of(array).sheared(*np.meshgrid(side * px, side * py)), axis=-1).reshape(-1, 2)
+    local = np.concatenate([over, inside * corners])
     everywhere = pixels_from_cells(display, np.repeat(cells, len(local), axis=0), np.tile(local, (len(cells), 1)))
     pixels = on_panel(display, everywhere)
     if len(pixels) == 0:
@@ -145,7 +147,8 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 def corners_mm(array: Array) -> Floats:
     """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
     angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
-    return array.half_diagonal_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
+    return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
@@ -162,7 +165,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
     worst = 0.0
     far, near = depth_range_mm
     # From this depth on a pixel spreads beyond the lenslet; between these depths the error has no other peak.
-    kink = display.array.pitch_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
+    kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
         apart = np.linalg.norm(crossing(*lines[0], z) - crossing(*lines[1], z), axis=1)
         worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))

@@ -42,7 +42,7 @@ class Slider:
 def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
     """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
     distance = viewing_distance(display)
-    zone = distance * (1.0 + display.convergence) * display.array.pitch_mm / derived.aperture_distance_mm
+    zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / derived.aperture_distance_mm
     aside = max(abs(x) for x in middle_eye(display, distance)[:2])
     return _neat(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
 
@@ -59,9 +59,9 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     reach, focus = eye_reach_mm(display, derived), focus_reach_mm(display, derived)
     x, y, distance = middle_eye(display, viewing_distance(display))
     near, far = (share * distance for share in DISTANCES)
-    shift, lift = _neat(0.5 * array.pitch_mm), _neat(0.5 * array.focal_length_mm)
+    shift, lift = _neat(0.5 * array.coarsest_mm), _neat(0.5 * array.focal_length_mm)
     # A lenslet must cover at least a pixel, and its radius must span its cell.
-    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.pitch_mm), FINE)
+    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
     wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
     return {
         "Eye": [

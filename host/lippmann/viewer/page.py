@@ -16,6 +16,7 @@ from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
 from lippmann.images import png_bytes
+from lippmann.optics.lattice import Lattice
 from lippmann.subpixels import COLOURS, layout_of
 from lippmann.viewer.controls import controls_html, focus_reach_mm
 from lippmann.viewer.template import filled, read, shader
@@ -76,9 +77,9 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
     aspect = f"{panel.width_px} / {panel.height_px}" if square else f"{panel.width_mm:.9g} / {panel.height_mm:.9g}"
     summary = (
         f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
-        f"of {array.pitch_mm:g} mm"
+        f"of {' × '.join(f'{pitch:g}' for pitch in dict.fromkeys(array.pitches_mm))} mm"
     )
-    described = dataclasses.asdict(display) | {"panel": panel.keys}
+    described = dataclasses.asdict(display) | {"panel": panel.keys, "array": array.keys}
     del described["name"]
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
@@ -136,6 +137,8 @@ def _defines(display: Display) -> dict[str, str]:
     defines = {}
     if display.array.grid == "hex":
         defines["HEX"] = "1"
+    if Lattice.of(display.array).stepped:
+        defines["STEPPED"] = "1"
     if display.array.plano_side == "panel":
         defines["PLANO_TO_PANEL"] = "1"
     layout = layout_of(display.panel.subpixels)

@@ -3,15 +3,21 @@
 const HALF_SQRT3 = Math.sqrt(3) / 2;
 
 function centreOf(system, i, j) {
-  return system.hex
-    ? [system.pitch * (i + 0.5 * j), system.pitch * HALF_SQRT3 * j]
-    : [system.pitch * i, system.pitch * j];
+  const [px, py] = system.pitch;
+  const [x, y] = system.hex ? [px * (i + 0.5 * j), py * HALF_SQRT3 * j] : [px * i, py * j];
+  return [x + system.shear * y, y];
+}
+
+// Whether the array has a lenslet there.
+function present(system, [x, y]) {
+  return Math.abs(x - system.shear * y) <= system.ends[0] && Math.abs(y) <= system.ends[1];
 }
 
 function locate(system, [x, y]) {
-  if (!system.hex) return [Math.floor(x / system.pitch + 0.5), Math.floor(y / system.pitch + 0.5)];
-  const u = x / system.pitch;
-  const v = y / (HALF_SQRT3 * system.pitch);
+  const [px, py] = system.pitch;
+  const u = (x - system.shear * y) / px;
+  if (!system.hex) return [Math.floor(u + 0.5), Math.floor(y / py + 0.5)];
+  const v = y / (HALF_SQRT3 * py);
   const i = Math.floor(u - 0.5 * v);
   const j = Math.floor(v);
   const s = u - 0.5 * v - i;
@@ -34,13 +40,14 @@ function behind(system, point) {
 }
 
 // Corners of a cell, from its centre, in the array's frame.
-function cellCorners(system) {
-  const count = system.hex ? 6 : 4;
-  const radius = system.pitch / Math.sqrt(system.hex ? 3 : 2);
-  const first = system.hex ? Math.PI / 6 : Math.PI / 4;
+function cellCorners({ hex, pitch, shear }) {
+  const count = hex ? 6 : 4;
+  const radius = 1 / Math.sqrt(hex ? 3 : 2);
+  const first = hex ? Math.PI / 6 : Math.PI / 4;
   return Array.from({ length: count }, (_, k) => {
     const angle = first + (2 * Math.PI * k) / count;
-    return [radius * Math.cos(angle), radius * Math.sin(angle)];
+    const y = pitch[1] * radius * Math.sin(angle);
+    return [pitch[0] * radius * Math.cos(angle) + shear * y, y];
   });
 }
 

@@ -55,7 +55,7 @@ class PanelView {
 
   // Fills the canvas with about three lenslets, those round the middle of what is shown.
   showLenslets(system) {
-    this.zoom = Math.min((Math.min(this.canvas.width, this.canvas.height) * Math.min(...system.pixelPitch)) / (3 * system.pitch), MOST_ZOOM);
+    this.zoom = Math.min((Math.min(this.canvas.width, this.canvas.height) * Math.min(...system.pixelPitch)) / (3 * Math.max(...system.pitch)), MOST_ZOOM);
     this.panBy(0, 0);
   }
 
@@ -116,7 +116,7 @@ class PanelView {
   }
 
   showsLenslets(system) {
-    return (system.pitch / Math.max(...system.pixelPitch)) * this.scale >= SEAMS_FROM_PX;
+    return (Math.min(...system.pitch) / Math.max(...system.pixelPitch)) * this.scale >= SEAMS_FROM_PX;
   }
 
   draw(system, eye, { seams, marks }) {
@@ -150,7 +150,7 @@ class PanelView {
     const [[i0, i1], [j0, j1]] = [range(0), range(1)];
     const cells = [];
     for (let j = j0; j <= j1; ++j) for (let i = i0; i <= i1; ++i) cells.push(centreOf(system, i, j));
-    return cells;
+    return cells.filter((cell) => present(system, cell));
   }
 
   drawSeams(system, cells) {

@@ -99,7 +99,10 @@ class ViewRenderer {
       gl.uniform1i(places.panel, 0);
       gl.uniform2i(places.tile_px, ...this.panel.tile);
       gl.uniform1i(places.tiles_across, this.panel.across);
-      gl.uniform1f(places.pitch, system.pitch);
+      gl.uniform2fv(places.pitch, system.pitch);
+      gl.uniform1f(places.shear, system.shear);
+      gl.uniform1f(places.slant, system.pitch[0] / system.pitch[1]);
+      gl.uniform2fv(places.ends, system.ends);
       gl.uniform1f(places.curvature, system.curvature);
       gl.uniform1f(places.sag, system.sag);
       gl.uniform1f(places.index, system.index);

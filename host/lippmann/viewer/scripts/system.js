@@ -3,8 +3,14 @@
 
 function systemOf(display, built) {
   const { panel, array } = display;
-  const pitch = array.pitch_mm * built.pitchScale;
-  const halfDiagonal = pitch / Math.sqrt(array.grid === "square" ? 2 : 3);
+  const hex = array.grid === "hex";
+  const pitch = [array.pitch_mm, array.pitch_mm].flat().slice(0, 2).map((one) => one * built.pitchScale); // also of one number
+  const shear = array.shear ?? 0;
+  const halfDiagonal = Math.max(...cellCorners({ hex, pitch, shear }).map(([x, y]) => Math.hypot(x, y)));
+  // The last lenslets within the extent, in half steps, and half such a step more: nothing is there.
+  const steps = [pitch[0], pitch[1] * (hex ? HALF_SQRT3 : 1)];
+  const ends = steps.map((step, k) =>
+    array.extent_mm ? 0.5 * step * (Math.floor((array.extent_mm[k] / step) * (1 + 1e-12)) + 0.5) : 3e38);
   const radius = array.radius_mm;
   const flatDistance = Math.sqrt(Math.max(radius ** 2 - halfDiagonal ** 2, 0));
   const sag = halfDiagonal ** 2 / (radius + flatDistance);
@@ -20,9 +26,11 @@ function systemOf(display, built) {
   };
   return {
     ...frame,
-    hex: array.grid === "hex",
+    hex,
     planoToPanel: array.plano_side === "panel",
     pitch,
+    shear,
+    ends,
     curvature: 1 / radius,
     sag,
     index: array.index,

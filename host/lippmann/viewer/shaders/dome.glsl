@@ -30,6 +30,11 @@ bool meet_cap(Ray ray, bool upward, out float t, out vec3 at, out float cosine) 
   return square >= 0.0;
 }
 
+// Negative in the glass, positive in the air; lens-local.
+float height(vec3 at) {
+  return curvature * dot(at, at) + 2.0 * at.z;
+}
+
 // The first dome met, whichever lenslet owns it. False: none within MAX_CELLS.
 bool meet(Ray ray, bool upward, out Crossing met) {
   float t;
@@ -43,6 +48,11 @@ bool meet(Ray ray, bool upward, out Crossing met) {
     float t_flat = leave(ray.point.xy, ray.way.xy, step_to);
     found = meet_cap(ray, upward, t, met.point, met.cosine) && t <= t_flat;
     step_to = found ? vec2(0.0) : step_to;
+#ifdef STEPPED
+    // Through the wall between two domes: the glass ends there, or begins.
+    float wall = height(ray.point + t_flat * ray.way - vec3(step_to, 0.0));
+    if (!found && (upward ? wall > 0.0 : wall < 0.0)) break;
+#endif
     ray.point.xy -= step_to;
     met.centre += step_to;
   }
@@ -73,6 +83,9 @@ bool blocked_above(Ray ray) {
     // This cell's cap, entered from the side: the other root. The dome just left cannot be met again.
     t = -(ray.way.z + cosine) / curvature - dot(ray.point, ray.way);
     blocked = met && k > 0 && t > t_before && t <= min(t_flat, t_top);
+#ifdef STEPPED
+    blocked = blocked || (k > 0 && height(ray.point + t_before * ray.way) < 0.0);
+#endif
     searching = !blocked && t_flat < t_top;
     t_before = t_flat;
     ray.point.xy -= step_to;
@@ -85,13 +98,17 @@ bool blocked_below(Ray ray) {
   bool blocked = ray.way.z >= 0.0;
   float t_rim = (-sag - ray.point.z) / min(ray.way.z, -1e-30);
   bool searching = !blocked && !holds(ray.point.xy + t_rim * ray.way.xy);
+  float t_before = 0.0;
   for (int k = 0; k < MAX_CELLS && searching; ++k) {
     vec2 step_to;
     float t_flat = leave(ray.point.xy, ray.way.xy, step_to);
-    vec3 at = ray.point + t_flat * ray.way;
     bool deeper = t_flat < t_rim;
-    blocked = deeper && curvature * dot(at, at) + 2.0 * at.z > 0.0;
+    blocked = deeper && height(ray.point + t_flat * ray.way) > 0.0;
+#ifdef STEPPED
+    blocked = blocked || (k > 0 && height(ray.point + t_before * ray.way) > 0.0);
+#endif
     searching = deeper && !blocked;
+    t_before = t_flat;
     ray.point.xy -= step_to;
   }
   return blocked || searching;

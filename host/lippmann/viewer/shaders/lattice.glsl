@@ -1,6 +1,9 @@
 // Which lenslet a point belongs to: optics/lattice.py, the array's frame, mm.
 
-uniform float pitch;
+uniform vec2 pitch;   // of the lenslets of a row, and the one that the distance of rows follows from
+uniform float shear;
+uniform float slant;  // pitch.x / pitch.y
+uniform vec2 ends;    // lenslets whose centres lie farther from the origin, along the rows and across them, are missing
 
 const float HALF_SQRT3 = 0.8660254037844386;
 // Where a line that runs along a flat crosses it.
@@ -9,17 +12,29 @@ const float ALONG = 3.0e38;
 // Centre of lenslet (i, j).
 vec2 centre_of(vec2 lenslet) {
 #ifdef HEX
-  return pitch * vec2(lenslet.x + 0.5 * lenslet.y, HALF_SQRT3 * lenslet.y);
+  vec2 centre = pitch * vec2(lenslet.x + 0.5 * lenslet.y, HALF_SQRT3 * lenslet.y);
 #else
-  return pitch * lenslet;
+  vec2 centre = pitch * lenslet;
 #endif
+  return vec2(centre.x + shear * centre.y, centre.y);
+}
+
+// Whether the array has a lenslet there; beside the array the mount is opaque.
+bool present(vec2 centre) {
+  return all(lessThanEqual(abs(vec2(centre.x - shear * centre.y, centre.y)), ends));
+}
+
+// A vector across the sides of a cell, whose product with a point from the centre is half of pitch.x there.
+vec2 across(vec2 regular) {
+  return vec2(regular.x, regular.y * slant - regular.x * shear);
 }
 
 // The owner (i, j) of a point, in whole numbers.
 vec2 locate(vec2 point) {
+  point.x -= shear * point.y;
 #ifdef HEX
   // Corner of the lattice parallelogram that holds the point, then the nearest of its four corners.
-  vec2 u = point / vec2(pitch, HALF_SQRT3 * pitch);
+  vec2 u = point / vec2(pitch.x, HALF_SQRT3 * pitch.y);
   vec2 st = vec2(u.x - 0.5 * u.y, u.y);
   vec2 corner = floor(st);
   st -= corner;
@@ -36,21 +51,23 @@ vec2 locate(vec2 point) {
 
 // Whether a point, measured from a lenslet's centre, lies in its cell; half-open, so that each point has one owner.
 bool holds(vec2 point) {
-  float half_pitch = 0.5 * pitch;
+  float half_pitch = 0.5 * pitch.x;
+  float first = dot(across(vec2(1.0, 0.0)), point);
 #ifdef HEX
-  vec3 q = vec3(point.x, dot(vec2(0.5, HALF_SQRT3), point), dot(vec2(-0.5, HALF_SQRT3), point));
+  vec3 q = vec3(first, dot(across(vec2(0.5, HALF_SQRT3)), point), dot(across(vec2(-0.5, HALF_SQRT3)), point));
   return all(greaterThanEqual(q, vec3(-half_pitch))) && all(lessThan(q, vec3(half_pitch)));
 #else
-  return all(greaterThanEqual(point, vec2(-half_pitch))) && all(lessThan(point, vec2(half_pitch)));
+  vec2 q = vec2(first, dot(across(vec2(0.0, 1.0)), point));
+  return all(greaterThanEqual(q, vec2(-half_pitch))) && all(lessThan(q, vec2(half_pitch)));
 #endif
 }
 
-// One pair of flats across a direction: keeps the first that the line crosses, and the neighbour's centre there.
-void cross_flats(vec2 across, vec2 point, vec2 way, inout float t, inout vec2 step_to) {
-  float q = dot(across, point), v = dot(across, way);
+// One pair of flats: keeps the first that the line crosses, and the centre of the neighbour (i, j) there.
+void cross_flats(vec2 regular, vec2 neighbour, vec2 point, vec2 way, inout float t, inout vec2 step_to) {
+  float q = dot(across(regular), point), v = dot(across(regular), way);
   float side = v < 0.0 ? -1.0 : 1.0;
-  float here = abs(v) < 1e-30 ? ALONG : (side * 0.5 * pitch - q) / v;
-  step_to = here < t ? side * pitch * across : step_to;
+  float here = abs(v) < 1e-30 ? ALONG : (side * 0.5 * pitch.x - q) / v;
+  step_to = here < t ? side * centre_of(neighbour) : step_to;
   t = min(t, here);
 }
 
@@ -58,12 +75,12 @@ void cross_flats(vec2 across, vec2 point, vec2 way, inout float t, inout vec2 st
 float leave(vec2 point, vec2 way, out vec2 step_to) {
   float t = ALONG;
   step_to = vec2(0.0);
-  cross_flats(vec2(1.0, 0.0), point, way, t, step_to);
+  cross_flats(vec2(1.0, 0.0), vec2(1.0, 0.0), point, way, t, step_to);
 #ifdef HEX
-  cross_flats(vec2(0.5, HALF_SQRT3), point, way, t, step_to);
-  cross_flats(vec2(-0.5, HALF_SQRT3), point, way, t, step_to);
+  cross_flats(vec2(0.5, HALF_SQRT3), vec2(0.0, 1.0), point, way, t, step_to);
+  cross_flats(vec2(-0.5, HALF_SQRT3), vec2(-1.0, 1.0), point, way, t, step_to);
 #else
-  cross_flats(vec2(0.0, 1.0), point, way, t, step_to);
+  cross_flats(vec2(0.0, 1.0), vec2(0.0, 1.0), point, way, t, step_to);
 #endif
   return t;
 }

@@ -26,6 +26,7 @@ bool look(Ray ray, out vec2 pixel) {
   Landing landing;
   bool seen = reach_panel(ray, landing);
   centre += landing.centre;
+  seen = seen && present(centre);
   if (!crosstalk) seen = seen && holds(landing.point * (1.0 - share) - (centre - axis) * share);
   pixel = pixel_from_panel(panel_from_array(centre + landing.point));
   return seen && on_panel(pixel);
