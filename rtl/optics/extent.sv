@@ -4,7 +4,7 @@
 ///
 ///   missing   where |c| > along or |j| > across,   c = 2 i + j (square: 2 i)
 ///
-/// c counts half pitches along the rows. -c > n is tested as ~c >= n, which needs no negation.
+/// c counts half pitches along the rows. The tests are the signs of n - c and n + c.
 /// Latency extent_latency().
 module extent #(
   parameter int Grid = optics_pkg::GridSquare
@@ -28,18 +28,21 @@ module extent #(
   // The limits' own registers keep the way from the configuration short.
   logic signed [Wc-1:0] c_q, along_q;
   logic signed [Wj-1:0] j_q, across_q;
-  logic right_q, left_q, up_q, down_q;
+  logic signed [Wc:0] right_q, left_q;
+  logic signed [Wj:0] up_q, down_q;
   always_ff @(posedge clk_i) begin
     along_q <= along_i;
     across_q <= across_i;
     c_q <= (Wc'(i_i) <<< 1) + (Grid == GridHex ? Wc'(j_i) : '0);
     j_q <= Wj'(j_i);
-    right_q <= c_q > along_q;
-    left_q <= ~c_q >= along_q;
-    up_q <= j_q > across_q;
-    down_q <= ~j_q >= across_q;
-    missing_o <= right_q || left_q || up_q || down_q;
+    right_q <= (Wc + 1)'(along_q) - (Wc + 1)'(c_q);
+    left_q <= (Wc + 1)'(along_q) + (Wc + 1)'(c_q);
+    up_q <= (Wj + 1)'(across_q) - (Wj + 1)'(j_q);
+    down_q <= (Wj + 1)'(across_q) + (Wj + 1)'(j_q);
+    missing_o <= right_q[Wc] || left_q[Wc] || up_q[Wj] || down_q[Wj];
   end
+  logic unused_bits;
+  assign unused_bits = ^{right_q[Wc-1:0], left_q[Wc-1:0], up_q[Wj-1:0], down_q[Wj-1:0]};
 
 endmodule
 
