@@ -18,7 +18,7 @@ FAST = [
     Build(14, "square", "pinhole"),
     Build(22, "hex", "exact", max_cell_steps=1, converge=True),
     Build(23, "hex", "exact", aims=True, max_cell_steps=1, converge=True, shear=True),
-    Build(16, "square", "exact", viewer=True, max_cell_steps=2, shear=True),
+    Build(16, "square", "exact", viewer=True, aims=True, max_cell_steps=1, shear=True),
 ]
 FULL = [
     Build(f, grid, *rest)
