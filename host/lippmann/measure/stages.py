@@ -125,8 +125,8 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
             registers = (state[f"{axis}_{register}"] for register in ("from_u", "from_v", "offset"))
             state[axis] = steps[name](state["u"], state["v"], *registers, state["f"])
     elif name == "shear":
-        bits = build.fraction_bits + (4 if build.converge else 2)
-        x, a = (steps[name](state[at], state[up], state["g"], state["f"], bits) for at, up in ("xy", "ab"))
+        wide = build.fraction_bits + (4 if build.converge else 2)
+        x, a = (steps[name](state[at], state[up], state["g"], state["f"], wide) for at, up in ("xy", "ab"))
         state |= {"x": x[0], "a": a[0]}
     elif name == "blend":
         for axis, towards in zip("xy", "ab", strict=True):

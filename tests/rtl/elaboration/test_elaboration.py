@@ -107,8 +107,10 @@ GRIDS = ["aim", "cell_step", "converge", "extent", "move_lenslet", "ray_pipeline
 REFUSED = [
     *((module, {"F": f}, f"{module}: F must be 14 to 23") for module in STEPS for f in (13, 24)),
     *((module, {"Grid": g}, f"{module}: Grid must be GridSquare or GridHex") for module in GRIDS for g in (-1, 2)),
-    *(("blend", {"F": 16, "Wx": x, "Wa": a}, "blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx")
-      for x, a in ((17, 17), (21, 18), (18, 19), (20, 17))),
+    *(
+        ("blend", {"F": 16, "Wx": x, "Wa": a}, "blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx")
+        for x, a in ((17, 17), (21, 18), (18, 19), (20, 17))
+    ),
     *(("shear", {"F": 16, "Wx": bits}, "shear: Wx must be F + 2 to F + 4") for bits in (17, 21)),
     ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 4}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
