@@ -165,7 +165,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
         ratio = pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm) / pixel_mm
         phases = [math.remainder(ratio * frame.turn(*vector)[axis], 1.0) for vector in (step, row)]
         lengths = []
-        for i, j in itertools.product((-1, 0, 1), repeat=2):
+        for i, j in itertools.product(range(-2, 3), repeat=2):
             first, second = phases[0] + i, phases[1] + j
             lengths.append(math.hypot(first * row[1], second * step[0] - first * row[0]))
         frequency = min(lengths) / area

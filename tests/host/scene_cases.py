@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -58,7 +59,9 @@ pixel_pitch_mm = {panel.pixel_pitch_mm!r}
 subpixels = "{panel.subpixels}"
 [array]
 grid = "{array.grid}"
-pitch_mm = {array.pitch_mm!r}
+pitch_mm = {json.dumps(array.pitch_mm)}
+shear = {array.shear!r}
+{"" if array.extent_mm is None else f"extent_mm = {json.dumps(array.extent_mm)}"}
 radius_mm = {array.radius_mm!r}
 index = {array.index!r}
 thickness_mm = {array.thickness_mm!r}

@@ -22,6 +22,8 @@ CAMERA_MM = 900.0
 
 #: Distance and axis of an eye on which the display's elemental images converge.
 EYE = {"eye": 80.0, "axis": (3.0, -5.0)}
+#: Two pitches and a shear.
+SKEWED = {"row_pitch": 1.1, "shear": 0.1}
 
 
 def setup_of(
@@ -45,7 +47,7 @@ def from_array(rays):
     return np.column_stack([ray.x, ray.y, OBJECT_MM - ray.z]), np.column_stack([ray.dx, ray.dy, -ray.dz])
 
 
-@pytest.mark.parametrize("eye", [{}, EYE], ids=["far", "near"])
+@pytest.mark.parametrize("eye", [{}, EYE, SKEWED], ids=["far", "near", "skewed"])
 @pytest.mark.parametrize("rotation", [0.0, 23.0])
 @pytest.mark.parametrize("side", ["panel", "viewer"])
 @pytest.mark.parametrize("grid", ["square", "hex"])
@@ -74,14 +76,14 @@ def test_traced_back_they_meet_the_pinhole(grid, side, rotation, eye):
     assert np.abs(at_pinhole[good]).max() < 1e-9
     pitch = setup.display.panel.pixel_pitch_mm
     asked = np.column_stack([points[:, 0] - 150.0, 100.0 - points[:, 1]]) * pitch
-    if eye:
+    if "eye" in eye:
         # The point of the display's panel is seen on the way to the eye.
         glass = setup.array.thickness_mm / setup.array.index if side == "panel" else 0.0
         asked = asked + (np.array(EYE["axis"]) - asked) * (4.8 + glass) / (4.8 + glass + EYE["eye"])
     assert np.abs(place[0] + slope * (lifted - depth[0]) - asked)[good].max() < 1e-9
 
 
-@pytest.mark.parametrize(("gap", "eye"), [(4.1, {}), (4.8, EYE)])
+@pytest.mark.parametrize(("gap", "eye"), [(4.1, {}), (4.8, EYE), (4.1, {**SKEWED, "extent": (12.0, 9.0)})])
 def test_a_pickup_is_the_display_s_own_trace(gap, eye):
     """Without a lens a sensor at a gap captures along the rays that a display of that gap sends out."""
     setup = setup_of("hex", pickup=Pickup(gap), rotation=11.0, **eye)

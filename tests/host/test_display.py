@@ -45,11 +45,16 @@ def displays(draw):
     """A buildable display, in the terms of `Display` itself."""
     grid, pitch = draw(st.sampled_from(("square", "hex"))), draw(pitches)
     rho = pitch / math.sqrt({"square": 2, "hex": 3}[grid])
+    # Rows from half to twice as far apart and a shear of up to 0.3 make half diagonals at most 2.5 times as long.
+    shear = draw(st.sampled_from((0.0, 0.0012, -0.3)))
+    rows = draw(st.sampled_from((None, pitch / 2, 1.001 * pitch, 2 * pitch)))
+    if shear or rows:
+        rho *= 2.5
     glass = draw(st.sampled_from((None, *SELLMEIER)))
     radius = rho * draw(st.floats(1.0001, 1e4))
     array = Array(
         grid=grid,
-        pitch_mm=pitch,
+        pitch_mm=pitch if rows is None else (pitch, rows),
         radius_mm=radius,
         index=draw(st.floats(1.01, 4)) if glass is None else index_of(glass),
         thickness_mm=rho + draw(st.floats(0, 20)),  # the sag is at most rho
@@ -57,8 +62,9 @@ def displays(draw):
         glass=glass,
         rotation_deg=draw(st.floats(-360, 360)),
         offset_mm=(draw(st.floats(-10, 10)), draw(st.floats(-10, 10))),
+        shear=shear,
     )
-    fine = pitch / draw(st.floats(1.001, 200))
+    fine = array.finest_mm / draw(st.floats(1.001, 200))
     white = draw(st.none() | st.floats(1.0, 2000.0))
     panel = Panel(
         width_px=draw(st.integers(1, 65535)),
@@ -70,6 +76,11 @@ def displays(draw):
         white_cd_m2=white,
         black_cd_m2=None if white is None else draw(st.sampled_from((None, white / 1000))),
     )
+    if draw(st.booleans()):
+        # From lenslets all over the panel to some more, whatever the offset.
+        size = max(panel.width_mm, panel.height_mm) + 60 + 3 * array.coarsest_mm
+        if size < 90 * math.hypot(panel.width_mm, panel.height_mm):
+            array = replace(array, extent_mm=(size, size * draw(st.floats(1, 1.1))))
     name = draw(st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), max_size=12))
     display = Display(name, panel, array, draw(st.floats(0, 100)))
     nearest = 4.0001 * max(array.focal_length_mm, display.aperture_distance_mm)
@@ -81,6 +92,8 @@ def displays(draw):
 
 def as_toml(display: Display) -> str:
     panel, array = but(vars(display.panel)), dict(vars(display.array))
+    if display.array.extent_mm is None:
+        del array["extent_mm"]
     array["offset_mm"] = list(array["offset_mm"])
     del array["glass" if display.array.glass is None else "index"]
     viewing = {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": list(display.viewing_axis_mm)}
@@ -208,6 +221,11 @@ OPTICAL_CHANGES = [
     {"panel": but(PANEL, subpixels="pentile")},
     {"array": but(ARRAY, grid="square")},
     {"array": but(ARRAY, pitch_mm=1.0000001)},
+    {"array": but(ARRAY, pitch_mm=[1.0, 1.0000001])},
+    {"array": but(ARRAY, shear=1e-9)},
+    {"array": but(ARRAY, shear=-1e-9)},
+    {"array": but(ARRAY, extent_mm=[20.0, 10.0])},
+    {"array": but(ARRAY, extent_mm=[20.0, 10.000001])},
     {"array": but(ARRAY, index=1.5000001)},
     {"array": but(ARRAY, index=None, glass="PMMA")},
     {"array": but(ARRAY, index=None, glass="N-BK7")},
@@ -241,6 +259,9 @@ def test_identity_changes_with_every_optical_key():
         {"panel": but(PANEL, transfer=[[0, 0], [0.5, 0.3], [1, 1]])},
         {"panel": but(PANEL, white_cd_m2=300, black_cd_m2=1)},
         {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.05])},
+        {"array": but(ARRAY, pitch_mm=[1.0, 1.0])},
+        {"array": but(ARRAY, shear=0.0)},
+        {"array": but(ARRAY, shear=-0.0)},
         # The same said otherwise.
         {"panel": but(PANEL, subpixels="none")},
         {"array": but(ARRAY, plano_side="panel", rotation_deg=0, offset_mm=[0, 0])},
@@ -567,6 +588,84 @@ def test_an_eye_within_the_focal_zone(array, gap, zone):
 )
 def test_bad_eyes(keys, key, remedy):
     refused(toml(**keys), key, remedy)
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "remedy"),
+    [
+        ({"shear": 1.01}, "shear", "from -1 to 1"),
+        ({"shear": -2}, "shear", "from -1 to 1"),
+        ({"shear": [0.1, 0.0]}, "shear", "number"),
+        ({"pitch_mm": [1.0]}, "pitch_mm", "[x, y]"),
+        ({"pitch_mm": [1.0, 1.0, 1.0]}, "pitch_mm", "[x, y]"),
+        ({"pitch_mm": [1.0, 0.0]}, "pitch_mm", "number"),
+        ({"pitch_mm": [1.0, 4.001]}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
+        ({"pitch_mm": [4.001, 1.0]}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
+        ({"pitch_mm": [1.0, 0.04], "radius_mm": 9.0}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
+        ({"pitch_mm": [0.1, 0.04]}, "pitch_mm", "at least a pixel"),
+        ({"shear": 1.0, "radius_mm": 0.7}, "radius_mm", "larger radius_mm"),
+        ({"extent_mm": 20.0}, "extent_mm", "[x, y]"),
+        ({"extent_mm": [20.0, -1.0]}, "extent_mm[1]", "number"),
+        ({"extent_mm": [0.99, 10.0]}, "extent_mm", "leave it out"),
+        ({"extent_mm": [20.0, 0.86]}, "extent_mm", "leave it out"),
+        ({"extent_mm": [20000.0, 15000.0]}, "extent_mm", "in mm"),
+        ({"extent_mm": [4.0, 4.0], "offset_mm": [19.0, 0.0]}, "extent_mm", "offset_mm"),
+        ({"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": 45.0}, "extent_mm", "offset_mm"),
+        ({"extend_mm": [4.0, 4.0]}, "extend_mm", "did you mean extent_mm?"),
+    ],
+)
+def test_bad_arrays(keys, key, remedy):
+    refused(toml(array=but(ARRAY, **keys)), f"array.{key}: ", remedy)
+
+
+def test_arrays_that_are_no_mistake():
+    """Beside those above: to the very limits, and turned so that a corner of the array still reaches the panel."""
+    for keys in (
+        {"pitch_mm": [1.0, 4.0], "radius_mm": 9.0},
+        {"shear": 1.0},
+        {"extent_mm": [1.0, 0.867]},
+        {"extent_mm": [4.0, 4.0], "offset_mm": [17.9, 0.0]},
+        {"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": -45.0},
+    ):
+        parse_display(toml(array=but(ARRAY, **keys)))
+
+
+@pytest.mark.parametrize(
+    ("grid", "extent", "steps"),
+    [
+        # Square, 0.5 along and 0.25 across: centres up to 5 and 2.5 mm.
+        ("square", (10.0, 5.0), (20, 20)),
+        ("square", (10.499, 5.249), (20, 20)),
+        # Hexagonal: rows 0.25 sqrt(3)/2 = 0.216506 apart, 23 half rows in 5 mm.
+        ("hex", (10.0, 5.0), (20, 23)),
+        # 0.3 / 0.1 is 2.9999999999999996.
+        ("thin", (0.3, 0.3), (3, 3)),
+    ],
+)
+def test_lenslets_within_an_extent(grid, extent, steps):
+    """(i, j) is there when |2 i|, hexagonal |2 i + j|, and |2 j| are not more than these."""
+    pitch = (0.1, 0.1) if grid == "thin" else (0.5, 0.25)
+    array = Array("hex" if grid == "hex" else "square", pitch, 1.0, 1.5, 1.0, extent_mm=extent)
+    assert array.half_steps == steps
+
+
+@given(displays())
+def test_the_half_diagonal_reaches_the_farthest_corner(display):
+    """The corners of the regular cell of pitch 1, brought to the lattice in 50 digits."""
+    array = display.array
+    px, py = (mp.mpf(pitch) for pitch in array.pitches_mm)
+    half, third = mp.mpf(1) / 2, 1 / mp.sqrt(3)
+    corners = [(half, half), (-half, half)]
+    if array.grid == "hex":
+        corners = [(half, third / 2), (-half, third / 2), (0, third)]
+    reach = max(mp.hypot(px * x + mp.mpf(array.shear) * py * y, py * y) for x, y in corners)
+    assert abs(array.half_diagonal_mm / reach - 1) < 1e-15
+
+
+def test_misaligned_stretches_both_pitches():
+    display = parse_display(toml(array=but(ARRAY, pitch_mm=[1.0, 1.5], shear=0.01)))
+    assert display.misaligned() == display
+    assert display.misaligned(pitch_scale=1.25).array.pitch_mm == (1.25, 1.875)
 
 
 def test_misaligned_keeps_the_eye_and_its_zone():

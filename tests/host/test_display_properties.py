@@ -15,14 +15,18 @@ SEED = 4421
 
 def lattice_vectors(display):
     """(2, 2): the lattice's basis in panel axes, in lenslet pitches."""
-    angles = np.radians(display.array.rotation_deg + np.array([0.0, 60.0 if display.array.grid == "hex" else 90.0]))
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    array = display.array
+    angles = np.radians(np.array([0.0, 60.0 if array.grid == "hex" else 90.0]))
+    px, py = array.pitches_mm
+    basis = np.stack([px * np.cos(angles) + array.shear * py * np.sin(angles), py * np.sin(angles)], axis=1) / px
+    c, s = math.cos(math.radians(array.rotation_deg)), math.sin(math.radians(array.rotation_deg))
+    return basis @ np.array([[c, s], [-s, c]])
 
 
 def nearest_reciprocal(display):
     """Distances of the pixels' two fundamental frequencies from the reciprocal lattice, cycles a lenslet: tries all."""
-    ratio = display.array.pitch_mm / display.panel.pixel_pitch_mm
-    reach = math.ceil(ratio) + 2
+    ratio = display.array.pitches_mm[0] / display.panel.pixel_pitch_mm
+    reach = math.ceil(1.5 * ratio) + 2
     counts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     reciprocal = counts @ np.linalg.inv(lattice_vectors(display)).T  # b_i . a_j = delta_ij
     return [np.linalg.norm(reciprocal - frequency, axis=1).min() for frequency in ([ratio, 0.0], [0.0, ratio])]
@@ -34,7 +38,10 @@ def case(rng):
     rotation = rng.choice([0.0, 30.0, 60.0, 90.0, rng.uniform(-180.0, 180.0), rng.uniform(-0.5, 0.5)])
     ratio = rng.choice([rng.uniform(2.5, 59.0), rng.integers(3, 59) + rng.uniform(-0.2, 0.2)])
     ratio *= rng.choice([1.0, 2.0 / math.sqrt(3.0)]) if grid == "hex" and ratio < 50.0 else 1.0
-    return display_of(grid, "panel", rotation=float(rotation), pixel_pitch=float(1.0 / ratio), width_px=2000)
+    more = {}
+    if rng.random() < 0.3:
+        more = {"shear": float(rng.uniform(-0.3, 0.3)), "row_pitch": float(rng.uniform(0.8, 1.2))}
+    return display_of(grid, "panel", rotation=float(rotation), pixel_pitch=float(1.0 / ratio), width_px=2000, **more)
 
 
 def moire_of(display):
@@ -48,7 +55,7 @@ def test_moire_follows_from_the_reciprocal_lattice(number):
     display = case(generator(SEED, number))
     frequencies = nearest_reciprocal(display)
     assert [1.0 / beat for beat in beats_in_lenslets(display)] == pytest.approx(frequencies, abs=1e-9)
-    widest = display.panel.width_mm / display.array.pitch_mm
+    widest = display.panel.width_mm / display.array.pitches_mm[0]
     visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < widest]
     assert moire_of(display) == (pytest.approx(max(visible), rel=5e-3) if visible else None)
 

@@ -57,7 +57,11 @@ def rays_at(mi, sensor, u, v, display, aperture=(0.5, 0.5)):
     return sensor.sample_ray(0.0, 0.5, place, mi.Point2f(*aperture), True)
 
 
-@pytest.mark.parametrize("eye", [{}, {"eye": 9.0, "axis": (1.5, -1.0)}], ids=["far", "near"])
+@pytest.mark.parametrize(
+    "eye",
+    [{}, {"eye": 9.0, "axis": (1.5, -1.0)}, {"row_pitch": 1.1, "shear": 0.1, "extent": (3.0, 2.0)}],
+    ids=["far", "near", "skewed"],
+)
 @pytest.mark.parametrize("model", ["pinhole", "exact"])
 @pytest.mark.parametrize("grid", GRIDS)
 def test_its_rays_are_golden_s_seen_from_the_viewer(mi, sensor_of, grid, model, eye):

@@ -22,12 +22,19 @@ SEED = 4021
 WIDTH, HEIGHT = 150, 110
 
 
-def display_for(rng, grid, eye, **others):
-    """A display of 8 to 15 pixels a lenslet, turned and shifted; 8 bits of a curve."""
+def display_for(rng, grid, eye, skewed=False, **others):
+    """A display of 8 to 15 pixels a lenslet, turned and shifted, perhaps skewed and ending; 8 bits of a curve."""
     numbers = {
         "pitch": rng.uniform(0.6, 1.4), "gap": rng.uniform(0.5, 3.0), "rotation": rng.uniform(-40, 40),
         "offset": tuple(rng.uniform(-0.7, 0.7, 2)), "width_px": WIDTH, "height_px": HEIGHT,
     }  # fmt: skip
+    if skewed:
+        pitch = numbers["pitch"]
+        numbers |= {
+            "shear": rng.uniform(-0.3, 0.3),
+            "row_pitch": pitch * rng.uniform(0.8, 1.3),
+            "extent": (8 * pitch, 5 * pitch),
+        }
     made = display_of(grid, "panel", pixel_pitch=numbers["pitch"] / rng.uniform(8, 15), **numbers)
     panel = dataclasses.replace(made.panel, **others)
     axis = tuple(rng.uniform(-3, 3, 2))
@@ -35,11 +42,13 @@ def display_for(rng, grid, eye, **others):
 
 
 def by_brute_force(display):
-    """Of each pixel: the nearest lenslet's (i, j) to its point q, q from that centre (array's axes), whether that is
-    doubtful; and the panel's points, in pixel coordinates, at which an eye sees the lenslets' centres, (N, 2).
+    """Of each pixel: the nearest lenslet's (i, j) to its point q, q from that centre, whether that is doubtful, and
+    whether the lenslet is there; and the panel's points, in pixel coordinates, at which an eye sees the centres of
+    those lenslets, (N, 2). Nearest on the regular lattice of pitch 1, of which the array's is an image; q there too.
     """
     panel, array = display.panel, display.array
-    p, px = array.pitch_mm, panel.pixel_pitch_mm
+    p, px = array.finest_mm, panel.pixel_pitch_mm
+    along, across = array.pitches_mm
     turn = np.exp(1j * math.radians(array.rotation_deg))
     origin = complex(*array.offset_mm)
     v, u = np.mgrid[:HEIGHT, :WIDTH] + 0.5
@@ -49,20 +58,24 @@ def by_brute_force(display):
     E, axis = display.viewing_distance_mm, complex(*display.viewing_axis_mm)
     s = 0.0 if E is None else D / (D + E)
     q = ((x - (x - axis) * s) - origin) / turn
+    q = (q.real - array.shear * q.imag) / along + 1j * q.imag / across
     reach = math.ceil(math.hypot(WIDTH, HEIGHT) * px / p) + 3
     i, j = (n.ravel() for n in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    centre = p * (i + 1j * j) if array.grid == "square" else p * (i + j / 2 + 1j * j * math.sqrt(0.75))
-    near = abs(centre * turn + origin - np.median(x)) < math.hypot(WIDTH, HEIGHT) * px
-    i, j, centre = i[near], j[near], centre[near]
+    centre = i + 1j * j if array.grid == "square" else i + j / 2 + 1j * j * math.sqrt(0.75)
+    c = centre.real * along + (array.shear + 1j) * centre.imag * across
+    near = abs(c * turn + origin - np.median(x)) < math.hypot(WIDTH, HEIGHT) * px
+    i, j, centre, c = i[near], j[near], centre[near], c[near]
+    w, h = array.extent_mm or (math.inf, math.inf)
+    there = (2 * abs(centre.real) * along <= w) & (2 * abs(centre.imag) * across <= h)
     owner, doubtful = np.empty(q.shape, int), np.empty(q.shape, bool)
     for row in range(HEIGHT):
         away = abs(q[row][:, None] - centre)
         two = np.partition(away, 1, axis=1)
-        owner[row], doubtful[row] = away.argmin(axis=1), two[:, 1] - two[:, 0] < 1e-9 * p
-    c = centre * turn + origin
+        owner[row], doubtful[row] = away.argmin(axis=1), two[:, 1] - two[:, 0] < 1e-9
+    c = (c * turn + origin)[there]
     seen = c if E is None else c + (c - axis) * D / E
     at = np.stack([seen.real / px + WIDTH / 2, HEIGHT / 2 - seen.imag / px], axis=1)
-    return i[owner], j[owner], q - centre[owner], doubtful, at
+    return i[owner], j[owner], q - centre[owner], doubtful, there[owner], at
 
 
 def levels(display, kind, **options):
@@ -75,28 +88,33 @@ def levels(display, kind, **options):
     ("grid", "eye", "transfer"),
     [("square", None, "linear"), ("square", 90.0, "gamma2.2"), ("hex", None, "srgb"), ("hex", 90.0, "srgb")],
 )
-def test_patterns_of_the_lenslets_by_brute_force(grid, eye, transfer):
-    display = display_for(generator(SEED, grid, int(eye or 0), transfer), grid, eye, transfer=transfer)
-    i, j, q, doubtful, at = by_brute_force(display)
+@pytest.mark.parametrize("skewed", [False, True])
+def test_patterns_of_the_lenslets_by_brute_force(grid, eye, transfer, skewed):
+    """Where the lenslet is missing they are black."""
+    display = display_for(generator(SEED, grid, int(eye or 0), transfer), grid, eye, skewed, transfer=transfer)
+    i, j, q, doubtful, there, at = by_brute_force(display)
     assert doubtful.mean() < 0.01
+    assert 0.1 < there.mean() < 0.9 or not skewed
     sure = ~doubtful
 
     colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]])
-    np.testing.assert_array_equal(levels(display, "cells")[sure], colours[(i - j) % 3][sure])
+    wanted = np.where(there[..., None], colours[(i - j) % 3], 0)
+    np.testing.assert_array_equal(levels(display, "cells")[sure], wanted[sure])
 
-    lens = int(i[HEIGHT // 3, WIDTH // 3]), int(j[HEIGHT // 3, WIDTH // 3])
+    row, column = np.argwhere(there)[there.sum() // 3]
+    lens = int(i[row, column]), int(j[row, column])
     wanted = 255 * ((i == lens[0]) & (j == lens[1]))
     got = levels(display, "single-lens", lens=lens)
     np.testing.assert_array_equal(got[sure], np.repeat(wanted[..., None], 3, axis=2)[sure])
     assert 0 < wanted.mean() < 10
 
     got = levels(display, "view-numbers")
-    p = display.array.pitch_mm
-    for channel, place in enumerate((q.real / p, q.imag / p / (math.sqrt(4 / 3) if grid == "hex" else 1.0))):
+    assert not got[sure & ~there].any()
+    for channel, place in enumerate((q.real, q.imag / (math.sqrt(4 / 3) if grid == "hex" else 1.0))):
         exact = np.clip(256 * (place + 0.5), 0, 255.999)
         error = got[..., channel] - np.floor(exact)
-        clear = sure & (abs(exact - np.round(exact)) > 1e-6)
-        assert clear.mean() > 0.98
+        clear = sure & there & (abs(exact - np.round(exact)) > 1e-6)
+        assert clear.mean() > 0.98 * there.mean()
         assert not error[clear].any()
         assert np.ptp(got[..., channel]) > 240
     assert not got[..., 2].any()

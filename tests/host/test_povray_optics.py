@@ -40,9 +40,17 @@ def spots(mi, tmp_path_factory):
 def small(name, repository, radii=None, **changes):
     """A shipped set-up with a small window, its array changed; `radii` is a thickness in radii of the dome."""
     setup = load_setup(repository / f"scenes/setups/{name}.toml")
+    if "pitch_mm" in changes:
+        # Of the set-up's own pitch, with domes that span the skewed cells.
+        pitch = setup.array.pitches_mm[0]
+        changes |= {
+            name: tuple(pitch * side for side in changes[name]) for name in ("pitch_mm", "extent_mm") if name in changes
+        }
+        changes["radius_mm"] = 1.2 * setup.array.radius_mm
+        changes["thickness_mm"] = dataclasses.replace(setup.array, **changes).sag_mm
     if radii is not None:
         changes["thickness_mm"] = radii * setup.array.radius_mm
-    setup = with_window(setup, SMALL_PX, setup.array.pitch_mm)
+    setup = with_window(setup, SMALL_PX, setup.array.pitches_mm[0])
     array = dataclasses.replace(setup.array, **changes)
     display = dataclasses.replace(setup.display, array=dataclasses.replace(setup.display.array, **changes))
     return dataclasses.replace(setup, array=array, display=display)
@@ -69,11 +77,14 @@ CASES = [
     ("plain", {"plano_side": "viewer", "radii": 4.0}),
     ("hex", {"radii": 4.0}),
     ("concave", {"radii": 4.0}),
+    # Skewed, and ending within the window.
+    ("fig8d", {"rotation_deg": 7.0, "pitch_mm": (1.0, 1.1), "shear": 0.1, "extent_mm": (9.0, 8.0)}),
+    ("hex", {"rotation_deg": -20.0, "pitch_mm": (1.0, 1.1), "shear": 0.1}),
 ]
 
 
 #: Cases at every commit: of thick substrates one to the panel, and one to the viewer.
-USUAL = (0, 1, 2, 3, 4, 5, 8, 9)
+USUAL = (0, 1, 2, 3, 4, 5, 8, 9, 13)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +150,7 @@ def test_the_array_covers_the_window(repository):
     for name, changes in CASES:
         setup = small(name, repository, **changes)
         rows = {j: (first, last) for j, first, last in lattice_rows(setup)}
-        frame, lattice = PanelFrame.of(setup.captured), Lattice(setup.array.grid, setup.array.pitch_mm)
+        frame, lattice = PanelFrame.of(setup.captured), Lattice.of(setup.array)
         v, u = np.mgrid[0 : SMALL_PX + 1, 0 : SMALL_PX + 1].astype(float)
         points = frame.array_from_panel(*frame.panel_from_pixel(u.ravel(), v.ravel()))
         i, j, _, _ = lattice.locate(NumpyBackend(), *points)

@@ -169,7 +169,8 @@ def test_samples_spread_evenly(mi):
         # 16 in each of 256 boxes; random points would scatter by 4.
         assert counts.std() < 2.0
         for grid in GRIDS:
-            cell = square_to_cell(DrJitBackend(current_device()), mi.Float(s), mi.Float(t), grid, 2.0)
+            b = DrJitBackend(current_device())
+            cell = square_to_cell(b, mi.Float(s), mi.Float(t), Lattice(grid, 2.0))
             x, y = (np.array(c) for c in cell)
             inside = Lattice(grid, 2.0 * (1.0 + 1e-6)).holds(x, y)
             assert inside.all()
@@ -178,6 +179,10 @@ def test_samples_spread_evenly(mi):
             for w in (x, y):
                 assert w.mean() == pytest.approx(0.0, abs=0.01)
                 assert (w * w).mean() == pytest.approx(moment, rel=0.01)
+            # Skewed: the same points, brought to the lattice.
+            skewed = square_to_cell(b, mi.Float(s), mi.Float(t), Lattice(grid, (2.0, 3.0), shear=0.25))
+            np.testing.assert_allclose(skewed[1], 1.5 * y, atol=1e-6)
+            np.testing.assert_allclose(skewed[0], x + 0.25 * 1.5 * y, atol=1e-6)
 
 
 # --- repeatability --------------------------------------------------------------------------------

@@ -79,15 +79,17 @@ def worst_points(display, rng, count):
     angle = math.radians(array.rotation_deg)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     row = [0.5, 0.5 * math.sqrt(3.0)] if array.grid == "hex" else [0.0, 1.0]
-    basis = array.pitch_mm * turn @ np.array([[1.0, 0.0], row]).T
+    px, py = array.pitches_mm
+    skew = np.array([[px, array.shear * py], [0.0, py]])
+    basis = turn @ skew @ np.array([[1.0, 0.0], row]).T
     around = rng.uniform(-1.0, 1.0, (count, 2))
     side = np.arange(count), rng.integers(0, 2, count)
     around[side] = np.sign(around[side]) * rng.uniform(0.98, 1.0, count)
     around[::2] = np.sign(around[::2]) * rng.uniform(0.98, 1.0, (len(around[::2]), 2))
     lattice = np.round((around * half - array.offset_mm) @ np.linalg.inv(basis).T)
     turns, first, radius = (6, 30.0, 3.0**-0.5) if array.grid == "hex" else (4, 45.0, 0.5**0.5)
-    corners = np.radians(first + 360.0 / turns * np.arange(turns + 1) + array.rotation_deg)
-    corners = array.pitch_mm * radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
+    corners = np.radians(first + 360.0 / turns * np.arange(turns + 1))
+    corners = radius * np.stack([np.cos(corners), np.sin(corners)], axis=1) @ (turn @ skew).T
     one, along = rng.integers(0, turns, count), rng.choice([0.0, 0.02, 0.5], (count, 1))
     edge = corners[one] * (1.0 - along) + corners[one + 1] * along
     points = lattice @ basis.T + array.offset_mm + edge * rng.uniform(0.93, 0.99, (count, 1))
@@ -109,6 +111,10 @@ ZONED = {
         focused_display("hex", "viewer", focal=5.0, width_px=1500, height_px=900, pixel_pitch=0.1, rotation=7.0),
         {}, {"thickness_mm": 2.5}, viewing_distance_mm=500.0,
     ),
+    "skewed": changed(
+        focused_display("hex", focal=4.0, width_px=1600, height_px=1200, pixel_pitch=0.1, rotation=-9.0),
+        {}, {"pitch_mm": (1.0, 1.05), "shear": 0.06, "thickness_mm": 1.0}, viewing_distance_mm=500.0,
+    ),
 }  # fmt: skip
 
 
@@ -122,7 +128,7 @@ def test_the_zone_ends_where_the_observers_rays_find_crosstalk(name, share):
     width, height = zone.right_mm - zone.left_mm, zone.top_mm - zone.bottom_mm
     everywhere, worst = points_of_window(display, rng, 10_000), worst_points(display, rng, 40_000)
     # A lenslet that the panel's edge cuts moves the border by the distance at which an eye tells two lenslets apart.
-    cut = display.array.pitch_mm * abs(1.0 - z / (display.viewing_distance_mm or math.inf))
+    cut = display.array.coarsest_mm * abs(1.0 - z / (display.viewing_distance_mm or math.inf))
     for place, size in (((zone.left_mm, middle[1]), width), ((zone.right_mm, middle[1]), width),
                         ((middle[0], zone.bottom_mm), height), ((middle[0], zone.top_mm), height)):  # fmt: skip
         out = np.array([*place, z]) - middle

@@ -26,6 +26,7 @@ from lippmann.variant import mitsuba, start_mitsuba
 from lippmann.viewer.page import Direct, page_html
 from PIL import Image
 
+GRIDS, SIDES = ("square", "hex"), ("panel", "viewer")
 ROOT = Path(__file__).parents[2]
 SEED = 77
 AS_DESIGNED = {"rotation": 0.0, "offset": [0.0, 0.0], "gap": 0.0, "pitchScale": 1.0}
@@ -34,12 +35,26 @@ LEAST_DB = 40.0
 STEP = 1.01 / 255
 
 
-def small(grid="square", side="panel", gap=3.0, rotation=0.0, **panel):
+#: An array as nobody draws one, which ends on the panel.
+SKEWED = {"pitch_mm": (1.0, 1.15), "shear": 0.12, "extent_mm": (10.2, 7.0)}
+
+
+def small(grid="square", side="panel", gap=3.0, rotation=0.0, skewed=False, **panel):
     """13 x 10 lenslets of f/3.3, the panel some way off focus."""
+    more = SKEWED if skewed else {"pitch_mm": 1.0}
     return Display(
         f"{grid}-{side}",
         Panel(**{"width_px": 260, "height_px": 200, "pixel_pitch_mm": 0.05, **panel}),
-        Array(grid, 1.0, 1.65, 1.5, 0.8, side, rotation_deg=rotation, offset_mm=(0.03, -0.07)),
+        Array(
+            grid=grid,
+            radius_mm=1.65,
+            index=1.5,
+            thickness_mm=0.8,
+            plano_side=side,
+            rotation_deg=rotation,
+            offset_mm=(0.03, -0.07),
+            **more,
+        ),
         gap,
     )
 
@@ -124,6 +139,7 @@ EYES = (
         {"grid": "hex", "gap": 0.0, "rotation": -7.0},
         {"grid": "square", "subpixels": "rgbw", "white_cd_m2": 100.0, "black_cd_m2": 2.0},
         {"grid": "hex", "subpixels": "pentile", "pixel_pitch_mm": (0.05, 0.065)},
+        *({"grid": grid, "side": side, "rotation": 7.0, "skewed": True} for grid in GRIDS for side in SIDES),
     ],
     ids=lambda shape: "-".join(map(str, shape.values())),
 )
@@ -263,17 +279,20 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
 CONVERGED = {
     "square-panel": {"viewing_distance_mm": 200.0, "viewing_axis_mm": (-20.0, 12.0)},
     "hex-viewer": {"viewing_distance_mm": 120.0, "viewing_axis_mm": (30.0, 0.0)},
+    "hex-panel": {"viewing_distance_mm": 150.0, "viewing_axis_mm": (10.0, -8.0)},
 }
 
 
 def converged(name):
-    """60 x 45 lenslets for a near eye that is off the middle, turned and moved."""
+    """60 x 45 lenslets for a near eye that is off the middle, turned and moved; "hex-panel" is skewed, and ends."""
     grid, side = name.split("-")
-    display = small(grid, side, rotation=11.0)
+    display = small(grid, side, rotation=11.0, skewed=name == "hex-panel")
+    if name == "hex-panel":
+        display = dataclasses.replace(display, array=dataclasses.replace(display.array, extent_mm=(50.0, 38.0)))
     return dataclasses.replace(display, panel=Panel(1200, 900, 0.05), **CONVERGED[name])
 
 
-@pytest.mark.parametrize("name", ["square-panel", pytest.param("hex-viewer", marks=pytest.mark.full)])
+@pytest.mark.parametrize("name", ["square-panel", "hex-panel", pytest.param("hex-viewer", marks=pytest.mark.full)])
 def test_twenty_eyes_on_converged_displays(browser, mi, tmp_path, name):
     """With crosstalk and without, which only the pixels' owners tell apart."""
     display = converged(name)
