@@ -27,7 +27,7 @@ def reach_mm(array: Array) -> float:
 
 
 def random_lattice(random: np.random.Generator, pitch: float, shear: bool) -> dict[str, Any]:
-    """Return the keys of a random lattice: one pitch, two close ones, or any two; with `shear` upright to sheared by 1."""
+    """Return the keys of a random lattice: one pitch, two close ones, or any two; with `shear` a shear up to 1."""
     ratio = np.exp(random.choice([0.0, 0.0, 0.001, 1.0]) * random.uniform(-np.log(4.0), np.log(4.0)))
     lattice: dict[str, Any] = {"pitch_mm": (pitch, float(pitch * ratio)) if ratio != 1.0 else pitch}
     if shear:
