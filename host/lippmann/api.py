@@ -1,6 +1,7 @@
 """The functions of the public Python interface: load_scene, render, capture, observe, view.
 
-Each sets Mitsuba's variant for its device and restores the user's variant afterwards. The commands call them too.
+Each function sets Mitsuba's variant for its device, and restores the user's variant afterwards. The command
+line calls these functions too.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
     path
         Mitsuba XML.
     placement
-        Where the scene stands before the display; None: the file beside the scene, else scene units are millimetres.
+        Where the scene stands relative to the display. None: as in the file beside the scene; without such a file a
+        scene unit is 1 mm.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
 
@@ -71,7 +73,7 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
 
 @contextlib.contextmanager
 def _loaded(scene: str | Path | Scene, placement: Placement | None, device: str) -> Iterator[Scene]:
-    """Set the variant and give a scene, loaded if need be."""
+    """Set Mitsuba's variant, and yield the scene; a path is loaded first."""
     if not isinstance(scene, Scene):
         check_scene_file(scene)
         with own_variant(device):
@@ -119,15 +121,15 @@ def render(
     placement
         See `load_scene`.
     arrange
-        "fit": the scene is scaled and moved into the display's depth range; "camera": it stands as the camera in its
-        file sees it. None: the placement holds.
+        "fit": the scene is scaled and moved into the display's depth range. "camera": the eye stands where the camera
+        in the scene's file does. None: the placement holds.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto": for the fast engine and Mitsuba.
     progress
         Called with (tiles done, tiles in all).
     note
         Called with remarks, such as the model that "auto" chose, or that the scene lies outside the depth range.
-        Without it, nothing is tried before the render.
+        None: no remarks, and no trial view before the render.
 
     Raises
     ------
@@ -191,10 +193,10 @@ def capture(
     samples, integrator, max_depth, seed, memory_mb
         See `lippmann.rendering.renderer.Settings`.
     rotate
-        Whether elemental images are rotated by 180 degrees, so that depth comes out right; None: yes, but not for
-        concave lenslets.
+        Whether each elemental image is rotated by 180 degrees, which gives the display the right depth. None: yes,
+        except for concave lenslets.
     aperture
-        For a pickup: "full" (None), rays over the whole lenslet, or "chief".
+        For a pickup: "full", rays over the whole lenslet, or "chief", rays through its centre. None: "full".
     device, progress, note
         See `render`.
 
@@ -209,7 +211,7 @@ def capture(
     """
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
-        raise InputError("--aperture is for a [pickup]: a camera's pinhole leaves no choice; leave it out")
+        raise InputError("--aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb)
     panel = built.display.panel
@@ -273,7 +275,7 @@ def observe(
     window
         The part of the plane z = 0 that is seen; None: the whole panel, `width_px` wide.
     model, crosstalk, seed
-        Lens model; whether a neighbour's elemental image is seen, or black; seed of the sample points.
+        Lens model; whether neighbouring elemental images are seen, or are black; seed of the sample points.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
 
@@ -310,13 +312,13 @@ def view(
     path
         The page, .html; None: a temporary file, which a browser opens.
     scene
-        Mitsuba XML, or what `load_scene` returned, to render direct views of beside the image's.
+        Mitsuba XML, or what `load_scene` returned: direct views of this scene are added to the page.
     title
         Heading of the page.
     placement, arrange
         See `render`.
     seed
-        Of the direct views.
+        Seed of the direct views' random numbers.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto": for the direct views.
 
@@ -351,7 +353,7 @@ def view_page(
     device: str = "auto",
     progress: Progress | None = None,
 ) -> bytes:
-    """Return the page of `view`; `directs` are direct views that were rendered before."""
+    """Return the page that `view` writes; `directs` are further direct views, already rendered."""
     if scene is not None:
         with _loaded(scene, placement, device) as loaded:
             placed = loaded if arrange is None else arranged(loaded, image.display, arrange)

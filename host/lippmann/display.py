@@ -30,7 +30,7 @@ TransferName = Literal["srgb", "linear", "gamma2.2"]
 Pair = tuple[float, float]
 
 MM_PER_INCH = 25.4
-#: Nearest eye on which elemental images converge, in focal lengths of the lenslets, or distances D to the panel.
+#: Least viewing distance, in focal lengths of the lenslets or in distances D to the panel, whichever is longer.
 NEAREST_EYE = 4.0
 #: Largest ratio of an array's pitches: beyond it cells are slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
@@ -38,9 +38,9 @@ MAX_PITCH_RATIO = 4.0
 MAX_EXTENT = 100.0
 #: Keys of a panel that affect no ray.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
-#: Largest panel side that is accepted (px): what a file format and an index of 16 bits hold.
+#: Largest side of a panel, px: the largest that picture files and 16-bit indices can hold.
 MAX_SIDE_PX = 65535
-#: Largest length of a file, mm: far beyond what can be built, well within what squares and quotients survive.
+#: Largest length in a file, mm: far more than can be built, yet squares and quotients do not overflow.
 MAX_LENGTH_MM = 1e12
 Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
@@ -52,10 +52,10 @@ Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets every
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
-#: Above air, up to the densest optical materials.
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(3, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
+#: From just above air up to the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
 
@@ -97,7 +97,7 @@ class Panel:
 
     @property
     def coarsest_mm(self) -> float:
-        """The larger of the pixel pitches, mm: it limits depth and resolution."""
+        """The larger one of the pixel pitches, mm, which limits depth range and resolution."""
         return max(self.pitches_mm)
 
     @property
@@ -111,7 +111,7 @@ class Panel:
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return the panel with another number of columns, and rows to match, in the same window."""
+        """Return a panel of the same size in mm with another number of columns, and with rows to match."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -241,13 +241,13 @@ class Display:
 
     @property
     def convergence(self) -> float:
-        """D / E: by this share elemental images are farther apart than lenslets; 0 without a viewing distance."""
+        """D / E, the share by which elemental images are farther apart than lenslets; 0 without a viewing distance."""
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
     @property
     def nearest_eye_mm(self) -> float:
-        """Least viewing distance: an eye nearer than that is within the lenslets' focal zone."""
+        """Least viewing distance, mm. A nearer eye is within the lenslets' focal zone."""
         return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
 
     @property
@@ -263,7 +263,7 @@ class Display:
         array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
-            # It follows from the glass: at another wavelength this is the same display.
+            # The glass gives the index, so that a display has the same identity at every wavelength.
             del array["index"]
         optical: dict[str, Any] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
         if self.viewing_distance_mm is not None:
@@ -274,11 +274,11 @@ class Display:
     def at_wavelength(self, wavelength_nm: float) -> Display:
         """Return this display with the index that its glass has at a wavelength (nm).
 
-        Raises InputError when the array has a plain index and no glass, and for a wavelength out of range.
+        Raises InputError when the array has an index and no glass, and for a wavelength out of range.
         """
         if self.array.glass is None:
             raise InputError(
-                f"display '{self.name}' has a plain index, which knows no dispersion; name array.glass instead"
+                f"display '{self.name}' has an index without dispersion; give array.glass in place of array.index"
             )
         return replace(self, array=replace(self.array, index=index_of(self.array.glass, wavelength_nm)))
 
@@ -291,7 +291,7 @@ class Display:
     ) -> Display:
         """Return the display as built: the array turned, moved, lifted and stretched by the given errors.
 
-        Raises InputError when nothing that can be built is left, such as a negative gap.
+        Raises InputError when the result cannot be built, for example when the gap becomes negative.
         """
         array = self.array
         moved = replace(
@@ -301,7 +301,7 @@ class Display:
             pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
         )
         if pitch_scale > 1.0:
-            # A thinnest lenslet that is stretched is still one: its substrate spans the deeper rims.
+            # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
             check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
@@ -312,7 +312,7 @@ class Display:
 def load_display(path: str | Path) -> Display:
     """Read a display file.
 
-    Raises InputError, with file, key and remedy, for whatever is missing, unknown, or cannot be built.
+    Raises InputError, with file, key and remedy, for a key that is missing or unknown, or a value that cannot be built.
     """
     return _read(toml.load(Path(path), "display"), str(path))
 
@@ -390,7 +390,7 @@ def display_text(display: Display) -> str:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
     tables = {"": top, "panel": display.panel.keys, "array": display.array.keys}
     del tables["array"]["glass" if display.array.glass is None else "index"]
-    # Numbers, text and lists are written alike in JSON and TOML.
+    # Numbers, text and lists look the same in JSON and in TOML.
     return "\n".join(
         (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
         for name, table in tables.items()
@@ -409,12 +409,12 @@ def check_radius(array: Array, where: str) -> None:
     """Refuse domes that do not span their cells; `where` names the key in errors."""
     rho = array.half_diagonal_mm
     if not array.radius_mm >= rho:
-        what = f"radius {array.radius_mm:g} mm is too small to span its cell (half diagonal {rho:g} mm)"
+        what = f"radius {array.radius_mm:g} mm is too small to span its cell, whose half diagonal is {rho:g} mm"
         raise input_error(where, what, "give a larger radius_mm or focal_length_mm, or a smaller pitch_mm")
 
 
 def _check(display: Display, where: str) -> None:
-    """Refuse what cannot be built; single keys were checked when they were read. `where` goes before a key's name."""
+    """Refuse keys that cannot be built together; `where` goes before a key's name in errors."""
     array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
@@ -426,12 +426,12 @@ def _check(display: Display, where: str) -> None:
         _check_extent(display, f"{where}array.extent_mm")
     if display.viewing_distance_mm is None:
         if display.viewing_axis_mm != (0.0, 0.0):
-            what = "says where the eye of viewing_distance_mm is, which is missing"
+            what = "has no effect without viewing_distance_mm"
             raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or leave both out")
         return
     nearest = display.nearest_eye_mm
     if not display.viewing_distance_mm >= nearest:
-        what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, {nearest:.4g} mm"
+        what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
 
 
@@ -463,7 +463,7 @@ def _check_extent(display: Display, where: str) -> None:
 def check_array(array: Array, where: str) -> None:
     """Refuse lenslets that cannot be built; `where` goes before a key's name in errors."""
     check_radius(array, f"{where}radius_mm")
-    # A thickness typed as the sag with 15 digits may round to a hair less.
+    # A thickness that was typed as the sag with 15 digits may be rounded to slightly less.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
         remedy = "make it at least the sag, or leave it out for the thinnest lenslet"

@@ -1,7 +1,7 @@
-"""Test patterns for a panel: those of a board's register `display.pattern`, and others that need more than a pixel.
+"""Test patterns for a panel: those of a board's register `display.pattern`, and others that a board does not draw.
 
-A pixel's point in its cell is where the line from its centre to the eye of the viewing distance crosses the lenslets'
-apertures (`optics.convergence`); without a viewing distance it is the point of the panel itself.
+Each pixel has a point in the cell of its lenslet. The line from the pixel's centre to the eye of the viewing distance
+crosses the aperture plane there (`optics.convergence`). Without a viewing distance the point is the pixel's centre.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from lippmann.rendering.sources import Window
 from lippmann.variant import current_device, mitsuba
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
-#: The patterns that a board draws too, in the order of the register's values from 1 on.
+#: The patterns that a board also draws, in the order of the register's values from 1 on.
 ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
-#: Side of the checker's tiles, pixels, as the board's.
+#: Side of the checker's tiles, pixels; the board uses the same.
 TILE = 32
-#: A pixel contains a point that is at most so far from its centre, pixels: rounding may not lose one on a border.
+#: A pixel contains the points up to this distance from its centre, pixels: more than half, as rounding may move them.
 IN_PIXEL = 17 / 32
-#: Rows that are computed at once.
+#: Number of rows that are computed at once.
 BAND_ROWS = 64
-#: Panel values in 0 .. 1; their shape extends to (rows, columns, 3).
+#: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
 Values = npt.NDArray[Any]
 
 
 class Places(NamedTuple):
-    """Of pixels: lenslet (i, j), whether its centre lies in the pixel, and the place in its cell, 0 to 255."""
+    """Of pixels: lenslet (i, j), whether the lenslet's centre is in the pixel, and the place in the cell, 0 to 255."""
 
     i: npt.NDArray[Any]
     j: npt.NDArray[Any]
@@ -57,9 +57,9 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Pixels:
-    """Pixels of a display by column (1, N) and row (M, 1); the lenslet of `single-lens`.
+    """Pixels of a display by column (1, N) and row (M, 1); `lens` is the lenslet of the pattern `single-lens`.
 
-    `fraction_bits`: compute in the words of a board; None: in float64.
+    `fraction_bits` is the word length of a board, whose words compute the pattern. None: float64 does.
     """
 
     display: Display
@@ -70,7 +70,7 @@ class Pixels:
 
     @cached_property
     def places(self) -> Places:
-        """The pixels' lenslets, and where in their cells they are."""
+        """The pixels' lenslets, and the pixels' places in the cells."""
         panel, grid, system = self.display.panel, self.display.array.grid, System.of(self.display)
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
@@ -143,13 +143,13 @@ PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
 def white_for_eye(display: Display, eye: Eye) -> Values:
     """Return 1 for the pixels that an eye sees through the lenslets that own them, (height, width), else 0.
 
-    The eye's rays go through the exact lenslets, all over the panel. What the eye sees by crosstalk stays black.
+    The eye's rays are traced through the exact lenslets to the whole panel. Pixels seen by crosstalk stay black.
     """
     mi = mitsuba()
     import drjit as dr
 
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
-    # Points of a lenslet are seen so many times as far apart on the panel; rays are at most half a pixel apart there.
+    # Points of a lenslet are seen this many times farther apart on the panel. There, rays may be half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
     samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
     window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
@@ -176,10 +176,10 @@ def draw(
 ) -> IntegralImage:
     """Draw a test pattern for a display.
 
-    `eye` is that of "white-for-eye", which needs it, `lens` the lenslet (i, j) of "single-lens", else (0, 0).
-    `fraction_bits`: in the words of a board, as the board draws it; None: in float64.
+    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j) of "single-lens"; None: (0, 0).
+    `fraction_bits` is the word length of a board, which draws the same pattern. None: float64 computes the pattern.
 
-    Raises InputError for options of other kinds, and for a display that a board's registers cannot hold.
+    Raises InputError for an option of another kind of pattern, and for a display that a board's registers cannot hold.
     """
     if kind not in get_args(Kind):
         raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")
@@ -198,6 +198,6 @@ def draw(
         values = PATTERNS[kind](at) if seen is None else seen[rows[:, 0], :, None]
         light[rows[:, 0]] = decode(values, panel.transfer)
     if lens is not None and not light.any():
-        raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j, 0,0 in the middle")
+        raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j; 0,0 is in the middle")
     carried = {"pattern": kind, "version": __version__}
     return IntegralImage(light, display, carried if eye is None else {**carried, "eye_mm": str(eye.position_mm)})

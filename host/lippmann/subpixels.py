@@ -1,4 +1,4 @@
-"""Sub-pixels: where in a pixel each colour is emitted, and which of them shows a colour of a pixel that lacks it."""
+"""Sub-pixels: where in a pixel each colour is emitted, and where a colour is shown that a pixel lacks."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
-#: Colour, centre right and up of the first pixel's centre, width and height; all in pixels.
+#: Colour; centre, to the right and upward from the first pixel's centre; width and height; all in pixels.
 Subpixel = tuple[Colour, float, float, float, float]
-#: Most pixels, either way, after which a layout repeats.
+#: Most pixels across, and most pixels down, after which a layout repeats.
 MAX_PERIOD = 16
-#: Rounding of a coordinate in a file, pixels.
+#: Error of a coordinate in a file, by rounding, that is accepted, pixels.
 ROUNDING = 1e-6
 
 
 def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
-    """Return stripes of a pixel from left to right, named by their first letters."""
+    """Return the stripes of a pixel from left to right; `order` holds the first letters of their colours."""
     names, n = {name[0]: name for name in COLOURS}, len(order)
     places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
 
 
-#: The layouts that have a name. Pentile's rows and columns take turns: red, green / blue, green.
+#: The layouts that have a name. In pentile, pixels of red and green alternate with pixels of blue and green.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
@@ -34,7 +34,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle of the panel: centre (u right, v down) from a pixel's centre, width and height; pixels."""
+    """A rectangle of the panel, in pixels: its centre from a pixel's centre (u right, v down), its width and height."""
 
     u: float
     v: float
@@ -51,11 +51,11 @@ class Layout:
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return how much brighter a sub-pixel is than its pixel: the panel's area over that of the colour."""
+        """Return how much brighter a sub-pixel is than its pixel: the panel's area over the area of that colour."""
         return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
 
     def emitters(self, b: Any, u: Any, v: Any) -> Iterator[tuple[int, float, Any]]:
-        """Yield for each sub-pixel its colour (a place in `COLOURS`), its gain, and the pixel coordinates inside."""
+        """Yield each sub-pixel's colour (an index of `COLOURS`), its gain, and which pixel coordinates lie inside."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
         for colour, left, top, right, bottom in self.edges():
@@ -71,9 +71,9 @@ class Layout:
             yield colour, left, top, right, bottom
 
     def shown(self, light: Sequence[Any], darkest: Any) -> list[Any]:
-        """Return what red, green, blue and white sub-pixels emit of a pixel's light; `darkest` is its least colour.
+        """Return what red, green, blue and white sub-pixels emit of a pixel's light; `darkest` is its least value.
 
-        A white sub-pixel emits what the three colours have in common, the others the rest.
+        A white sub-pixel emits what the three colours have in common, and the other sub-pixels emit the rest.
         """
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
@@ -105,7 +105,7 @@ def _away(subpixel: Subpixel, column: int, row: int) -> float:
 
 
 def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
-    """Return the layout of a name or a table; None for "none". Raises InputError for a table that cannot be built."""
+    """Return the layout for a name or a table, None for "none". Raises InputError for a table that cannot be built."""
     if subpixels == "none":
         return None
     table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels
@@ -120,7 +120,7 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
             raise InputError(f"{named} is not in the {MAX_PERIOD} pixels right of and below the first; move it there")
         room = 0.5 + ROUNDING
         if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
-            raise InputError(f"{named} is {w:g} x {h:g} pixels and not inside its pixel; make it smaller or move it")
+            raise InputError(f"{named}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
-            raise InputError(f"{named} has another {colour} one in its pixel; leave one out, or count two pixels")
+            raise InputError(f"{named} has another {colour} one in its pixel; leave one out, or describe two pixels")
     return Layout(table, 1 + max(column for column, _ in pixels), 1 + max(row for _, row in pixels))

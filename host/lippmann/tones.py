@@ -1,4 +1,4 @@
-"""The measured curve between panel value and light: a table, as a display file and an image's metadata carry it."""
+"""The measured curve between panel value and light: a table in a display file or in an image's metadata."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from lippmann.errors import InputError
 
 #: Pairs (panel value, light), both rising from 0 to 1; straight lines run between them.
 Curve = tuple[tuple[float, float], ...]
-#: A curve's name, a measured curve, or the text of one in an image's metadata.
+#: A curve's name, a measured curve, or the text of a measured curve in an image's metadata.
 Transfer = str | Curve
 
-#: Most pairs of a curve: each level of 12 bits.
+#: Most pairs of a curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve, or the text of one, as an array (pairs, 2): panel value, light; None for a name.
+    """Return a measured curve, or its text, as an array (pairs, 2) of panel value and light; None for a name.
 
-    Raises InputError when it is not a curve.
+    Raises InputError when the text or the pairs are not a curve.
     """
     if not isinstance(transfer, str):
         return checked(transfer)
@@ -32,7 +32,7 @@ def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
     try:
         return checked(json.loads(transfer))
     except (ValueError, RecursionError):
-        raise InputError(f"transfer '{transfer[:20]}...' is not a curve; render the image again") from None
+        raise InputError(f"transfer '{transfer[:20]}...' is not a curve of pairs; render the image again") from None
 
 
 def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
@@ -44,24 +44,24 @@ def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
         curve = np.empty(0)
     if curve.ndim != 2 or curve.shape[1] != 2 or not 2 <= len(curve) <= MAX_PAIRS:
         raise InputError(f"is not a curve of 2 to {MAX_PAIRS} pairs; {remedy}")
-    # Not less-or-equal: a number that is none fails too.
+    # Written as not greater, so that NaN fails too.
     falls = np.flatnonzero(~(np.diff(curve, axis=0) > 0.0).all(axis=1))
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
         raise InputError(f"the curve is not monotonic: {after} follows {before}; {remedy}")
     for found, wanted in ((curve[0].tolist(), [0.0, 0.0]), (curve[-1].tolist(), [1.0, 1.0])):
         if found != wanted:
-            raise InputError(f"the curve's end is {found} for {wanted}; divide the light by its maximum, {remedy}")
+            raise InputError(f"the curve's end is {found}, not {wanted}; subtract black, divide by white, and {remedy}")
     return curve
 
 
 def transfer_text(transfer: Transfer) -> str:
-    """Return a transfer curve as metadata hold it: its name, or its numbers."""
+    """Return a transfer curve as text for an image's metadata: its name, or its numbers."""
     return transfer if isinstance(transfer, str) else json.dumps(transfer)
 
 
 def transfer_name(transfer: Transfer) -> str:
-    """Return the name of a transfer curve in messages; a measured one by its length and a checksum of its numbers."""
+    """Return a transfer curve's name for messages. A measured curve's has its length and a checksum of its numbers."""
     text = transfer_text(transfer)
     if not text.startswith("["):
         return text

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from typing import Any
 
+from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -78,32 +77,11 @@ def _loaded() -> Any:
     if "mitsuba" in sys.modules:
         return sys.modules["mitsuba"]
     try:
-        with interrupts_held():
+        with interrupts.held():
             import mitsuba as mi
     except ImportError as error:
         raise MissingLibraryError(f"mitsuba cannot be imported ({error}); run make setup") from None
     return mi
-
-
-@contextlib.contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait until the block ends: where C++ loads, Python's exceptions end the process.
-
-    To block the signal would not do: other libraries' threads take it, and Python answers in this one.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    # Only the main thread has handlers, and those that are not Python's cannot be put back.
-    if threading.current_thread() is not threading.main_thread() or before is None:
-        yield
-        return
-    held: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if held:
-            signal.raise_signal(signal.SIGINT)
 
 
 def current_device() -> str:

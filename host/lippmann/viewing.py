@@ -1,8 +1,8 @@
-"""What eyes see of a display: crosstalk, and the zone without any. Both by the eyes' own rays through exact lenslets.
+"""What eyes see of a display: crosstalk, and the zone without any. Both are found with rays through exact lenslets.
 
-At the height z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
-times |1 - z/E|. Thick lenslets bend steep rays otherwise, and corners of cells bend them more than centres. The zone of
-a real eye is narrower, so it is searched for, by bisection.
+At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
+times |1 - z/E|. Thick lenslets bend steep rays by other angles, and corners of cells bend rays more than centres do.
+So the real zone is narrower. It is searched for by bisection.
 """
 
 from __future__ import annotations
@@ -22,24 +22,25 @@ from lippmann.optics.rays import Floats, Status
 from lippmann.optics.sampling import R2_STEPS
 from lippmann.optics.system import System
 
-#: Assumed distance of the eyes from a display without a viewing distance, mm.
+#: Distance of the eyes that is assumed for a display without a viewing distance, mm.
 VIEWING_DISTANCE_MM = 600.0
-#: Rays of an eye that tell its share of crosstalk.
+#: Number of rays from an eye that measure its share of crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down that tell whether an eye sees any; and where each is looked through: shares of the way to
-#: corners and sides of the cell, and of the rims' height. At the rims' height the last ray passes before the next dome.
+#: Lenslets across and down through which an eye's rays are traced to find any crosstalk. The rays pass each lenslet at
+#: these points: shares of the way to corners and sides of the cell, and of the height of the rims. At the height of the
+#: rims a ray is the last one before the next dome.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: A zone's end is searched for up to so many paraxial half widths, by so many halvings.
+#: The search for an end of a zone: its reach in paraxial half widths, and its number of halvings.
 FARTHEST, HALVINGS = 2.0, 11
-#: A better display is searched for by this factor on its viewing distance, or on its pitch, in so many steps.
+#: The search for a better display: the factor on its viewing distance, focal length or pitch, and the number of steps.
 FACTOR, STEPS = 1.1, 24
-#: Share of a lenslet's own zone to both sides that a better display must give.
+#: A better display has no crosstalk up to this share of a lenslet's own zone, to both sides.
 WORTH = 0.25
 
 
 class Zone(NamedTuple):
-    """Ends of the horizontal and of the vertical line of eyes, through the middle one, that see no crosstalk, mm."""
+    """Ends, mm, of two lines of eyes that see no crosstalk: a horizontal and a vertical one through the middle eye."""
 
     left_mm: float
     right_mm: float
@@ -48,12 +49,12 @@ class Zone(NamedTuple):
 
 
 def viewing_distance(display: Display) -> float:
-    """Return the distance of the eyes, mm: the display's own, or the usual one."""
+    """Return the distance of the eyes, mm: the display's viewing distance, or the usual one."""
     return VIEWING_DISTANCE_MM if display.viewing_distance_mm is None else display.viewing_distance_mm
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the eye at a distance that the panel's two sides treat alike, mm."""
+    """Return the middle eye at a distance, mm: it sees the panel's opposite sides alike."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
@@ -64,17 +65,18 @@ def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[s
     Raises
     ------
     InputError
-        When the eye is not before the display.
+        When the eye is not in front of the display.
     """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
 
 def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
-    """Return the same for eyes (N, 3), by so many rays of each: (N, statuses) float64. Raises likewise."""
+    """Return the same for eyes (N, 3), from `rays` rays of each: (N, statuses) float64. Raises as `status_share`."""
     front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
     if not nearest > front:
-        raise InputError(f"eye: z {nearest:g} mm is not before the display, which ends at {front:.4g} mm; move it")
+        what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
+        raise InputError(f"eye: {what}; move the eye towards +z")
     steps = np.arange(1, rays + 1)[:, None] * R2_STEPS % 1.0
     points = np.pad((steps - 0.5) * (display.panel.width_mm, display.panel.height_mm), ((0, 0), (0, 1)))
     status = _statuses(display, eyes_mm, points, inside=False)
@@ -82,7 +84,7 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
 
 
 def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which eyes, (N, 3) float64 mm, see the panel without any crosstalk."""
+    """Tell which eyes, (N, 3) float64 mm, see the whole panel without any crosstalk."""
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
@@ -122,12 +124,12 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
 
 
 def _half_width(display: Display) -> float:
-    """Return half the paraxial width of a lenslet's own zone at the height 1."""
+    """Return half the paraxial width of a lenslet's own zone, over the distance z."""
     return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
 
 def remedy(display: Display) -> str:
-    """Say which change of the display opens a zone at the eyes' distance."""
+    """Say which change of the display gives it a zone without crosstalk at the eyes' distance."""
     old = _Change(
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )
@@ -157,7 +159,7 @@ class _Change(NamedTuple):
 
 
 def _changes(display: Display, old: _Change) -> Iterator[_Change]:
-    """Yield displays that may be better, the least change first."""
+    """Yield changes that may give a better display, the smallest first."""
     usual = viewing_distance(display)
     in_glass = display.array.thickness_mm / display.array.index if display.array.plano_side == "panel" else 0.0
 
@@ -181,7 +183,8 @@ def _rounded(value: float, digits: int) -> float:
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
     """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
 
-    `inside`: refraction at a flat face before the points is made up for, so that the rays come to them.
+    `inside`: the points lie in the glass. The rays start in such directions that they reach the points after refraction
+    at a flat front face.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])

@@ -252,7 +252,7 @@ def test_a_scene_beside_the_view(mi, tmp_path):
     assert re.match(r"note: an eye at 600 mm sees none of the scene's surfaces, z = -5 to 5.0\d+ mm", said)
 
 
-@pytest.mark.parametrize("samples", [1, 4, 16])
+@pytest.mark.parametrize("samples", [1, 4, pytest.param(16, marks=pytest.mark.full)])
 def test_noise_is_that_of_the_picture(mi, tmp_path, samples):
     """Against the spread of twelve renders with other seeds; a lamp's soft shadow, one random point of it a sample."""
     lamp = '<shape type="rectangle"><transform name="to_world"><scale value="25"/>'

@@ -1,6 +1,8 @@
 """Starting, ending and finding boards: what the host does when a process or a port does not behave."""
 
 import json
+import select
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -37,6 +39,37 @@ def test_a_board_that_does_not_end_is_killed_and_reported(deaf, monkeypatch):
     with pytest.raises(DeviceError, match=r"did not end within 0.2 s and was killed"):
         RunningBoard("socket://127.0.0.1:1", deaf).stop()
     assert deaf.poll() is not None
+
+
+class Told(subprocess.Popen):
+    """A process that is asked for its end just when Ctrl-C comes: an exception there would leave its lock taken."""
+
+    asked = False
+
+    def poll(self):
+        if not self.asked:
+            self.asked = True
+            assert self._waitpid_lock.acquire(blocking=False)
+            signal.raise_signal(signal.SIGINT)
+            self._waitpid_lock.release()
+        return super().poll()
+
+
+def test_ctrl_c_at_any_moment_ends_the_board(monkeypatch, tmp_path, capfd):
+    code = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+    code += 'print(\'{"clocks": 5, "seconds": 1, "frames": 2, "bytes_in": 3, "bytes_out": 4}\', flush=True)'
+    process = Told([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert select.select([process.stdout], [], [], 20.0)[0]  # from then on it ends by itself
+    monkeypatch.setattr(virtual_board, "start", lambda *_, **__: RunningBoard("socket://127.0.0.1:1", process))
+    monkeypatch.setattr(virtual_board, "STOP_SECONDS", 5.0)
+    display = tmp_path / "small.toml"
+    display.write_text(SMALL)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert run(["board", "start", "--display", str(display)]) == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert "2 frames, 3 bytes in, 4 out" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(("seconds", "code"), [(25.0, 0), (60.0, 1)])

@@ -39,7 +39,7 @@ INDENTED = re.compile(
     r"^    ((?:lippmann|make|python3?|pip|git|cd|source|dask|mitsuba|povray|pytest|sudo|export)(?: .*)?)$", re.M
 )
 #: The page whose commands run as a reader's, each in a process of its own.
-PROCESSES = "docs/how-to/own-scene.md"
+PROCESSES = "docs/how-to/check-mounting.md"
 #: Commands that last until they are ended, which happens at the end of their page.
 SERVERS = ("dask scheduler ", "dask worker ")
 #: What a target of the Makefile is, where only that can be run beside other tests; the Makefile is asked.
@@ -305,9 +305,11 @@ def test_commands_run(page, tmp_path):
 
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=name_of)
 def test_toml_blocks_are_valid(page, tmp_path):
+    (_, whole), *_ = blocks(page, "toml")
     for _, text in blocks(page, "toml"):
         file = tmp_path / "block.toml"
-        file.write_text(text)
+        alone = re.search(r"^\[\w+\]$", text, re.M)  # else keys of the panel of the page's first block
+        file.write_text(text if alone else whole.replace("[panel]\n", f"[panel]\n{text}"))
         if "[placement]" in text:
             load_placement(file)
         elif "frames = " in text:

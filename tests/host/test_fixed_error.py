@@ -196,7 +196,13 @@ def test_steps_in_integers_are_the_twin(name):
         assert (lenslet == np.column_stack([twin.i, twin.j]))[active].all()
 
 
-@pytest.mark.parametrize("name", BUDGETED)
+#: Of these budgets at every commit: each grid, both sides, one with aims.
+USUAL = ("widest-aims-square", "compact-hex", "viewer-square")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in USUAL else pytest.mark.full) for name in BUDGETED]
+)
 def test_steps_in_float64_are_golden_but_for_the_configuration(name):
     """Of the configuration's words, each u/2 off or less, some twenty count, each less than once in radii."""
     named = CONFIGURATIONS[name]

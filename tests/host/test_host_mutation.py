@@ -164,7 +164,7 @@ def test_chance():
     ("stage", "passes", "end", "runs"),
     [
         (0, (2,), "caught by tests/host/test_planted.py::test_chance", 2),
-        (2, (2,), "caught by tests/host/test_planted.py::test_chance", 3),
+        pytest.param(2, (2,), "caught by tests/host/test_planted.py::test_chance", 3, marks=pytest.mark.full),
         (2, (2, 3), "survived", 3),
     ],
     ids=["a test that imports the file fails once", "another fails twice", "another fails by chance"],

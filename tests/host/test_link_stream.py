@@ -251,7 +251,7 @@ def test_resume_after_a_replug(share):
                     line.unplug()
 
             with pytest.raises(DeviceError, match=r"connection is lost.*plug"):
-                send_frame(board, image, pull)
+                send_frame(board, image, pull, window_bytes=3000)  # the last tile is not on its way yet
         time.sleep(0.3)
         held = sum(crc != 0 for crc in model.tables[1 - model.front])
         assert share * 70 - 1 <= held < 70
@@ -271,7 +271,7 @@ def test_what_a_frame_took_is_summed_over_a_loss_of_the_line():
         with Board.open(line.url, FAST_BAUD) as board:
             before = board.line.written
             with pytest.raises(NoBoardError, match="connection is lost"):
-                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent)
+                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent, window_bytes=3000)
             written += board.line.written - before
         assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70
         assert (sent.rounds, sent.resends) == (1, 0)

@@ -71,7 +71,7 @@ FILES = [
     ("gap_mm = .*", "gap_mm = 2,5", "not TOML", "write numbers with a point, text in quotes"),
     ('grid = "square"', "grid = square", "not TOML", "write numbers with a point, text in quotes"),
     ('grid = "square"', 'grid = "hexagonal"', "array.grid", 'choose from "hex", "square"'),
-    ('subpixels = "none"', 'subpixels = "RGB"', "panel.subpixels", 'choose from "bgr", "none", "rgb"'),
+    ('subpixels = "none"', 'subpixels = "RGB"', "panel.subpixels", 'choose from "bgr", "none", "pentile"'),
     (PANEL, "bits = 32\n", "panel.bits", "from 1 to 16"),
     ("index = 1.5", "index = 0.9", "array.index", "more than 1"),
     ("radius_mm = .*", "radius_mm = 0.6", "array.radius_mm", "give a larger radius_mm"),
@@ -84,7 +84,7 @@ FILES = [
     (TOP, "viewing_distance_mm = inf\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = 5\n", "viewing_axis_mm", "give [x, y]"),
     (TOP, "viewing_distance_mm = 600\nviewing_axis_mm = [0, 0, 600]\n", "viewing_axis_mm", "give [x, y]"),
-    (TOP, "viewing_axis_mm = [0, 5]\n", "viewing_axis_mm", "give viewing_distance_mm too"),
+    (TOP, "viewing_axis_mm = [0, 5]\n", "viewing_axis_mm", "add viewing_distance_mm"),
 ]
 
 

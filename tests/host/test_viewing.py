@@ -395,12 +395,12 @@ def test_the_picture_of_the_zones_names_the_eyes_and_their_crosstalk(inspected):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--eye", "0,0,-5"), "eye: z -5 mm is not before the display"),
+        (("--eye", "0,0,-5"), "eye: z -5 mm is not in front of the display"),
         (("--eye", "0,0"), "give 3 finite numbers"),
         (("--draw", "d.jpg"), "choose from .svg, .png"),
         (("--zones", "gone/z.svg"), "make it first"),
         (("--draw", "d.svg", "--zones", "d.svg"), "give two names"),
-        (("--zone", "d.svg"), "Did you mean one of: '--json', '--zones'"),
+        (("--zone", "d.svg"), "Did you mean '--zones'?"),
     ],
 )
 def test_what_inspect_refuses(inspected, arguments, said):

@@ -24,7 +24,6 @@ BUILDS = [
     Build(23, "square"),
     Build(16, "hex"),
     Build(21, "hex", aims=True, max_cell_steps=1),
-    Build(18, "square", viewer=True, aims=True, max_cell_steps=2),
     Build(20, "hex", "paraxial", aims=True),
     Build(23, "hex", max_cell_steps=1, converge=True),
     Build(18, "square", viewer=True, aims=True, max_cell_steps=1, converge=True),

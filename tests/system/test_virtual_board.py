@@ -60,6 +60,12 @@ def small(grid="square", eye=None):
 #: answers and shows frames is asked over all four.
 USUAL = [pytest.param(line, marks=pytest.mark.full if line == "pty-bits" else ()) for line in LINES]
 over_all_lines = pytest.mark.parametrize("virtual", LINES, indirect=True)
+#: What the simulator's process does is the same for a line of bytes and one of bits.
+over_bytes = pytest.mark.parametrize(
+    "virtual",
+    [pytest.param(line, marks=pytest.mark.full if line.endswith("-bits") else ()) for line in LINES],
+    indirect=True,
+)
 
 
 @pytest.fixture(params=USUAL)
@@ -415,8 +421,7 @@ FAULTS = {
 
 #: For every commit: all faults over one line, some over each.
 OFTEN = {
-    "socket-bytes": FAULTS, "pty-bytes": ("flip", "cut", "lose"), "socket-bits": ("flip", "cut", "lose"),
-    "pty-bits": ("cut",),
+    "socket-bytes": FAULTS, "pty-bytes": ("flip", "lose"), "socket-bits": ("flip", "cut", "lose"), "pty-bits": (),
 }  # fmt: skip
 
 
@@ -524,6 +529,7 @@ def raw_line(url):
     return line.detach()
 
 
+@over_bytes
 def test_a_slow_reader_loses_nothing(virtual):
     """More replies than all buffers hold wait until they are read."""
     count = 400 if virtual.baud else 3_000
@@ -555,6 +561,7 @@ def test_a_slow_reader_loses_nothing(virtual):
     assert numbers == list(range(count))
 
 
+@over_bytes
 def test_a_board_that_stalls_is_waited_for(virtual):
     image = random_image(14)
     with Board.open(virtual.url, patience_s=15.0) as board:

@@ -94,10 +94,11 @@ def start_command(
                     partial.write_text(json.dumps(result) + "\n")
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
-            while board.process.poll() is None:
-                if capture:
-                    virtual_board.keep_as_png(capture, display)
-                time.sleep(CHECK_S)
+            with interrupts.held(signal.SIGINT, signal.SIGTERM) as ended:
+                while board.process.poll() is None and not ended:
+                    if capture:
+                        virtual_board.keep_as_png(capture, display)
+                    time.sleep(CHECK_S)
         except KeyboardInterrupt:
             interrupts.received.clear()  # the usual end of this command
     log(
@@ -136,12 +137,13 @@ def _in_background(ready: Path) -> None:
     with output.open("wb") as both:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
     try:
-        while not ready.exists():
-            if process.poll() is not None:
-                failure = _failure(output) or DeviceError(f"the board ended without a message ({process.returncode})")
-                output.unlink()
-                raise failure
-            time.sleep(CHECK_S)
+        with interrupts.held(signal.SIGINT, signal.SIGTERM) as ended:
+            while process.poll() is None and not ready.exists() and not ended:
+                time.sleep(CHECK_S)
+        if not ready.exists():
+            failure = _failure(output) or DeviceError(f"the board ended without a message ({process.returncode})")
+            output.unlink()
+            raise failure
     except KeyboardInterrupt:
         os.killpg(process.pid, signal.SIGTERM)  # its compilers too: they are in the same session
         process.wait()

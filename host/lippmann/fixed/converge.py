@@ -10,7 +10,7 @@ from lippmann.fixed.words import MUL_BITS, Bools, Ints, fits, share_bits, wrappe
 
 
 class Converged(NamedTuple):
-    """The pixel's point from the lenslet's centre, F + 4 bits; `beyond` where they do not hold it."""
+    """The pixel's point from the lenslet's centre, words of F + 4 bits; `beyond` where it overflows them."""
 
     x: Ints
     y: Ints
@@ -20,10 +20,10 @@ class Converged(NamedTuple):
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
 ) -> Converged:
-    """Add the lenslet's own part, s (C - A), to points that the line to the eye has in its cell.
+    """Add s (C - A) to the points where the lines from the pixels to the eye cross their lenslets' cells.
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, C = (2 i + j, 2 j) half pitches and rows
-    (square: (2 i, 2 j)):
+    C is the lenslet's centre, A the point in front of the eye. Words are integers; a b >> k is the product that
+    `multiplier` cuts by k places. In half pitches and half rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 

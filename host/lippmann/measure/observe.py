@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import load_display
-from lippmann.images import psnr_db
+from lippmann.display import Display, load_display
+from lippmann.images import Radiance, psnr_db
 from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.scene import load_scene
+from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.sources import Window
 
 #: Eyes at a reading distance, mm, within the viewing angle of the displays that ship.
 EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
+#: Eyes in the viewing zone of the display desktop-hex.
+ZONE_EYES = ((0.0, 0.0, 600.0), (-40.0, 0.0, 600.0), (40.0, 0.0, 600.0))
 VIEW_SAMPLES = 64
 
 Mask = npt.NDArray[np.bool_]
@@ -55,24 +59,43 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
 
 
 def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
-    """Compare five eyes' views of two scenes on the founding paper's displays with plain perspective renders.
+    """Compare eyes' views of scenes with plain perspective renders: the founding paper's displays, and a large one.
 
     PSNR is in dB, of sRGB values with peak 1; `smooth_db` is over the scene's smooth part only, None when it has none.
     """
+    settings = Settings(samples=samples, seed=seed)
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for display_name in ("paper-square", "paper-hex"):
             display = load_display(scenes / f"displays/{display_name}.toml")
-            image = render_integral(scene, display, "exact", Settings(samples=samples, seed=seed)).radiance
-            window = whole_window(display)
-            for eye in EYES:
-                view = observe(image, display, Eye(eye), window, VIEW_SAMPLES).radiance
-                direct = render_view(scene, eye, window, Settings(samples=VIEW_SAMPLES, seed=seed)).radiance
-                mask = smooth_part(scene.path, eye, window)
-                yield {
-                    "scene": name,
-                    "display": display.name,
-                    "eye_mm": eye,
-                    "whole_db": psnr_db(view, direct),
-                    "smooth_db": psnr_db(view, direct, mask) if mask.any() else None,
-                }
+            for row, view, direct in _compared(scene, display, EYES, settings):
+                eye = row["eye_mm"]
+                mask = smooth_part(scene.path, eye, whole_window(display))
+                yield {**row, "smooth_db": psnr_db(view, direct, mask) if mask.any() else None}
+    large = load_display(scenes / "displays/desktop-hex.toml")
+    chart = load_scene(scenes / "chart/chart.xml")
+    wider = Placement(scale=large.panel.height_mm / load_display(scenes / "displays/paper-square.toml").panel.height_mm)
+    filling = chart.placed(chart.placement.then(wider))
+    parallel = replace(large, name=f"{large.name} without viewing_distance_mm", viewing_distance_mm=None)
+    for display in (large, parallel):
+        for row, *_ in _compared(filling, display, ZONE_EYES, replace(settings, samples=max(1, samples // 4))):
+            yield {**row, "smooth_db": None}
+
+
+def _compared(
+    scene: Scene, display: Display, eyes: tuple[tuple[float, float, float], ...], settings: Settings
+) -> Iterator[tuple[dict[str, Any], Radiance, Radiance]]:
+    """Yield for each eye a row, its view through the lenslets, and the direct render."""
+    image = render_integral(scene, display, "exact", settings).radiance
+    window = whole_window(display)
+    for eye in eyes:
+        view = observe(image, display, Eye(eye), window, VIEW_SAMPLES)
+        direct = render_view(scene, eye, window, replace(settings, samples=VIEW_SAMPLES)).radiance
+        row = {
+            "scene": scene.path.stem,
+            "display": display.name,
+            "eye_mm": eye,
+            "crosstalk_percent": 100.0 * view.status_share["crosstalk"],
+            "whole_db": psnr_db(view.radiance, direct),
+        }
+        yield row, view.radiance, direct

@@ -15,12 +15,12 @@ from lippmann.rendering.scene import Scene, box_of, depths_of, in_front_of
 from lippmann.variant import mitsuba
 from lippmann.viewing import viewing_distance
 
-#: "fit": scaled and moved into the depth range; "camera": as the camera of the scene's file sees it.
+#: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it.
 Arrange = Literal["fit", "camera"]
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene, placed for a display; of its own placement "fit" keeps the rotation, "camera" nothing.
+    """Return a scene, placed for a display. "fit" keeps the rotation of the scene's own placement, "camera" nothing.
 
     Raises InputError for a scene without extent, or without a camera that can place it.
     """
@@ -29,20 +29,20 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)
     low, high = box_of(scene.mitsuba, rotated)
     if not np.isfinite(high - low).all() or not (high > low).any():
-        raise InputError(f"{scene.path}: the scene has no bounded extent to fit; give --scale and --offset")
+        raise InputError(f"{scene.path}: the scene has no bounded extent to fit; place it with --scale and --offset")
     return scene.placed(rotated.then(fitting(low, high, display)))
 
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return how a box, corners (3,), mm, is scaled and moved to the middle of a display's depth range.
+    """Return the placement that scales a box (corners (3,), mm) and moves it to the middle of a display's depth range.
 
-    It becomes as large as depth range and view allow: an eye before the panel's middle sees its front whole.
+    The box becomes as large as depth range and view allow: an eye in front of the panel's middle sees its whole front.
     """
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The front, at the depth middle + scale z / 2, is in the pyramid from the eye to the panel's sides.
+    # The box's front, at the depth middle + scale z / 2, must lie in the pyramid from the eye to the panel's sides.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
@@ -51,9 +51,9 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement by which the eye stands where the scene's camera does, and the panel fills its picture.
+    """Return the placement with the eye where the scene's camera is, and the panel as wide as the camera's picture.
 
-    The panel's middle is at the first surface on the camera's axis; without one, at the depth of the scene's middle.
+    The panel's middle is on the first surface on the camera's axis; without one, at the depth of the scene's middle.
     """
     mi = mitsuba()
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
@@ -70,13 +70,13 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
         low, high = box_of(scene.mitsuba, Placement())
         distance = float((0.5 * (low + high) - origin) @ ahead)
     if not 0.0 < distance < math.inf:
-        raise input_error(str(scene.path), "the camera does not look at the scene", "turn it, or use --fit")
+        raise input_error(str(scene.path), "the camera does not look at the scene", "turn the camera, or use --fit")
     eye = 0.5 * display.panel.width_mm / math.tan(0.5 * x_fov)
     scale = eye / distance
     moved = np.eye(4)
     moved[:3, :3] = scale * np.stack([np.cross(ahead, up), up, -ahead])
     moved[:3, 3] = -moved[:3, :3] @ (origin + distance * ahead)
     placement = Placement.of(moved, scale)
-    # What stands behind the camera would hide everything.
+    # Primary rays do not start behind the camera: objects there would hide everything.
     depths = depths_of(scene.mitsuba, placement)
     return Placement(scale, placement.rotation_deg, placement.offset_mm, min(in_front_of(depths), eye), None)

@@ -1,4 +1,4 @@
-"""Remarks on a scene before a display, each with its numbers: what is not rendered, not sharp, not seen, or noisy."""
+"""Remarks on a scene for a display, with numbers: what is not rendered, not sharp, not seen, or noisy."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
 from lippmann.viewing import viewing_distance
 
-#: Widths of a scene, in widths of the panel, that need no remark.
+#: Range of a scene's width, in widths of the panel, that gives no remark.
 SIZE_SHARE = (0.02, 1000.0)
-#: Width of the view that is tried, pixels, one ray each.
+#: Width of the trial view, pixels; one ray each.
 TRIAL_PX = 96
-#: Least share of the view that is within the depth range, and largest noise, of the mean light: no remark.
+#: Least share of the view within the depth range, and largest noise over the mean light, that give no remark.
 SHARP_SHARE, NOISE = 0.1, 0.1
 
 
 def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
-    """Yield one line on what the scene's file contains and an integrator does not use, and one if it has no light."""
+    """Yield a line about parts of the scene's file that the integrator does not use, and one if there is no light."""
     if settings.integrator != "scene":
         unused = []
         if scene.integrator not in (None, settings.integrator):
@@ -52,7 +52,7 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
     eye = 0.0, 0.0, viewing_distance(display)
     trial = replace(settings, samples=1)
 
-    # Distances along the rays from the plane near_mm, scene units; 0 where nothing is met.
+    # Distances along the rays, from the plane near_mm to the first surface, scene units; 0 where a ray meets nothing.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[:height_px, :TRIAL_PX] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))

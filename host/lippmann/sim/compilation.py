@@ -27,6 +27,9 @@ SHORT = ("-O1",)
 #: Verilator's options for a model that is fast and checks no assertion.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
+#: What every model includes.
+HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
+
 # Libraries that a process loads share no variable of their runtimes.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
 _SETTING = re.compile(r"^(VM_(?:COVERAGE|TIMING|TRACE\w*)) = (\d)$", re.M)
@@ -96,7 +99,8 @@ def verilated(
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, *defines, f"-I{headers}", f"-I{headers / 'vltstd'}"]
         places = [f"-I{folder}", *(f"-I{path}" for path in {path.parent for path in main})]
-        _run(["g++", *common, *flags, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
+        prefix = ["-include", str(_precompiled([*common, *flags]))]
+        _run(["g++", *common, *flags, *prefix, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
         objects = [str(_runtime(headers / f"{name}.cpp", [*common, "-O1"])) for name in runtime]
         kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
         libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "-DVM_TRACE_FST=1" in defines else [])]
@@ -112,6 +116,20 @@ def _runtime(source: Path, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
     path = repository() / "build" / "verilator" / source.stem
     return kept(path, [source, *flags], lambda made: _run(["g++", *flags, "-c", str(source), "-o", str(made)]), ".o")
+
+
+def _precompiled(flags: Sequence[str]) -> Path:
+    """Return the file to include first: Verilator's headers, most of what a small model's compiler reads, precompiled.
+
+    Only its precompiled form is there; the compiler reads nothing else when it was made with the same flags.
+    """
+
+    def make(path: Path) -> None:
+        text = path.with_suffix(".txt")
+        text.write_text(HEADERS)
+        _run(["g++", *flags, "-x", "c++-header", str(text), "-o", str(path)])
+
+    return kept(repository() / "build" / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
 
 
 def _include(path: Path) -> str:

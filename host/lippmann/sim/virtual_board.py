@@ -20,6 +20,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError
 from lippmann.fixed.build import Build
@@ -160,14 +161,15 @@ def start(
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:
     """Wait for the ready file; return its URL."""
     until = time.monotonic() + START_SECONDS
-    while time.monotonic() < until:
-        if ready.exists():
-            url: str = json.loads(ready.read_text())["url"]
-            return url
-        if process.poll() is not None:
-            _, err = process.communicate()
-            raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
-        time.sleep(0.01)
+    with interrupts.held() as ended:
+        while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
+            time.sleep(0.01)
+    if ready.exists():
+        url: str = json.loads(ready.read_text())["url"]
+        return url
+    if process.returncode is not None:
+        _, err = process.communicate()
+        raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
     raise DeviceError(f"the virtual board did not start within {START_SECONDS:.0f} s; is the machine overloaded?")
 
 

@@ -71,7 +71,7 @@ async def ask(monitor, reference, *requests):
 async def replies_as_the_protocol_says(dut, idle, pressure):
     slow = random.choice([0, 3, 40])
     monitor, reference = await start(dut, random.choice([0, 0xFFFE, random.getrandbits(16)]), slow)
-    count = 15 if "heavy" in (idle, pressure) else 50
+    count = 10 if "heavy" in (idle, pressure) else 35
     requests, wanted = zip(*traffic(reference, count), strict=True)
     await converse(monitor, reference, requests, wanted, idle, pressure)
 
@@ -240,7 +240,7 @@ async def waits_for_the_table(dut):
 
 @cocotb.test()
 async def forgets_all_at_reset(dut):
-    for cut in range(12):
+    for cut in range(0, 12, 2) if random.getrandbits(1) else range(1, 12, 2):
         # Within a request, or behind it.
         monitor, reference = await start(dut, slow=30)
         (packet, _), *_ = traffic(reference, 1)

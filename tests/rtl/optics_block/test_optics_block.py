@@ -13,7 +13,7 @@ DISPLAYS = repository() / "scenes" / "displays"
 @pytest.mark.parametrize(
     ("name", "model", "f", "steps", "eye"),
     [
-        ("paper-square", "pinhole", 14, 0, None),
+        pytest.param("paper-square", "pinhole", 14, 0, None, marks=pytest.mark.full),
         pytest.param("paper-hex", "exact", 16, 1, 300.0),
         pytest.param("paper-square", "exact", 23, 2, None, marks=pytest.mark.full),
     ],

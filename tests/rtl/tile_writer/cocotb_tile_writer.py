@@ -237,7 +237,7 @@ async def a_tile_is_copied_from_the_other_buffer(dut):
 async def every_operation_of_qoi(dut, kind):
     bench = Bench(dut)
     await bench.begin()
-    for _ in range(4):
+    for _ in range(3):
         tile = random.choice(some_tiles())
         pixels = picture(*shape(tile), kind)
         data = qoi_ops(pixels)

@@ -116,7 +116,7 @@ async def waits_to_be_taken(dut, ready):
 async def short_lows_are_noise(dut, clocks):
     line = await Receiver(dut, clocks).start(pattern("always", random, 0))
     sent = []
-    for _ in range(60):
+    for _ in range(40):
         await line.level(0, random.uniform(0.02, 0.5 - 1 / clocks))
         await line.level(1, random.uniform(1, 3))
         if random.random() < 0.3:
@@ -124,7 +124,7 @@ async def short_lows_are_noise(dut, clocks):
             await line.send(sent[-1])
             await line.level(1, random.uniform(0, 2))
     await line.level(1, 2)
-    count("noise rejected", 60)
+    count("noise rejected", 40)
     assert line.got == sent
     assert line.framing == 0
 
@@ -144,7 +144,7 @@ async def longer_lows_start_a_byte(dut, clocks):
 async def a_low_stop_bit_loses_its_byte(dut, clocks):
     line = await Receiver(dut, clocks).start(pattern("always", random, 0))
     sent, broken = [], 0
-    for _ in range(40):
+    for _ in range(25):
         byte = random.randrange(256)
         if random.random() < 0.4:
             await line.send(byte, stop=0)
