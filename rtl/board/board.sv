@@ -28,7 +28,8 @@ module board #(
   parameter int Model = optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -264,7 +265,7 @@ module board #(
   assign unused_ray = ^ray;
   optics_block #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
-    .Walk(Walk), .Converge(Converge)
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_optics (
     .clk_i, .rst_ni, .apb_sel_i(apb_sel), .apb_enable_i(apb_enable), .apb_write_i(apb_write),
     .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),

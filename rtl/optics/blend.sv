@@ -8,18 +8,19 @@
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
 /// All words have F fraction bits; y_o has one bit more than a wide word. Second = 0 omits the
-/// second product. Latency blend_latency(F, Wx).
+/// second product. Wa is at most Wx. Latency blend_latency(F, Wx).
 module blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter bit Second = 1'b1,
-  parameter int Wx = F + 2          // bits of x, a wide word or more
+  parameter int Wx = F + 2,         // bits of x, a wide word or more
+  parameter int Wa = F + 2          // bits of a, likewise
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] k_i,
   input  logic signed [Wx-1:0] x_i,
   input  logic signed [F+1:0] l_i,
-  input  logic signed [F+1:0] a_i,
+  input  logic signed [Wa-1:0] a_i,
   output logic signed [F+2:0] y_o
 );
   import optics_pkg::*;
@@ -31,8 +32,8 @@ module blend #(
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "blend: F must be 14 to 23");
   end
-  if (Wx < W || Wx > W + 2) begin : gen_illegal_width
-    $fatal(1, "blend: Wx must be F + 2 to F + 4");
+  if (Wx < W || Wx > W + 2 || Wa < W || Wa > Wx) begin : gen_illegal_width
+    $fatal(1, "blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx");
   end
 
   logic signed [Wp-1:0] kx, la, sum_q;
@@ -40,11 +41,11 @@ module blend #(
     .CrossCells(CrossCells), .Wa(Wx), .Wb(W), .Drop(Drop)
   ) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
   if (Second) begin : gen_second
-    logic signed [2*W-Drop-1:0] la_early;
+    logic signed [Wa+W-Drop-1:0] la_early;
     multiplier #(
-      .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
+      .CrossCells(CrossCells), .Wa(Wa), .Wb(W), .Drop(Drop)
     ) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la_early));
-    delay #(.Width(Wp), .Cycles(mul_latency(Wx, W) - mul_latency(W, W))) i_la_match (
+    delay #(.Width(Wp), .Cycles(mul_latency(Wx, W) - mul_latency(Wa, W))) i_la_match (
       .clk_i, .d_i(Wp'(la_early)), .q_o(la)
     );
   end else begin : gen_alone

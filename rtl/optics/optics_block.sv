@@ -21,7 +21,8 @@ module optics_block #(
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
@@ -108,6 +109,7 @@ module optics_block #(
   assign status.build.walk.next = 3'(Walk);
   assign status.build.cross_cells.next = CrossCells;
   assign status.build.converge.next = Converge;
+  assign status.build.shear.next = Shear;
   assign status.status.busy.next = busy || apply_q;
   assign status.status.running.next = running || start_q;
   assign status.status.refused.next = refused;
@@ -138,9 +140,16 @@ module optics_block #(
     optics.cell_half = set.optics.cell_half.value.value;
     optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
     optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
+    optics.cell_half_y = set.optics.cell_half_y.value.value;
+    optics.cell_rise = set.optics.cell_rise.value.value;
     optics.converge_share = set.optics_converge.share.value.value;
     optics.converge_x = set.optics_converge.x.value.value;
     optics.converge_y = set.optics_converge.y.value.value;
+    optics.extent_i = set.optics_extent.i.value.value;
+    optics.extent_j = set.optics_extent.j.value.value;
+    optics.shear_x = set.optics_shear.x.value.value;
+    optics.shear_lean = set.optics_shear.lean.value.value;
+    optics.shear_row = set.optics_shear.row.value.value;
   end
 
   assign optics_o = optics;
@@ -200,7 +209,7 @@ module optics_block #(
   // ---- the optics ----
   ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge)
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
@@ -210,7 +219,7 @@ module optics_block #(
 
   // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
   // for each ray.
-  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge);
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
   localparam int AddressBits = $clog2(Latency + 16);
   logic unused_valid;
   fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (

@@ -79,12 +79,19 @@ package optics_pkg;
     logic signed [31:0] depth;           // far: zc = 1 - T/R
     logic signed [31:0] depth_rest;      // 1 - zc^2, F + 3 fraction bits
     logic signed [31:0] exit_z;          // F + 1 fraction bits: height of the last face, in radii
-    logic signed [31:0] cell_half;       // near: p / (2 R)
-    logic signed [31:0] cell_pitch_x;    // wide: p / R
+    logic signed [31:0] cell_half;       // near: px / (2 R)
+    logic signed [31:0] cell_pitch_x;    // wide: px / R
     logic signed [31:0] cell_pitch_y;    // wide: row distance / R
+    logic signed [31:0] cell_half_y;     // near: py / (2 R) (square)
+    logic signed [31:0] cell_rise;       // (sqrt(3)/2) px / py - s / 2, F + 1 bits, [-4, 4)
     logic signed [31:0] converge_share;  // s = D / (D + E), F + 11 fraction bits (Converge)
     logic signed [31:0] converge_x;      // -s A, F + 2 fraction bits
     logic signed [31:0] converge_y;
+    logic signed [31:0] extent_i;        // largest |2 i + j| (square: |2 i|), 14 bits
+    logic signed [31:0] extent_j;        // largest |j|, 13 bits
+    logic signed [31:0] shear_x;         // far: s row / px (Shear)
+    logic signed [31:0] shear_lean;      // wide: s
+    logic signed [31:0] shear_row;       // wide: x of the next row's lenslet / R
   } optics_config_t;
 
   /// Columns and rows of a panel: unsigned.
@@ -176,6 +183,11 @@ package optics_pkg;
     return grid == GridHex ? 4 : 1;
   endfunction
 
+  /// Latency of `extent`: sum, comparisons, their combination.
+  function automatic int extent_latency();
+    return 3;
+  endfunction
+
   function automatic int aim_latency(int grid);
     return lenslet_latency(grid) + 1;
   endfunction
@@ -185,9 +197,14 @@ package optics_pkg;
     return mul_latency(MulBits, f + 9) + 2;
   endfunction
 
+  /// Latency of `shear`.
+  function automatic int shear_latency(int f);
+    return mul_latency(f + 4, f + 4) + 2;
+  endfunction
+
   /// Bits of a pixel's point relative to its lenslet's centre: a wide word, [-2, 2), or [-8, 8).
-  function automatic int local_bits(int f, bit converge);
-    return f + (converge ? 4 : 2);
+  function automatic int local_bits(int f, bit converge, bit shear);
+    return f + (converge || shear ? 4 : 2);
   endfunction
 
   /// Latency of a sum of two products, one of wx bits and the others `wide` words, rounded.
@@ -214,8 +231,8 @@ package optics_pkg;
         + mul_latency(f + 4, f + 2) + 2;
   endfunction
 
-  function automatic int cell_step_latency(int grid, int f);
-    return (grid == GridHex ? mul_latency(f + 2, f + 2) + 2 : 0) + 2;
+  function automatic int cell_step_latency(int grid, int f, bit shear);
+    return (grid == GridHex || shear ? mul_latency(f + 2, f + 2) + 2 : 0) + 2;
   endfunction
 
   /// Latency of `leave_dome` and of `enter_dome` up to the factor of the normal.
@@ -236,31 +253,32 @@ package optics_pkg;
   endfunction
 
   /// Cycles from the point on the panel to the slope and the point on the first face.
-  function automatic int slope_latency(int f, bit converge);
-    return 1 + blend_latency(f, local_bits(f, converge));
+  function automatic int slope_latency(int f, bit converge, bit shear);
+    return 1 + blend_latency(f, local_bits(f, converge, shear));
   endfunction
 
   /// Cycles from the pixel to the lenslet aimed at, and to the pixel's point relative to it.
-  function automatic int lens_latency(int f, int grid, bit aims, bit converge);
+  function automatic int lens_latency(int f, int grid, bit aims, bit converge, bit shear);
     return pixel_latency() + lenslet_latency(grid) + (aims ? aim_latency(grid) : 0)
-        + (converge ? converge_latency(f) : 0);
+        + (converge ? converge_latency(f) : 0) + (shear ? shear_latency(f) : 0);
   endfunction
 
   /// Cycles for each further dome that is tried.
-  function automatic int walk_latency(int grid, int f);
-    return meet_dome_latency(f) + cell_step_latency(grid, f) + 2;
+  function automatic int walk_latency(int grid, int f, bit shear);
+    return meet_dome_latency(f) + cell_step_latency(grid, f, shear) + 2;
   endfunction
 
   /// Latency of `ray_pipeline`.
   function automatic int ray_latency(
-      int f, int grid, int model, bit viewer, bit aims, int walk, bit converge);
+      int f, int grid, int model, bit viewer, bit aims, int walk, bit converge, bit shear);
     int before_dome, after_dome;
-    before_dome = lens_latency(f, grid, aims, converge) + slope_latency(f, converge)
-        + unit_latency(f);
+    before_dome = lens_latency(f, grid, aims, converge, shear)
+        + slope_latency(f, converge, shear) + unit_latency(f);
     if (model != ModelExact) return before_dome + 2;
     if (!viewer) before_dome += enter_flat_latency(f);
     after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 1);
-    return before_dome + walk * walk_latency(grid, f) + meet_dome_latency(f) + after_dome + 2;
+    return before_dome + walk * walk_latency(grid, f, shear) + meet_dome_latency(f) + after_dome
+        + 2;
   endfunction
 
   /* verilator lint_on UNUSEDPARAM */

@@ -16,7 +16,8 @@ module ray_lenslet #(
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
@@ -46,7 +47,7 @@ module ray_lenslet #(
 );
   import optics_pkg::*;
 
-  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge);
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
   localparam int AddressBits = $clog2(Latency + 16);
   localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
 
@@ -70,7 +71,7 @@ module ray_lenslet #(
   status_e status;
   ray_pipeline #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge)
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_pipeline (
     .clk_i, .config_i(used), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
     .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),

@@ -2,7 +2,8 @@
 
 /// All steps of a ray, from pixel to exit ray: one ray every clock, without stalls.
 ///
-///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> (converge) -> blend, unit_slope ->
+///   pixel_to_panel -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear) ->
+///   blend, unit_slope ->
 ///     pinhole, paraxial:              the slope is the exit ray's
 ///     exact, plano side to the panel:  enter_flat -> meet_dome -> leave_dome
 ///     exact, plano side to the viewer: meet_dome -> enter_dome -> leave_flat
@@ -17,8 +18,11 @@
 /// Logic that a Model or an orientation does not use is not built. Walk is the number of further
 /// domes tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
 /// A ray that leaves the dome downward is blocked; neighbouring domes are not checked again.
-/// Converge is for displays whose pixels belong to the lenslet through which a near eye sees them.
-/// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge).
+/// Blocked are also rays of a pixel whose lenslet the array does not have, and rays that would leave
+/// through such a lenslet, whatever else becomes of them.
+/// Converge is for displays whose pixels belong to the lenslet through which a near eye sees them,
+/// Shear for lattices whose rows are moved by a share of their height.
+/// Latency ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear).
 module ray_pipeline #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
@@ -27,7 +31,8 @@ module ray_pipeline #(
   parameter bit Viewer = 1'b0,  // plano side to the viewer
   parameter bit Aims = 1'b0,    // rays aim at aperture points
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0  // elemental images converge on a near eye
+  parameter bit Converge = 1'b0,  // elemental images converge on a near eye
+  parameter bit Shear = 1'b0      // the lattice may be sheared
 ) (
   input  logic                                     clk_i,
   input  optics_pkg::optics_config_t               config_i,
@@ -104,7 +109,7 @@ module ray_pipeline #(
   end
 
   // ---- aperture point ----
-  localparam int AimAt = lens_latency(F, Grid, Aims, 1'b0);
+  localparam int AimAt = lens_latency(F, Grid, Aims, 1'b0, 1'b0);
   logic signed [IndexBits-1:0] aim_i, aim_j;
   logic signed [W-1:0] aim_x, aim_y, aim_a, aim_b;
   logic aim_stray, aim_beyond;
@@ -129,14 +134,15 @@ module ray_pipeline #(
   end
 
   // ---- the pixel relative to that lenslet ----
-  localparam int LensAt = lens_latency(F, Grid, Aims, Converge);
-  localparam int Wx = local_bits(F, Converge);
-  logic signed [IndexBits-1:0] lens_i, lens_j;
-  logic signed [W-1:0] a, b;
-  logic signed [Wx-1:0] x, y;
-  logic stray, beyond;
-  delay #(.Width(2 * IndexBits + 2 * W + 1), .Cycles(LensAt - AimAt)) i_lens_match (
-    .clk_i, .d_i({aim_i, aim_j, aim_a, aim_b, aim_stray}), .q_o({lens_i, lens_j, a, b, stray})
+  localparam int LocalAt = lens_latency(F, Grid, Aims, Converge, 1'b0);
+  localparam int Wc = local_bits(F, Converge, 1'b0);
+  logic signed [IndexBits-1:0] local_i, local_j;
+  logic signed [W-1:0] local_a, local_b;
+  logic signed [Wc-1:0] local_x, local_y;
+  logic local_stray, local_beyond;
+  delay #(.Width(2 * IndexBits + 2 * W + 1), .Cycles(LocalAt - AimAt)) i_local_match (
+    .clk_i, .d_i({aim_i, aim_j, aim_a, aim_b, aim_stray}),
+    .q_o({local_i, local_j, local_a, local_b, local_stray})
   );
   if (Converge) begin : gen_converge
     logic outside, beyond_late;
@@ -144,22 +150,80 @@ module ray_pipeline #(
       .clk_i, .i_i(aim_i), .j_i(aim_j), .x_i(aim_x), .y_i(aim_y),
       .share_i(config_i.converge_share[F+8:0]),
       .offset_x_i(config_i.converge_x[F+8:0]), .offset_y_i(config_i.converge_y[F+8:0]),
-      .x_o(x), .y_o(y), .beyond_o(outside)
+      .x_o(local_x), .y_o(local_y), .beyond_o(outside)
     );
-    delay #(.Width(1), .Cycles(LensAt - AimAt)) i_beyond_match (
+    delay #(.Width(1), .Cycles(LocalAt - AimAt)) i_beyond_match (
       .clk_i, .d_i(aim_beyond), .q_o(beyond_late)
     );
-    assign beyond = beyond_late || outside;
+    assign local_beyond = beyond_late || outside;
   end else begin : gen_parallel
-    assign {x, y, beyond} = {aim_x, aim_y, aim_beyond};
+    assign {local_x, local_y, local_beyond} = {aim_x, aim_y, aim_beyond};
+  end
+
+  // ---- along the rows: pixel and aperture point upright ----
+  localparam int LensAt = lens_latency(F, Grid, Aims, Converge, Shear);
+  localparam int Wx = local_bits(F, Converge, Shear);
+  localparam int Wa = local_bits(F, 1'b0, Shear);
+  logic signed [IndexBits-1:0] lens_i, lens_j;
+  logic signed [Wa-1:0] a, b;
+  logic signed [Wx-1:0] x, y;
+  logic stray, beyond;
+  if (Shear) begin : gen_shear
+    logic signed [W-1:0] b_late;
+    logic signed [Wc-1:0] y_late;
+    logic outside_x, outside_a, beyond_late;
+    delay #(.Width(2 * IndexBits + Wc + W + 2), .Cycles(LensAt - LocalAt)) i_lens_match (
+      .clk_i, .d_i({local_i, local_j, local_y, local_b, local_stray, local_beyond}),
+      .q_o({lens_i, lens_j, y_late, b_late, stray, beyond_late})
+    );
+    shear #(.F(F), .CrossCells(CrossCells), .Wx(Wc)) i_shear_x (
+      .clk_i, .x_i(local_x), .y_i(local_y), .g_i(config_i.shear_x[F+3:0]),
+      .x_o(x), .beyond_o(outside_x)
+    );
+    if (Aims) begin : gen_aimed
+      shear #(.F(F), .CrossCells(CrossCells), .Wx(W)) i_shear_a (
+        .clk_i, .x_i(local_a), .y_i(local_b), .g_i(config_i.shear_x[F+3:0]),
+        .x_o(a), .beyond_o(outside_a)
+      );
+    end else begin : gen_centre
+      assign a = '0;
+      assign outside_a = 1'b0;
+      logic unused_a;
+      assign unused_a = ^local_a;
+    end
+    assign y = Wx'(y_late);
+    assign b = Wa'(b_late);
+    assign beyond = beyond_late || outside_x || outside_a;
+  end else begin : gen_upright
+    assign {lens_i, lens_j, a, b, stray, beyond} =
+        {local_i, local_j, local_a, local_b, local_stray, local_beyond};
+    assign {x, y} = {local_x, local_y};
+  end
+
+  // ---- lenslets that the array has: the pixel's ----
+  // Where rays do not leave their lenslet the test of the exit's is enough.
+  localparam bit Elsewhere = Aims || Walk > 0;
+  localparam int OwnAt = pixel_latency() + lenslet_latency(Grid);
+  logic own_missing;
+  if (Elsewhere) begin : gen_own_extent
+    logic missing;
+    extent #(.Grid(Grid)) i_extent (
+      .clk_i, .i_i(own_i), .j_i(own_j), .along_i(config_i.extent_i[IndexBits+1:0]),
+      .across_i(config_i.extent_j[IndexBits:0]), .missing_o(missing)
+    );
+    delay #(.Width(1), .Cycles(LensAt - OwnAt)) i_own_match (
+      .clk_i, .d_i(missing), .q_o(own_missing)
+    );
+  end else begin : gen_exit_extent
+    assign own_missing = 1'b0;
   end
 
   // ---- slope of the ray, and its point on the first face ----
-  localparam int SlopeAt = LensAt + slope_latency(F, Converge);
+  localparam int SlopeAt = LensAt + slope_latency(F, Converge, Shear);
   // The exact slope follows from a - x; otherwise there is a coefficient for each of a and x.
   localparam bit Difference = Model == ModelExact && !Converge;
   logic signed [Wx:0] towards_x_d, towards_y_d;
-  logic signed [W-1:0] a_q, b_q;
+  logic signed [Wa-1:0] a_q, b_q;
   logic signed [Wx-1:0] x_q, y_q, from_x_q, from_y_q;
   logic stray_q, beyond_q;
   assign towards_x_d = (Wx + 1)'(a) - (Wx + 1)'(x);
@@ -174,11 +238,11 @@ module ray_pipeline #(
 
   localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
   logic signed [Wh-1:0] mx, my, hx, hy;
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx)) i_mx (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_mx (
     .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
     .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx)
   );
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx)) i_my (
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_my (
     .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
     .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my)
   );
@@ -188,11 +252,11 @@ module ray_pipeline #(
     logic unused_point;
     assign unused_point = ^{x_q, y_q};
   end else begin : gen_point
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx)) i_hx (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa)) i_hx (
       .clk_i, .k_i(config_i.point_x[W-1:0]), .x_i(x_q),
       .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx)
     );
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx)) i_hy (
+    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa)) i_hy (
       .clk_i, .k_i(config_i.point_y[W-1:0]), .x_i(y_q),
       .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy)
     );
@@ -207,21 +271,26 @@ module ray_pipeline #(
   assign unused_slope = mx[Wh-1] ^ my[Wh-1];
 
   // ---- delays to the end of the pipeline ----
-  localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge) - 2;
-  logic stray_late, beyond_late;
-  delay #(.Width(2), .Cycles(OutAt - LensAt - 1)) i_flags (
-    .clk_i, .d_i({stray_q, beyond_q}), .q_o({stray_late, beyond_late})
+  localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) - 2;
+  logic stray_after, beyond_after, stray_late, beyond_late, own_missing_late;
+  delay #(.Width(2), .Cycles(extent_latency() - 1)) i_flags_match (
+    .clk_i, .d_i({stray_q, beyond_q}), .q_o({stray_after, beyond_after})
+  );
+  delay #(.Width(3), .Cycles(OutAt - LensAt - extent_latency())) i_flags (
+    .clk_i, .d_i({stray_after, beyond_after, own_missing}),
+    .q_o({stray_late, beyond_late, own_missing_late})
   );
 
   // ---- through the lenslet ----
-  logic signed [IndexBits-1:0] out_i, out_j;
+  localparam int Early = extent_latency() - 1;  // so that the test ends a clock after OutAt
+  logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // the former before the others
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
   logic out_missed, out_reflected, out_crosstalk;
 
   if (Model != ModelExact) begin : gen_ideal
-    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt)) i_lens (
-      .clk_i, .d_i({lens_i, lens_j}), .q_o({out_i, out_j})
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt - Early)) i_lens (
+      .clk_i, .d_i({lens_i, lens_j}), .q_o({early_i, early_j})
     );
     logic signed [Wh-1:0] hx_late, hy_late;
     delay #(.Width(2 * Wh), .Cycles(unit_latency(F))) i_h (
@@ -250,8 +319,8 @@ module ray_pipeline #(
     end
 
     // ---- further domes ----
-    localparam int StepLatency = cell_step_latency(Grid, F);
-    localparam int WalkLatency = walk_latency(Grid, F);
+    localparam int StepLatency = cell_step_latency(Grid, F, Shear);
+    localparam int WalkLatency = walk_latency(Grid, F, Shear);
     localparam int MeetLatency = meet_dome_latency(F);
     localparam int LastAt = FirstAt + Walk * WalkLatency;  // the last dome's test starts here
     logic [Walk:0][Wh-1:0] walk_hx, walk_hy;
@@ -280,16 +349,19 @@ module ray_pipeline #(
         logic signed [Wh-1:0] hx_late, hy_late;
         logic signed [IndexBits-1:0] i_late, j_late;
         logic unused_inside;
-        cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
+        cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid), .Shear(Shear)) i_cell_step (
           .clk_i, .nx_i(walk_nx[k]), .ny_i(walk_ny[k]), .half_i(config_i.cell_half[W-1:0]),
+          .half_y_i(config_i.cell_half_y[W-1:0]), .rise_i(config_i.cell_rise[Wf-1:0]),
+          .shear_i(config_i.shear_lean[W-1:0]),
           .di_o(di), .dj_o(dj), .inside_o(unused_inside)
         );
         delay #(.Width(2 * Wh), .Cycles(MeetLatency + StepLatency)) i_h_late (
           .clk_i, .d_i({walk_hx[k], walk_hy[k]}), .q_o({hx_late, hy_late})
         );
-        move_lenslet #(.F(F), .Grid(Grid)) i_move_lenslet (
+        move_lenslet #(.F(F), .Grid(Grid), .Shear(Shear)) i_move_lenslet (
           .clk_i, .hx_i(hx_late), .hy_i(hy_late), .di_i(di), .dj_i(dj),
           .cx_i(config_i.cell_pitch_x[W-1:0]), .cy_i(config_i.cell_pitch_y[W-1:0]),
+          .rx_i(config_i.shear_row[W-1:0]),
           .hx_o(walk_hx[k+1]), .hy_o(walk_hy[k+1])
         );
         delay #(.Width(2 * IndexBits), .Cycles(MeetLatency + StepLatency)) i_lens_late (
@@ -322,8 +394,10 @@ module ray_pipeline #(
     if (Strays) begin : gen_inside
       logic settled;
       logic [1:0] unused_di, unused_dj;
-      cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid)) i_cell_step (
+      cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid), .Shear(Shear)) i_cell_step (
         .clk_i, .nx_i(nx), .ny_i(ny), .half_i(config_i.cell_half[W-1:0]),
+        .half_y_i(config_i.cell_half_y[W-1:0]), .rise_i(config_i.cell_rise[Wf-1:0]),
+        .shear_i(config_i.shear_lean[W-1:0]),
         .di_o(unused_di), .dj_o(unused_dj), .inside_o(settled)
       );
       delay #(.Width(1), .Cycles(OutAt - DomeAt - StepLatency)) i_inside (
@@ -338,8 +412,8 @@ module ray_pipeline #(
       .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_early)
     );
     always_ff @(posedge clk_i) missed_late <= missed_early;
-    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt)) i_lens_out (
-      .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({out_i, out_j})
+    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt - Early)) i_lens_out (
+      .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({early_i, early_j})
     );
 
     if (Viewer) begin : gen_viewer
@@ -402,7 +476,7 @@ module ray_pipeline #(
     logic signed [IndexBits-1:0] own_i_late, own_j_late;
     if (Walk > 0) begin : gen_own_late
       delay #(
-        .Width(2 * IndexBits), .Cycles(OutAt - pixel_latency() - lenslet_latency(Grid))
+        .Width(2 * IndexBits), .Cycles(OutAt - OwnAt)
       ) i_own (
         .clk_i, .d_i({own_i, own_j}), .q_o({own_i_late, own_j_late})
       );
@@ -416,19 +490,31 @@ module ray_pipeline #(
     assign unused_late = stray_late ^ beyond_late ^ (^{own_i_late, own_j_late});
   end
 
+  // ---- lenslets that the array has: the exit's ----
+  logic exit_missing, own_missing_q;
+  extent #(.Grid(Grid)) i_extent (
+    .clk_i, .i_i(early_i), .j_i(early_j), .along_i(config_i.extent_i[IndexBits+1:0]),
+    .across_i(config_i.extent_j[IndexBits:0]), .missing_o(exit_missing)
+  );
+  delay #(.Width(2 * IndexBits), .Cycles(Early)) i_out_match (
+    .clk_i, .d_i({early_i, early_j}), .q_o({out_i, out_j})
+  );
+
   // ---- exit ray, and its status ----
   logic signed [IndexBits-1:0] i_q, j_q;
   logic signed [Wf-1:0] x_q2, y_q2, z_q2;
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
   logic missed_q, reflected_q, blocked_q, crosstalk_q;
   always_ff @(posedge clk_i) begin
+    own_missing_q <= own_missing_late;
     {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2} <=
         {out_i, out_j, out_x, out_y, out_z, out_dx, out_dy, out_dz};
     {missed_q, reflected_q, blocked_q, crosstalk_q} <=
         {out_missed, out_reflected, out_dz[W-1], out_crosstalk};
     {i_o, j_o, x_o, y_o, z_o, dx_o, dy_o, dz_o} <=
         {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2};
-    if (missed_q) status_o <= StatusMissed;
+    if (own_missing_q || exit_missing) status_o <= StatusBlocked;
+    else if (missed_q) status_o <= StatusMissed;
     else if (reflected_q) status_o <= StatusInternalReflection;
     else if (blocked_q || dz_q2 == '0) status_o <= StatusBlocked;
     else if (crosstalk_q) status_o <= StatusCrosstalk;

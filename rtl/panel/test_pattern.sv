@@ -19,7 +19,8 @@
 ///
 ///   |yv x - xv y| <= 17/32 det,  |xu y - yu x| <= 17/32 det,  det = xu yv - xv yu
 ///
-/// where the right side is floor(det/2) + floor(det/32). Other patterns, and off, are black.
+/// where the right side is floor(det/2) + floor(det/32). Where the array has no lenslet these three
+/// patterns are black. Other patterns, and off, are black.
 /// Latency pattern_latency(Grid); pattern_i and optics_i must not change within a frame.
 module test_pattern #(
   parameter int Width = 640,
@@ -41,7 +42,7 @@ module test_pattern #(
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   localparam int SideBits = $clog2(Tile);
 
-  logic unused_optics;  // all fields but the affine map
+  logic unused_optics;  // all fields but the affine map and the extent
   assign unused_optics = ^optics_i;
 
   // ---- checker and ramp, delayed to match the others ----
@@ -80,6 +81,15 @@ module test_pattern #(
     );
     assign side_y = y;
   end
+
+  logic missing, missing_late;
+  extent #(.Grid(Grid)) i_extent (
+    .clk_i, .i_i(i), .j_i(j), .along_i(optics_i.extent_i[IndexBits+1:0]),
+    .across_i(optics_i.extent_j[IndexBits:0]), .missing_o(missing)
+  );
+  delay #(.Width(1), .Cycles(MulLatency + 2 - extent_latency())) i_missing (
+    .clk_i, .d_i(missing), .q_o(missing_late)
+  );
 
   // ---- single lens and view numbers ----
   /// 256 (side + 1/2), cut to 0 .. 255.
@@ -136,9 +146,9 @@ module test_pattern #(
   // ---- the selected pattern ----
   always_ff @(posedge clk_i) begin
     unique case (pattern_i.kind)
-      PatternLens: rgb_o <= {24{lens_late}};
-      PatternCentres: rgb_o <= {24{centre_q}};
-      PatternViews: rgb_o <= {view_late, 8'd0};
+      PatternLens: rgb_o <= {24{lens_late && !missing_late}};
+      PatternCentres: rgb_o <= {24{centre_q && !missing_late}};
+      PatternViews: rgb_o <= missing_late ? '0 : {view_late, 8'd0};
       PatternChecker: rgb_o <= {24{check_late}};
       PatternRamp: rgb_o <= {3{ramp_late}};
       default: rgb_o <= '0;

@@ -6,10 +6,8 @@ package board_map_pkg;
       [10'h018:10'h01C],
       [10'h20C:10'h20C],
       [10'h214:10'h214],
-      [10'h240:10'h2B4],
-      [10'h2C0:10'h2D0],
-      [10'h2E0:10'h2E8],
-      [10'h300:10'h3FC]
+      [10'h240:10'h2D0],
+      [10'h2E0:10'h3FC]
     };
   endfunction
 endpackage

@@ -114,6 +114,8 @@ module optics_registers (
             logic cell_half;
             logic cell_pitch_x;
             logic cell_pitch_y;
+            logic cell_half_y;
+            logic cell_rise;
         } optics;
         struct {
             logic columns;
@@ -127,6 +129,15 @@ module optics_registers (
             logic x;
             logic y;
         } optics_converge;
+        struct {
+            logic i;
+            logic j;
+        } optics_extent;
+        struct {
+            logic x;
+            logic lean;
+            logic row;
+        } optics_shear;
     } decoded_reg_strb_t;
     decoded_reg_strb_t decoded_reg_strb;
     logic decoded_err;
@@ -249,6 +260,12 @@ module optics_registers (
         decoded_reg_strb.optics.cell_pitch_y = cpuif_req_masked & (cpuif_addr == 8'hb4);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hb4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hb4);
+        decoded_reg_strb.optics.cell_half_y = cpuif_req_masked & (cpuif_addr == 8'hb8);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hb8);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hb8);
+        decoded_reg_strb.optics.cell_rise = cpuif_req_masked & (cpuif_addr == 8'hbc);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hbc);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hbc);
         decoded_reg_strb.raster.columns = cpuif_req_masked & (cpuif_addr == 8'hc0);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hc0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hc0);
@@ -273,6 +290,21 @@ module optics_registers (
         decoded_reg_strb.optics_converge.y = cpuif_req_masked & (cpuif_addr == 8'he8);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he8);
+        decoded_reg_strb.optics_extent.i = cpuif_req_masked & (cpuif_addr == 8'hec);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hec);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hec);
+        decoded_reg_strb.optics_extent.j = cpuif_req_masked & (cpuif_addr == 8'hf0);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf0);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf0);
+        decoded_reg_strb.optics_shear.x = cpuif_req_masked & (cpuif_addr == 8'hf4);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf4);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf4);
+        decoded_reg_strb.optics_shear.lean = cpuif_req_masked & (cpuif_addr == 8'hf8);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf8);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf8);
+        decoded_reg_strb.optics_shear.row = cpuif_req_masked & (cpuif_addr == 8'hfc);
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hfc);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hfc);
         decoded_err = (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & decoded_req;
     end
 
@@ -484,6 +516,18 @@ module optics_registers (
                     logic load_next;
                 } value;
             } cell_pitch_y;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } cell_half_y;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } cell_rise;
         } optics;
         struct {
             struct {
@@ -557,6 +601,40 @@ module optics_registers (
                 } value;
             } y;
         } optics_converge;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } i;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } j;
+        } optics_extent;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } x;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } lean;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                } value;
+            } row;
+        } optics_shear;
     } field_combo_t;
     field_combo_t field_combo;
 
@@ -725,6 +803,16 @@ module optics_registers (
                     logic [31:0] value;
                 } value;
             } cell_pitch_y;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } cell_half_y;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } cell_rise;
         } optics;
         struct {
             struct {
@@ -785,6 +873,35 @@ module optics_registers (
                 } value;
             } y;
         } optics_converge;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } i;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } j;
+        } optics_extent;
+        struct {
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } x;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } lean;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } value;
+            } row;
+        } optics_shear;
     } field_storage_t;
     field_storage_t field_storage;
 
@@ -1553,6 +1670,52 @@ module optics_registers (
         end
     end
     assign hwif_out.optics.cell_pitch_y.value.value = field_storage.optics.cell_pitch_y.value.value;
+    // Field: optics_registers.optics.cell_half_y.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics.cell_half_y.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics.cell_half_y && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics.cell_half_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics.cell_half_y.value.next = next_c;
+        field_combo.optics.cell_half_y.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics.cell_half_y.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics.cell_half_y.value.load_next) begin
+                field_storage.optics.cell_half_y.value.value <= field_combo.optics.cell_half_y.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics.cell_half_y.value.value = field_storage.optics.cell_half_y.value.value;
+    // Field: optics_registers.optics.cell_rise.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics.cell_rise.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics.cell_rise && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics.cell_rise.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics.cell_rise.value.next = next_c;
+        field_combo.optics.cell_rise.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics.cell_rise.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics.cell_rise.value.load_next) begin
+                field_storage.optics.cell_rise.value.value <= field_combo.optics.cell_rise.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics.cell_rise.value.value = field_storage.optics.cell_rise.value.value;
     // Field: optics_registers.raster.columns.first
     always_comb begin
         automatic logic [13:0] next_c;
@@ -1852,6 +2015,121 @@ module optics_registers (
         end
     end
     assign hwif_out.optics_converge.y.value.value = field_storage.optics_converge.y.value.value;
+    // Field: optics_registers.optics_extent.i.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_extent.i.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_extent.i && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_extent.i.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_extent.i.value.next = next_c;
+        field_combo.optics_extent.i.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_extent.i.value.value <= 32'h1fff;
+        end else begin
+            if(field_combo.optics_extent.i.value.load_next) begin
+                field_storage.optics_extent.i.value.value <= field_combo.optics_extent.i.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_extent.i.value.value = field_storage.optics_extent.i.value.value;
+    // Field: optics_registers.optics_extent.j.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_extent.j.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_extent.j && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_extent.j.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_extent.j.value.next = next_c;
+        field_combo.optics_extent.j.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_extent.j.value.value <= 32'hfff;
+        end else begin
+            if(field_combo.optics_extent.j.value.load_next) begin
+                field_storage.optics_extent.j.value.value <= field_combo.optics_extent.j.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_extent.j.value.value = field_storage.optics_extent.j.value.value;
+    // Field: optics_registers.optics_shear.x.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_shear.x.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_shear.x && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_shear.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_shear.x.value.next = next_c;
+        field_combo.optics_shear.x.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_shear.x.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_shear.x.value.load_next) begin
+                field_storage.optics_shear.x.value.value <= field_combo.optics_shear.x.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_shear.x.value.value = field_storage.optics_shear.x.value.value;
+    // Field: optics_registers.optics_shear.lean.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_shear.lean.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_shear.lean && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_shear.lean.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_shear.lean.value.next = next_c;
+        field_combo.optics_shear.lean.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_shear.lean.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_shear.lean.value.load_next) begin
+                field_storage.optics_shear.lean.value.value <= field_combo.optics_shear.lean.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_shear.lean.value.value = field_storage.optics_shear.lean.value.value;
+    // Field: optics_registers.optics_shear.row.value
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.optics_shear.row.value.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.optics_shear.row && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.optics_shear.row.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            load_next_c = '1;
+        end
+        field_combo.optics_shear.row.value.next = next_c;
+        field_combo.optics_shear.row.value.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.optics_shear.row.value.value <= 32'h0;
+        end else begin
+            if(field_combo.optics_shear.row.value.load_next) begin
+                field_storage.optics_shear.row.value.value <= field_combo.optics_shear.row.value.next;
+            end
+        end
+    end
+    assign hwif_out.optics_shear.row.value.value = field_storage.optics_shear.row.value.value;
 
     //--------------------------------------------------------------------------
     // Write response
@@ -1886,8 +2164,8 @@ module optics_registers (
             readback_data_var[ad_hi(8'h0)][31:0] = 32'h4c495050;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h4)) begin
-            readback_data_var[ad_hi(8'h4)][15:0] = 16'h1;
-            readback_data_var[ad_hi(8'h4)][31:16] = 16'h1;
+            readback_data_var[ad_hi(8'h4)][15:0] = 16'h0;
+            readback_data_var[ad_hi(8'h4)][31:16] = 16'h2;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h8)) begin
             readback_data_var[ad_hi(8'h8)][4:0] = hwif_in.build.fraction_bits.next;
@@ -1898,6 +2176,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h8)][12:10] = hwif_in.build.walk.next;
             readback_data_var[ad_hi(8'h8)][13] = hwif_in.build.cross_cells.next;
             readback_data_var[ad_hi(8'h8)][14] = hwif_in.build.converge.next;
+            readback_data_var[ad_hi(8'h8)][15] = hwif_in.build.shear.next;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h10)) begin
             readback_data_var[ad_hi(8'h10)][0] = hwif_in.status.busy.next;
@@ -1997,6 +2276,12 @@ module optics_registers (
         if(ad_low(rd_mux_addr) == ad_low(8'hb4)) begin
             readback_data_var[ad_hi(8'hb4)][31:0] = field_storage.optics.cell_pitch_y.value.value;
         end
+        if(ad_low(rd_mux_addr) == ad_low(8'hb8)) begin
+            readback_data_var[ad_hi(8'hb8)][31:0] = field_storage.optics.cell_half_y.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hbc)) begin
+            readback_data_var[ad_hi(8'hbc)][31:0] = field_storage.optics.cell_rise.value.value;
+        end
         if(ad_low(rd_mux_addr) == ad_low(8'hc0)) begin
             readback_data_var[ad_hi(8'hc0)][13:0] = field_storage.raster.columns.first.value;
             readback_data_var[ad_hi(8'hc0)][29:16] = field_storage.raster.columns.last.value;
@@ -2025,6 +2310,21 @@ module optics_registers (
         end
         if(ad_low(rd_mux_addr) == ad_low(8'he8)) begin
             readback_data_var[ad_hi(8'he8)][31:0] = field_storage.optics_converge.y.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hec)) begin
+            readback_data_var[ad_hi(8'hec)][31:0] = field_storage.optics_extent.i.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hf0)) begin
+            readback_data_var[ad_hi(8'hf0)][31:0] = field_storage.optics_extent.j.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hf4)) begin
+            readback_data_var[ad_hi(8'hf4)][31:0] = field_storage.optics_shear.x.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hf8)) begin
+            readback_data_var[ad_hi(8'hf8)][31:0] = field_storage.optics_shear.lean.value.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(8'hfc)) begin
+            readback_data_var[ad_hi(8'hfc)][31:0] = field_storage.optics_shear.row.value.value;
         end
         readback_data_rt_c = readback_data_var;
     end

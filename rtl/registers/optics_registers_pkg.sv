@@ -6,7 +6,7 @@ package optics_registers_pkg;
 
     localparam OPTICS_REGISTERS_DATA_WIDTH = 32;
     localparam OPTICS_REGISTERS_MIN_ADDR_WIDTH = 8;
-    localparam OPTICS_REGISTERS_SIZE = 'hec;
+    localparam OPTICS_REGISTERS_SIZE = 'h100;
 
     typedef struct {
         logic [4:0] next;
@@ -41,6 +41,10 @@ package optics_registers_pkg;
     } optics_registers__build__converge__in_t;
 
     typedef struct {
+        logic next;
+    } optics_registers__build__shear__in_t;
+
+    typedef struct {
         optics_registers__build__fraction_bits__in_t fraction_bits;
         optics_registers__build__grid__in_t grid;
         optics_registers__build__model__in_t model;
@@ -49,6 +53,7 @@ package optics_registers_pkg;
         optics_registers__build__walk__in_t walk;
         optics_registers__build__cross_cells__in_t cross_cells;
         optics_registers__build__converge__in_t converge;
+        optics_registers__build__shear__in_t shear;
     } optics_registers__build__in_t;
 
     typedef struct {
@@ -336,6 +341,22 @@ package optics_registers_pkg;
     } optics_registers__optics__cell_pitch_y__out_t;
 
     typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics__cell_half_y__value__out_t;
+
+    typedef struct {
+        optics_registers__optics__cell_half_y__value__out_t value;
+    } optics_registers__optics__cell_half_y__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics__cell_rise__value__out_t;
+
+    typedef struct {
+        optics_registers__optics__cell_rise__value__out_t value;
+    } optics_registers__optics__cell_rise__out_t;
+
+    typedef struct {
         optics_registers__optics__x_from_u_low__out_t x_from_u_low;
         optics_registers__optics__x_from_u_high__out_t x_from_u_high;
         optics_registers__optics__x_from_v_low__out_t x_from_v_low;
@@ -366,6 +387,8 @@ package optics_registers_pkg;
         optics_registers__optics__cell_half__out_t cell_half;
         optics_registers__optics__cell_pitch_x__out_t cell_pitch_x;
         optics_registers__optics__cell_pitch_y__out_t cell_pitch_y;
+        optics_registers__optics__cell_half_y__out_t cell_half_y;
+        optics_registers__optics__cell_rise__out_t cell_rise;
     } optics_registers__optics__out_t;
 
     typedef struct {
@@ -472,11 +495,64 @@ package optics_registers_pkg;
     } optics_registers__optics_converge__out_t;
 
     typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_extent__i__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_extent__i__value__out_t value;
+    } optics_registers__optics_extent__i__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_extent__j__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_extent__j__value__out_t value;
+    } optics_registers__optics_extent__j__out_t;
+
+    typedef struct {
+        optics_registers__optics_extent__i__out_t i;
+        optics_registers__optics_extent__j__out_t j;
+    } optics_registers__optics_extent__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_shear__x__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_shear__x__value__out_t value;
+    } optics_registers__optics_shear__x__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_shear__lean__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_shear__lean__value__out_t value;
+    } optics_registers__optics_shear__lean__out_t;
+
+    typedef struct {
+        logic signed [31:0] value;
+    } optics_registers__optics_shear__row__value__out_t;
+
+    typedef struct {
+        optics_registers__optics_shear__row__value__out_t value;
+    } optics_registers__optics_shear__row__out_t;
+
+    typedef struct {
+        optics_registers__optics_shear__x__out_t x;
+        optics_registers__optics_shear__lean__out_t lean;
+        optics_registers__optics_shear__row__out_t row;
+    } optics_registers__optics_shear__out_t;
+
+    typedef struct {
         optics_registers__control__out_t control;
         optics_registers__source__out_t source;
         optics_registers__optics__out_t optics;
         optics_registers__raster__out_t raster;
         optics_registers__optics_converge__out_t optics_converge;
+        optics_registers__optics_extent__out_t optics_extent;
+        optics_registers__optics_shear__out_t optics_shear;
     } optics_registers__out_t;
 
     typedef enum logic {

@@ -8,11 +8,12 @@ module latency #(
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
 );
 
   $info("ray_latency = %0d",
-        optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge));
+        optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear));
 
 endmodule
 

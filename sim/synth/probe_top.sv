@@ -12,7 +12,8 @@ module probe_top #(
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
-  parameter bit Converge = 1'b0
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
 ) (
   input  logic clk_i,
   input  logic rst_ni,
@@ -50,7 +51,7 @@ module probe_top #(
 
   ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge)
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .ray_valid_i(valid_q), .ray_ready_o(ready),

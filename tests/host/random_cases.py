@@ -6,6 +6,7 @@ The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from lippmann.display import NEAREST_EYE, Array, Display, Grid, Panel
@@ -15,31 +16,54 @@ from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
-#: The largest distance of random aims from their lenslet's centre, in pitches: the corner of [-3/4, 3/4]^2.
-REACH = 1.07
+#: The largest coordinates of random aims, in pitches and rows.
+AIMS = 0.75
 
 
-def random_display(random: np.random.Generator, grid: Grid, viewer: bool, converge: bool = False) -> Display:
+def reach_mm(array: Array) -> float:
+    """Return the largest distance of random aims from their lenslet's centre, in [-AIMS, AIMS]^2."""
+    row = array.row_pitch_mm
+    return 1.01 * AIMS * float(np.hypot(array.pitches_mm[0] + abs(array.shear) * row, row))
+
+
+def random_lattice(random: np.random.Generator, pitch: float, shear: bool) -> dict[str, Any]:
+    """Return the keys of a random lattice: one pitch, two close ones, or any two; with `shear` a shear up to 1."""
+    ratio = np.exp(random.choice([0.0, 0.0, 0.001, 1.0]) * random.uniform(-np.log(4.0), np.log(4.0)))
+    lattice: dict[str, Any] = {"pitch_mm": (pitch, float(pitch * ratio)) if ratio != 1.0 else pitch}
+    if shear:
+        lattice["shear"] = float(random.choice([0.0, 0.001, 0.3, 1.0, 1.0]) * random.uniform(-1.0, 1.0))
+    return lattice
+
+
+def random_display(
+    random: np.random.Generator, grid: Grid, viewer: bool, converge: bool = False, shear: bool = False
+) -> Display:
     """Return optics near the limits of the registers: strong and weak domes, thick and thin, rotated and shifted.
 
-    With `converge` most have an eye nearby, in front of any point of the panel.
+    Half of the lattices have two pitches, and with `shear` most have one; a third of the arrays end on the panel. With
+    `converge` most have an eye nearby, in front of any point of the panel.
     """
     pitch = float(np.exp(random.uniform(np.log(0.3), np.log(3.0))))
-    rho = pitch / (np.sqrt(2.0) if grid == "square" else np.sqrt(3.0))
-    radius = rho * float(np.exp(random.uniform(np.log(1.02), np.log(20.0))))
-    sag = rho**2 / (radius + np.sqrt(radius**2 - rho**2))
     array = Array(
         grid=grid,
-        pitch_mm=pitch,
-        radius_mm=radius,
+        **random_lattice(random, pitch, shear),
+        radius_mm=np.nan,
         index=float(random.uniform(1.17, 2.19)),
-        thickness_mm=float(sag + random.choice([0.0, 1.0]) * random.uniform(0.0, 3.5) * radius),
+        thickness_mm=np.nan,
         plano_side="viewer" if viewer else "panel",
         rotation_deg=float(random.choice([0.0, 30.0, 90.0, random.uniform(0.0, 360.0)])),
         offset_mm=(float(random.uniform(-pitch, pitch)), float(random.uniform(-pitch, pitch))),
     )
+    steepest, shallowest = array.half_diagonal_mm * 1.02, array.half_diagonal_mm * 20.0
+    array = replace(array, radius_mm=float(np.exp(random.uniform(np.log(steepest), np.log(shallowest)))))
+    thicker = float(random.choice([0.0, 1.0]) * random.uniform(0.0, 3.5) * array.radius_mm)
     size = int(random.integers(100, 8000))
-    panel = Panel(size, size, pitch / float(random.uniform(4.5, 60.0)))
+    panel = Panel(size, size, array.finest_mm / float(random.uniform(4.5, 60.0)))
+    if random.random() < 1.0 / 3.0:
+        across, up = random.uniform(0.0, 1.2, 2) * panel.width_mm
+        extent = float(max(across, array.pitches_mm[0])), float(max(up, array.row_pitch_mm))
+        array = replace(array, extent_mm=extent)
+    array = replace(array, thickness_mm=array.sag_mm + thicker)
     display = Display("random", panel, array, float(random.choice([0.0, random.uniform(0.3, 4.0) * pitch])))
     if not converge or random.random() < 0.1:
         return display
@@ -52,9 +76,9 @@ def random_display(random: np.random.Generator, grid: Grid, viewer: bool, conver
 def configured_display(random: np.random.Generator, build: Build, model: Model) -> tuple[Display, Configuration]:
     """Return a random display that fits the registers, and its registers."""
     for _ in range(1000):
-        display = random_display(random, build.grid, build.viewer, build.converge)
+        display = random_display(random, build.grid, build.viewer, build.converge, build.shear)
         try:
-            return display, configuration(display, build, model, REACH * display.array.pitch_mm)
+            return display, configuration(display, build, model, reach_mm(display.array))
         except InputError:
             continue
     raise LippmannError("no random display fits the registers")
@@ -67,7 +91,7 @@ def random_rays(
     half = 8 * np.array([display.panel.width_px, display.panel.height_px])
     u, v = (random.integers(-half[k], half[k] + 1, count) for k in range(2))
     one = 1 << build.fraction_bits
-    aims = random.integers(-int(0.75 * one), int(0.75 * one) + 1, (2, count))
+    aims = random.integers(-int(AIMS * one), int(AIMS * one) + 1, (2, count))
     # Aims within a unit of the last place of cell edges, corners, hexagon vertices and the axis.
     places = np.array([-one // 2, one // 2, 0, one // 3, -one // 3, 2 * one // 3, -2 * one // 3, one // 4, -one // 4])
     for words in aims:

@@ -484,7 +484,7 @@ def test_each_colour_is_rendered_where_its_sub_pixel_is(mi, tmp_path, samples, a
         ([QUAD[0], QUAD[2], QUAD[3]], "the layout has no green; add a sub-pixel of that colour"),
         (QUAD[1:], "the layout has no red"),
         ([*QUAD, QUAD[1]], "the green sub-pixel at [0.25, 0.25] has another green one in its pixel"),
-        ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not inside"),
+        ([*QUAD[:3], ["white", 0.25, -0.25, 0.6, 0.5]], "white sub-pixel at [0.25, -0.25], 0.6 x 0.5 pixels, is not"),
         ([*QUAD[:3], ["white", 0.25, -0.25, 0.0, 0.5]], "not inside its pixel"),
         ([*QUAD[:3], ["white", -0.75, 0.0, 0.1, 0.1]], "right of and below the first"),
         ([*QUAD[:3], ["white", 99.0, 0.0, 0.1, 0.1]], "right of and below the first"),

@@ -98,13 +98,14 @@ def optics_registers():
 def test_registers_package_and_configuration_agree():
     package, registers = package_fields(), optics_registers()
     names = [field.name for field in dataclasses.fields(Configuration)]
-    assert len(names) == 27
+    assert len(names) == 34
     assert list(package) == names
     assert list(registers) == names
     # The formats that the host's words have (lippmann.fixed.configuration).
     fraction = dict.fromkeys(names, "F")
     fraction.update(dict.fromkeys(("index_inverse", "exit_z", "cell_half"), "F + 1"), depth_rest="F + 3")
     fraction.update(dict.fromkeys(("converge_x", "converge_y"), "F + 2"), converge_share="F + 11")
+    fraction.update(dict.fromkeys(("cell_half_y", "cell_rise"), "F + 1"), extent_i="", extent_j="")
     for name, (bits, text) in registers.items():
         assert package[name][0] == bits, name
         if "_from_" in name:
@@ -141,7 +142,7 @@ def test_a_configuration_is_written_and_read_back():
     for sign in (1, -1):
         values = {name: sign * ((1 << (widths[name] - 2)) + 977 * k) for k, name in enumerate(names)}
         written = {w.address: w.word for w in optics_writes(Configuration(**values))}
-        assert len(written) == 33
+        assert len(written) == 40
         assert all(0 <= word < 1 << 32 for word in written.values())
         for name, value in values.items():
             if widths[name] == 32:
@@ -197,15 +198,16 @@ def test_the_most_samples_are_written_as_0():
 
 
 def test_a_block_tells_its_build():
-    words = {"identity": 0x4C495050, "version": 0x00010007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
+    words = {"identity": 0x4C495050, "version": 0x00020007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
     build = Build(23, "hex", "exact", viewer=True, aims=True, max_cell_steps=3)
     assert build_of(words) == build
     assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
     assert build_of({**words, "build": words["build"] | 1 << 14}) == dataclasses.replace(build, converge=True)
+    assert build_of({**words, "build": words["build"] | 1 << 15}) == dataclasses.replace(build, shear=True)
     with pytest.raises(InputError, match="0x4C495051"):
         build_of({**words, "identity": 0x4C495051})
-    for major in (0, 2):
-        with pytest.raises(InputError, match=f"version {major}, this host knows 1"):
+    for major in (0, 1, 3):
+        with pytest.raises(InputError, match=f"version {major}, this host knows 2"):
             build_of({**words, "version": major << 16 | 7})
     with pytest.raises(InputError, match="field model: 3 is unknown to this host, which knows 0 to 2"):
         build_of({**words, "build": words["build"] | 3 << 6})

@@ -13,23 +13,31 @@ from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
 from lippmann.fixed.words import PIXEL_BITS
+from random_cases import random_lattice
 from words import Ints, around, mixed, signed
 
 PIXELS = signed(PIXEL_BITS)
+#: Of an array of which the lattice alone counts.
+KEYS = {"radius_mm": math.nan, "index": 1.5, "thickness_mm": math.nan}
 
 
 def display(build: Build, **numbers: Any) -> Display:
-    """A display for a build, mm: pitch, radius, index, thickness (None: thinnest), gap, rotation, offset, eye, axis."""
+    """A display for a build, mm: pitch, radius (None: 1.2 half diagonals), index, thickness (None: thinnest), gap,
+    rotation, offset, shear, extent, eye, axis.
+    """
     n = {"pitch": 1.0, "radius": 1.2, "index": 1.5, "thickness": None, "gap": 0.4, "rotation": 0.0, "offset": (0, 0)}
-    n |= numbers
+    n |= {"shear": 0.0, "extent": None, **numbers}
     side = "viewer" if build.viewer else "panel"
 
     def array(thickness: float) -> Array:
         given = (n["pitch"], n["radius"], n["index"], thickness, side, None, n["rotation"], n["offset"])
-        return Array(build.grid, *given)
+        return Array(build.grid, *given, shear=n["shear"], extent_mm=n["extent"])
 
+    if n["radius"] is None:
+        n["radius"] = 0.0
+        n["radius"] = 1.2 * array(math.nan).half_diagonal_mm
     thickness = array(math.nan).sag_mm if n["thickness"] is None else n["thickness"]
-    panel = Panel(400, 300, n["pitch"] / n.get("across", 9.3))
+    panel = Panel(400, 300, array(math.nan).finest_mm / n.get("across", 9.3))
     return Display("case", panel, array(thickness), n["gap"], n.get("eye"), n.get("axis", (0.0, 0.0)))
 
 
@@ -37,8 +45,13 @@ def random_configuration(rng: np.random.Generator, build: Build) -> Configuratio
     """The registers of a random display that the formats hold; steep lenslets more often than flat ones."""
     for _ in range(1000):
         steep = rng.choice([0.62, 0.75, 1.2, 3.0])
+        lattice = random_lattice(rng, 1.0, build.shear)
+        long = max(1.0, Array(build.grid, **KEYS, **lattice).half_diagonal_mm / 0.62)
         numbers = {
-            "radius": steep * (1 + 0.1 * rng.random()),
+            "pitch": lattice["pitch_mm"],
+            "shear": lattice.get("shear", 0.0),
+            "extent": tuple(rng.uniform(1.0, 60.0, 2)) if rng.random() < 0.3 else None,
+            "radius": steep * (1 + 0.1 * rng.random()) * long,
             "index": rng.uniform(1.2, 2.1),
             "gap": rng.choice([0.0, 0.1, 0.6, 2.0]) * rng.random() if not build.viewer else rng.uniform(0.2, 2.0),
             "thickness": rng.choice([None, 0.8, 2.0]),
@@ -95,11 +108,19 @@ def within(u: Ints, v: Ints, a: Ints, b: Ints, build: Build, config: Configurati
     lens_i, lens_j = own_i + step_i, own_j + step_j
     centre = (lens_i + (lens_j / 2 if build.grid == "hex" else 0), lens_j)
     share = config.converge_share / (unit * (1 << 11))
+    starts, ends = [], []
     for axis, pixel, moved, aim, c in zip("xy", own, shift, local, centre, strict=True):
-        x, to = pixel / unit - moved, aim / unit
+        x = pixel / unit - moved
         if build.converge:
             x = x + share * c + getattr(config, f"converge_{axis}") / (4 * unit)
             inside &= np.abs(x) < 7.99
+        starts.append(x)
+        ends.append(aim / unit)
+    if build.shear:
+        for place in (starts, ends):
+            place[0] = place[0] + config.shear_x / unit * place[1]
+            inside &= np.abs(place[0]) < 7.99
+    for axis, x, to in zip("xy", starts, ends, strict=True):
         k, m, p, q = (getattr(config, f"{name}_{axis}") / unit for name in ("slope", "slope_aim", "point", "point_aim"))
         slope.append(k * (to - x) if build.model == "exact" and not build.converge else k * x + m * to)
         point.append(p * x + q * to)

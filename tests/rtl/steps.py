@@ -50,14 +50,16 @@ def steps(f: int) -> dict[str, Instance]:
             {**each("x_o y_o", far), "beyond_o": 1}, f"converge_latency({f})",
             each("share_i offset_x_i offset_y_i", f + 9), Grid=number, **cells,
         )  # fmt: skip
-        add(
-            f"cell_step-{grid}", "cell_step", each("nx_i ny_i", near), {**each("di_o dj_o", 2), "inside_o": 1},
-            f"cell_step_latency({number}, {f})", {"half_i": near}, Grid=number, **cells,
-        )  # fmt: skip
-        add(
-            f"move_lenslet-{grid}", "move_lenslet", {**each("hx_i hy_i", point), **each("di_i dj_i", 2)},
-            each("hx_o hy_o", point), "2", each("cx_i cy_i", near), Grid=number,
-        )  # fmt: skip
+        for shear, of in ((0, grid), (1, f"{grid}-sheared")):
+            add(
+                f"cell_step-{of}", "cell_step", each("nx_i ny_i", near), {**each("di_o dj_o", 2), "inside_o": 1},
+                f"cell_step_latency({number}, {f}, 1'b{shear})",
+                {**each("half_i half_y_i shear_i", near), "rise_i": far}, Grid=number, Shear=shear, **cells,
+            )  # fmt: skip
+            add(
+                f"move_lenslet-{of}", "move_lenslet", {**each("hx_i hy_i", point), **each("di_i dj_i", 2)},
+                each("hx_o hy_o", point), "2", each("cx_i cy_i rx_i", near), Grid=number, Shear=shear,
+            )  # fmt: skip
     for second in (0, 1):
         add(
             f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": point}, f"blend_latency({f}, {near})",
@@ -66,6 +68,15 @@ def steps(f: int) -> dict[str, Instance]:
         add(
             f"blend-{second}-far", "blend", {"x_i": far, "a_i": near}, {"y_o": point}, f"blend_latency({f}, {far})",
             each("k_i l_i", near), Second=second, Wx=far, **cells,
+        )  # fmt: skip
+    add(
+        "blend-1-upright", "blend", each("x_i a_i", far), {"y_o": point}, f"blend_latency({f}, {far})",
+        each("k_i l_i", near), Second=1, Wx=far, Wa=far, **cells,
+    )  # fmt: skip
+    for name, bits in (("shear", near), ("shear-far", far)):
+        add(
+            name, "shear", each("x_i y_i", bits), {"x_o": far, "beyond_o": 1}, f"shear_latency({f})",
+            {"g_i": far}, Wx=bits, **cells,
         )  # fmt: skip
     add("unit_slope", "unit_slope", each("mx_i my_i", near), each("ex_o ey_o ez_o", near), f"unit_latency({f})",
         **cells)  # fmt: skip

@@ -150,7 +150,8 @@ def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
 
 #: Configurations at every commit: together they have every module, and every branch of a module but those of F.
 USUAL = (
-    "widest-aims-square", "widest-aims-hex", "converged-hex", "viewer-square", "paraxial-square", "pinhole-compact",
+    "widest-aims-square", "widest-aims-hex", "converged-hex", "affine-hex", "viewer-square", "paraxial-square",
+    "pinhole-compact",
 )  # fmt: skip
 
 

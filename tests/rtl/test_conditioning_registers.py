@@ -34,11 +34,13 @@ def test_rtl_equals_twin_on_hard_cases(build):
     side = "viewer" if build.viewer else "panel"
     base = changed(base, plano_side=side, gap_mm=base.array.focal_length_mm if build.viewer else base.gap_mm)
     base = dataclasses.replace(base, viewing_distance_mm=600.0 if build.converge else None)
+    if build.shear:
+        base = changed(base, shear=0.2)
     compared = 0
     for rays in hard_sets(base, "all", SEED, 24):
         case = fixed_words(rays, build.fraction_bits, build.max_cell_steps)[0] if isinstance(rays, Out) else None
         # The case converged has displays of the other kind of build.
-        if case is not None and case.build.converge == build.converge:
+        if case is not None and (case.build.converge, case.build.shear) == (build.converge, build.shear):
             assert case.build == build
             twin = ray_pipeline(*case.words, case.registers, build)
             assert_equal(harness(build).trace(*case.words, case.registers), twin)
@@ -59,8 +61,8 @@ def extremes(random: np.random.Generator, registers: Configuration, build: Build
 def width(register: str, build: Build) -> int:
     """Bits of a register, as docs/reference/registers.md lists them."""
     near = build.near
-    widths = {"index": near + 1, "depth_rest": build.fraction_bits + 9}
-    far = ("index_square", "index_inverse_square", "depth", "exit_z")
+    widths = {"index": near + 1, "depth_rest": build.fraction_bits + 9, "extent_i": 14, "extent_j": 13}
+    far = ("index_square", "index_inverse_square", "depth", "exit_z", "cell_rise", "shear_x")
     if register in ("x_offset", "y_offset"):
         return OFFSET_BITS
     if "_from_" in register:

@@ -125,7 +125,8 @@ def fixed_words(rays: Out, fraction_bits: int, max_cell_steps: int | None = None
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
-    near: Bools = np.all(np.abs(aims) <= 1.4 * np.array([array.pitches_mm[0], array.row_pitch_mm]), axis=1)
+    along = np.abs(np.stack([aims[:, 0] - array.shear * aims[:, 1], aims[:, 1]], axis=1))
+    near: Bools = np.all(along <= 1.4 * np.array([array.pitches_mm[0], array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice.of(array).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""
     for kept in (near, near & inside):

@@ -133,7 +133,11 @@ def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
         aim = centre
     # The outermost word may go either way.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
-    return np.asarray(((np.abs(aim - start) >= limit) | (np.abs(centre - start) >= limit)).any(axis=1))
+    apart = centre - start
+    found = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
+    # Behind `shear` the words hold four times as much, and points are measured upright.
+    upright = 4.0 * limit if build.shear else limit
+    return np.asarray((found | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
 
 
 def aims_of(display: Display, build: Build, words: Words) -> Floats | None:

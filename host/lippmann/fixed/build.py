@@ -35,6 +35,7 @@ class Build:
     max_cell_steps: Annotated[int, key("cells that a ray may step to when it meets a dome outside its cell")] = 0
     cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
     converge: Annotated[bool, key("elemental images may converge on a near eye")] = False
+    shear: Annotated[bool, key("the lattice may be sheared")] = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
@@ -64,10 +65,12 @@ class Build:
         aims: bool,
         max_cell_steps: int | None = None,
         converge: bool | None = None,
+        shear: bool | None = None,
     ) -> Build:
         """Return the build that traces a display with a model.
 
-        `max_cell_steps` left out: 2 where rays can leave their cell, else 0. `converge` left out: as the display needs.
+        `max_cell_steps` left out: 2 where rays can leave their cell, else 0. `converge` and `shear` left out: as the
+        display needs.
         """
         viewer = display.array.plano_side == "viewer"
         hardware: HardwareModel = "paraxial" if model == "thin" else model
@@ -77,9 +80,10 @@ class Build:
             max_cell_steps = 2 if exact and (viewer or aims or _chief_rays_stray(display)) else 0
         if converge is None:
             converge = display.viewing_distance_mm is not None
-        return cls(
-            fraction_bits, display.array.grid, hardware, viewer and exact, aims, max_cell_steps, converge=converge
-        )
+        if shear is None:
+            shear = display.array.shear != 0.0
+        sides = viewer and exact, aims, max_cell_steps
+        return cls(fraction_bits, display.array.grid, hardware, *sides, converge=converge, shear=shear)
 
     @property
     def near(self) -> int:
@@ -89,7 +93,12 @@ class Build:
     @property
     def local(self) -> int:
         """Bits of a pixel's point measured from its lenslet's centre."""
-        return self.fraction_bits + (4 if self.converge else 2)
+        return self.fraction_bits + (4 if self.converge or self.shear else 2)
+
+    @property
+    def aim(self) -> int:
+        """Bits of an aperture point measured from its lenslet's centre."""
+        return self.fraction_bits + (4 if self.shear else 2)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
@@ -114,8 +123,10 @@ def _chief_rays_stray(display: Display) -> bool:
     array, shift = display.array, shift_mm(display)
     if not shift or array.plano_side == "viewer":
         return False
+    lattice = System.of(display).lattice
+    nearest_side = lattice.half_mm / max(math.hypot(*axis) for axis in lattice.axes)
     slope = (shift + array.half_diagonal_mm) / display.aperture_distance_mm
     sine = slope / math.hypot(1.0, slope) / array.index
     # At the rims' plane; nearer to the viewer the ray is nearer to the axis.
     depth = array.thickness_mm - array.sag_mm
-    return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= 0.5 * array.finest_mm
+    return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= nearest_side

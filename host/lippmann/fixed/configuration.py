@@ -17,8 +17,9 @@ from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.fixed import words
 from lippmann.fixed.build import Build, shift_mm
+from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.models import ray_matrix
-from lippmann.optics.rays import Model
+from lippmann.optics.rays import Floats, Model
 from lippmann.optics.system import System
 
 #: Square of the largest slope to the axis, 60 degrees: the range of `unit_slope`.
@@ -33,6 +34,8 @@ INDEX_LIMITS = (1.16, 2.2)
 #: Least half of a cell, units of the last place. Lengths are in radii, and an exit point is at most
 #: (5 + 1.2 (T/R)^2) R 2^-(F + 1) off where no ray grazes the dome (measured): a thousandth of the pitch at T <= 1.5 R.
 LEAST_HALF = 1 << 12
+#: Values of `extent_i` and `extent_j` with which the array has every lenslet.
+EVERYWHERE = (1 << (words.INDEX_BITS + 1)) - 1, (1 << words.INDEX_BITS) - 1
 #: Lenslets between the one that a ray starts in and the one that it leaves: aims of 1.5 pitches, and four cell steps.
 MAX_ASTRAY = 8
 
@@ -40,6 +43,7 @@ _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
 _RAISE_GAP = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
 _TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
 _TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
+_PITCHES_ALIKE = "bring the numbers of array.pitch_mm nearer to each other, or lower array.shear"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
 _FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to it"
 _INDEX = f"array.index must be {INDEX_LIMITS[0]} to {INDEX_LIMITS[1]}"
@@ -73,9 +77,16 @@ class Configuration:
     cell_half: int
     cell_pitch_x: int
     cell_pitch_y: int
+    cell_half_y: int
+    cell_rise: int
     converge_share: int
     converge_x: int
     converge_y: int
+    extent_i: int
+    extent_j: int
+    shear_x: int
+    shear_lean: int
+    shear_row: int
 
 
 class _Format(NamedTuple):
@@ -103,10 +114,7 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
     """
     array, f = display.array, build.fraction_bits
-    if not array.regular or array.extent_mm is not None:
-        what = "array.pitch_mm of two numbers, array.shear and array.extent_mm have no registers yet"
-        raise InputError(f"display '{display.name}': {what}; give one pitch_mm, and leave the others out")
-    p, row, R = array.pitches_mm[0], array.row_pitch_mm, array.radius_mm
+    (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
     exact = build.model == "exact"
     _check_build(display, build, model)
     _check_panel(display)
@@ -125,6 +133,8 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     share, rest = convergence.share, 1.0 - convergence.share
     c, s, (px, py) = frame.cos, frame.sin, (pitch * rest for pitch in frame.pitch_mm)
     zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
+    axis_x = convergence.axis_x - lean * convergence.axis_y
+    square = array.grid == "square"
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
 
@@ -136,17 +146,22 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     shares = _Format(words.share_bits(f), f + 11, _FARTHER)
     shifts = shares._replace(fraction=f + 2, remedy="bring viewing_axis_mm and array.offset_mm nearer to the panel")
     registers = {
-        **columns.registers(x_from_u=px * c / p, x_from_v=py * s / p),
+        **columns.registers(x_from_u=(px * c + lean * px * s) / p, x_from_v=(py * s - lean * py * c) / p),
         **rows.registers(y_from_u=-px * s / row, y_from_v=py * c / row),
-        **offsets.registers(x_offset=zero_x / p, y_offset=zero_y / row),
+        **offsets.registers(x_offset=(zero_x - lean * zero_y) / p, y_offset=zero_y / row),
         **slopes.registers(slope_x=slope[0] * p / rest, slope_y=slope[0] * row / rest),
         **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
         **points.registers(point_x=point[0] * p / R / rest, point_y=point[0] * row / R / rest),
         **points.registers(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
         **points.registers(cell_pitch_x=p / R, cell_pitch_y=row / R),
         **shares.registers(converge_share=share),
-        **shifts.registers(converge_x=-share * convergence.axis_x / p, converge_y=-share * convergence.axis_y / row),
-        **_Format(near, f + 1, _TOO_STEEP).registers(cell_half=0.5 * p / R),
+        **shifts.registers(converge_x=-share * axis_x / p, converge_y=-share * convergence.axis_y / row),
+        **_Format(near, f + 1, _TOO_STEEP).registers(cell_half=0.5 * p / R, cell_half_y=square * 0.5 * tall / R),
+        **_Format(far, f + 1, _PITCHES_ALIKE).registers(
+            cell_rise=0.0 if square else HALF_SQRT3 * (p / tall) - 0.5 * lean
+        ),
+        **_Format(far, f, _PITCHES_ALIKE).registers(shear_x=lean * row / p),
+        **points.registers(shear_lean=lean, shear_row=(lean * row + (0.0 if square else 0.5 * p)) / R),
         **_Format(far, f, _TOO_THICK).registers(depth=depth),
         **_Format(f + 9, f + 3, _TOO_THICK).registers(depth_rest=1.0 - rounded**2),
         **_Format(far, f + 1, _TOO_THICK).registers(exit_z=array.thickness_mm / R if flat_exit else 0.0),
@@ -157,7 +172,10 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     half = 1 << (words.OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
     registers["x_offset"] += half
     registers["y_offset"] += half
-    return Configuration(**registers)
+    along, across = EVERYWHERE
+    if array.half_steps is not None:
+        along, across = min(along, array.half_steps[0]), min(across, array.half_steps[1] // 2)
+    return Configuration(**registers, extent_i=along, extent_j=across)
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -183,8 +201,16 @@ def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
 
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
+    if display.array.shear != 0.0 and not build.shear:
+        off, pixels = _shear_error(display)
+        raise InputError(
+            f"this build is not for display '{display.name}': shear is False, and without array.shear = "
+            f"{display.array.shear:g} the lenslets at the panel's corner are {off:.3g} mm ({pixels:.3g} pixels) off; "
+            "build with shear = True"
+        )
     converge = build.converge or display.viewing_distance_mm is not None
-    wanted = Build.of(display, model, build.fraction_bits, build.aims, build.max_cell_steps, converge)
+    sizes = build.fraction_bits, build.aims, build.max_cell_steps
+    wanted = Build.of(display, model, *sizes, converge, build.shear)
     needs, has = dataclasses.asdict(wanted) | {"cross_cells": build.cross_cells}, dataclasses.asdict(build)
     if differ := [name for name in has if needs[name] != has[name]]:
         raise InputError(
@@ -192,6 +218,20 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
             f"{', '.join(f'{name} is {has[name]}' for name in differ)}; "
             f"build with {', '.join(f'{name} = {needs[name]}' for name in differ)}"
         )
+
+
+def _shear_error(display: Display) -> tuple[float, float]:
+    """Return how far a sheared lattice moves the lenslets at the panel's farthest corner, mm and pixels."""
+    frame = System.of(display).frame
+    off = abs(display.array.shear) * float(np.abs(_corners(display)[1]).max())
+    return off, math.hypot(off * frame.cos / frame.pitch_mm[0], off * frame.sin / frame.pitch_mm[1])
+
+
+def _corners(display: Display) -> Floats:
+    """Return the panel's corners in the array's frame, (2, 4), mm."""
+    corners = 0.5 * np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]]).T
+    corners = corners * (display.panel.width_mm, display.panel.height_mm)
+    return np.stack(System.of(display).frame.array_from_panel(*corners.T))
 
 
 def _check_panel(display: Display) -> None:
@@ -204,11 +244,8 @@ def _check_panel(display: Display) -> None:
         )
     # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
     # the index i counts along an oblique axis.
-    corners = np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]])
-    system = System.of(display)
-    corner = system.frame.array_from_panel(*(0.5 * corners.T * (panel.width_mm, panel.height_mm)).T)
-    x, y = system.convergence.towards_eye(*corner)
-    x, y = x / array.pitches_mm[0], y / array.row_pitch_mm
+    x, y = System.of(display).convergence.towards_eye(*_corners(display))
+    x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())
     limit = (1 << (words.INDEX_BITS - 1)) - MAX_ASTRAY
@@ -235,10 +272,12 @@ def _check_reach(
     aim = rho if build.aims else 0.0
     # The rays may be too slanted for the lenslet already, or only for the eye.
     shift = shift_mm(display)
-    local = (pixel + shift) * (1.0 - System.of(display).convergence.share) / array.row_pitch_mm
+    distances = math.hypot(1.0, array.shear) / array.pitches_mm[0], 1.0 / array.row_pitch_mm
+    local = (pixel + shift) * (1.0 - System.of(display).convergence.share) * max(distances)
     if build.converge and local >= MAX_LOCAL:
+        unit = "pitches" if distances[0] > distances[1] else "rows"
         raise InputError(
-            f"registers converge_share, converge_x and converge_y: they place pixels up to {local:.3g} rows from the "
+            f"registers converge_share, converge_x and converge_y: they place pixels up to {local:.3g} {unit} from the "
             f"centres of their lenslets, outside the range [0, {MAX_LOCAL:g}); {_FARTHER}"
         )
 
@@ -273,7 +312,7 @@ def _check_lens(display: Display, build: Build) -> None:
     radii.
     """
     array, f, most = display.array, build.fraction_bits, words.FRACTIONS[-1]
-    half, least = 0.5 * array.pitches_mm[0] / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
+    half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:
         more = f", or take more fraction bits, up to {most}" if f < most else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"

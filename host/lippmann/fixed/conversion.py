@@ -44,12 +44,13 @@ def pixels_of_words(display: Display, u: Ints, v: Ints) -> Floats:
 
 
 def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> tuple[Ints, Ints]:
-    """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows.
+    """Return aperture points (N, 2), lens-local mm, as wide words in pitches and rows along the lattice.
 
     Raises InputError for points farther than one and a half pitches from the centre, which the words may not hold.
     """
     array = display.array
-    scaled = aperture_mm / np.array([array.pitch_mm, array.row_pitch_mm])
+    x, y = aperture_mm.T
+    scaled = np.stack([(x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm], axis=1)
     if (np.abs(scaled) > 1.5).any():
         raise InputError(
             "aperture points lie more than 1.5 pitches from their lenslet's centre; give the fixed-point engines "
@@ -62,7 +63,9 @@ def words_of_aims(display: Display, aperture_mm: Floats, fraction_bits: int) -> 
 def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Floats:
     """Return the aperture points (N, 2), mm, of words."""
     array = display.array
-    return np.stack([np.ldexp(a * array.pitch_mm, -fraction_bits), np.ldexp(b * array.row_pitch_mm, -fraction_bits)], 1)
+    x = np.ldexp(a * array.pitches_mm[0], -fraction_bits)
+    y = np.ldexp(b * array.row_pitch_mm, -fraction_bits)
+    return np.stack([x + array.shear * y, y], axis=1)
 
 
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:

@@ -6,7 +6,13 @@ from lippmann.display import Grid
 from lippmann.fixed.words import Ints, wrapped
 
 
-def move_lenslet(hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, grid: Grid, f: int) -> tuple[Ints, Ints]:
-    """Return (hx - di cx - dj floor(cx / 2), hy - dj cy); the half only on a hexagonal grid. F fraction bits."""
-    step_x = di * cx + (dj * (cx >> 1) if grid == "hex" else 0)
-    return wrapped(hx - step_x, f + 3), wrapped(hy - dj * cy, f + 3)
+def move_lenslet(
+    hx: Ints, hy: Ints, di: Ints, dj: Ints, cx: int, cy: int, rx: int, grid: Grid, f: int, shear: bool
+) -> tuple[Ints, Ints]:
+    """Return (hx - di cx - dj rx, hy - dj cy), F fraction bits.
+
+    Without `shear` rx is 0 on a square grid, and floor(cx / 2) on a hexagonal one.
+    """
+    if not shear:
+        rx = cx >> 1 if grid == "hex" else 0
+    return wrapped(hx - di * cx - dj * rx, f + 3), wrapped(hy - dj * cy, f + 3)

@@ -34,11 +34,14 @@ class Named:
     def displays(self, scenes: Path) -> list[Display]:
         """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
 
-        A build with `converge` gets an eye in front of them. `scenes` is the project's folder of scenes.
+        A build with `converge` gets an eye in front of them, one with `shear` a lattice with two pitches and a shear.
+        `scenes` is the project's folder of scenes.
         """
         shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
         if self.build.converge:
             shipped = [near_eye(display) for display in shipped]
+        if self.build.shear:
+            shipped = [skewed(display) for display in shipped]
         return [turned_over(display) for display in shipped] if self.build.viewer else shipped
 
 
@@ -54,11 +57,21 @@ def near_eye(display: Display) -> Display:
     return dataclasses.replace(display, name=f"{display.name}, near eye", viewing_distance_mm=EYE_MM)
 
 
+def skewed(display: Display) -> Display:
+    """Return the display with rows 3 % nearer to each other, lenslets 2 % farther along them, and a shear of 5 %."""
+    array = display.array
+    px, py = array.pitches_mm
+    moved = dataclasses.replace(array, pitch_mm=(1.02 * px, 0.97 * py), shear=0.05)
+    moved = dataclasses.replace(moved, thickness_mm=max(array.thickness_mm, moved.sag_mm))
+    return dataclasses.replace(display, name=f"{display.name}, skewed", array=moved)
+
+
 _NAMED = (
     *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in DISPLAYS),
     *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in DISPLAYS),
     *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in DISPLAYS),
     Named("converged-hex", Build(WIDEST, "hex", converge=True), 1.0, 2.0),
+    Named("affine-hex", Build(WIDEST, "hex", shear=True), 1.0, 2.0),
     Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
     Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
     Named("pinhole-square", Build(WIDEST, "square", "pinhole")),

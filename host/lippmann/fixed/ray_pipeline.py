@@ -14,6 +14,7 @@ from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.converge import converge
 from lippmann.fixed.enter_dome import enter_dome
 from lippmann.fixed.enter_flat import enter_flat
+from lippmann.fixed.extent import extent
 from lippmann.fixed.leave_dome import leave_dome
 from lippmann.fixed.leave_flat import leave_flat
 from lippmann.fixed.lenslet_hex import lenslet_hex
@@ -21,6 +22,7 @@ from lippmann.fixed.lenslet_square import lenslet_square
 from lippmann.fixed.meet_dome import Meeting, meet_dome
 from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.shear import shear
 from lippmann.fixed.unit_slope import unit_slope
 from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Status
@@ -43,7 +45,7 @@ class FixedRays(NamedTuple):
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
     """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words."""
     f, grid = build.fraction_bits, build.grid
-    near = build.near
+    near, local = build.near, build.local
     lattice_x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
     lattice_y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
     locate = lenslet_hex if grid == "hex" else lenslet_square
@@ -55,22 +57,30 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     else:
         a = b = np.zeros_like(x)
 
-    exact = build.model == "exact"
     if build.converge:
         x, y, outside = converge(i, j, x, y, config.converge_share, config.converge_x, config.converge_y, grid, f)
-        from_x, from_y, beyond = x, y, beyond | outside
-    else:
-        from_x, from_y = (a - x, b - y) if exact else (x, y)
-        beyond = beyond | ~fits(a - x, near) | ~fits(b - y, near)
-        from_x, from_y = wrapped(from_x, near), wrapped(from_y, near)
+        beyond = beyond | outside
+    if build.shear:
+        x, outside = shear(x, y, config.shear_x, f, f + 4 if build.converge else near)
+        beyond = beyond | outside
+        if build.aims:
+            a, outside = shear(a, b, config.shear_x, f, near)
+            beyond = beyond | outside
+
+    exact = build.model == "exact"
+    from_x, from_y = (a - x, b - y) if exact and not build.converge else (x, y)
+    if not build.converge:
+        beyond = beyond | ~fits(a - x, local) | ~fits(b - y, local)
+        from_x, from_y = wrapped(from_x, local), wrapped(from_y, local)
     slope_aims = build.aims and (build.converge or build.model == "paraxial")
-    local = build.local
-    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, a if slope_aims else None, f, local), near)
-    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, b if slope_aims else None, f, local), near)
+    to_a, to_b = (a, b) if slope_aims else (None, None)
+    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, local, build.aim), near)
+    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, local, build.aim), near)
     hx = hy = np.zeros_like(x)
     if build.model != "pinhole":
-        hx = blend(config.point_x, x, config.point_aim_x, a if build.aims else None, f, local)
-        hy = blend(config.point_y, y, config.point_aim_y, b if build.aims else None, f, local)
+        to_a, to_b = (a, b) if build.aims else (None, None)
+        hx = blend(config.point_x, x, config.point_aim_x, to_a, f, local, build.aim)
+        hy = blend(config.point_y, y, config.point_aim_y, to_b, f, local, build.aim)
     ex, ey, ez = unit_slope(mx, my, f)
 
     if exact:
@@ -84,6 +94,8 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         missed = missed | beyond
     fates = (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)
     status = np.select([missed, reflected, blocked, crosstalk], [int(fate) for fate in fates], int(Status.OK))
+    for at in ((own_i, own_j), (rays.i, rays.j)):
+        status = np.where(extent(*at, config.extent_i, config.extent_j, grid), int(Status.BLOCKED), status)
     return rays._replace(status=status)
 
 
@@ -101,15 +113,20 @@ def _through_lenslet(
     def meet(hx: Ints, hy: Ints) -> Meeting:
         return meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
 
+    def step(met: Meeting) -> tuple[Ints, Ints, Bools]:
+        cell = config.cell_half, config.cell_half_y, config.cell_rise, config.shear_lean
+        return cell_step(met.nx, met.ny, *cell, grid, f, build.shear)
+
     met = meet(hx, hy)
     for _ in range(build.max_cell_steps):
-        di, dj, _ = cell_step(met.nx, met.ny, config.cell_half, grid, f)
-        hx, hy = move_lenslet(hx, hy, di, dj, config.cell_pitch_x, config.cell_pitch_y, grid, f)
+        di, dj, _ = step(met)
+        way = config.cell_pitch_x, config.cell_pitch_y, config.shear_row
+        hx, hy = move_lenslet(hx, hy, di, dj, *way, grid, f, build.shear)
         i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)
         met = meet(hx, hy)
     missed = met.missed
     if build.aims or build.viewer or build.converge:
-        missed = missed | ~cell_step(met.nx, met.ny, config.cell_half, grid, f)[2]
+        missed = missed | ~step(met)[2]
 
     if build.viewer:
         glass_dx, glass_dy = enter_dome(met, ex, ey, config.index_inverse, config.index_inverse_square, f)

@@ -108,6 +108,6 @@ def build_of(words: Mapping[str, int]) -> Build:
     if model >= len(models):
         known_models = f"this host, which knows 0 to {len(models) - 1}"
         raise InputError(f"register build, field model: {model} is unknown to {known_models}; update the host")
-    flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells", "converge")}
+    flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells", "converge", "shear")}
     grid = get_args(Grid)[fields["grid"]]
     return Build(fields["fraction_bits"], grid, models[model], max_cell_steps=fields["walk"], **flags)

@@ -44,11 +44,14 @@ _FRACTIONS = {
             "point_aim_y",
             "cx",
             "cy",
+            "rx",
+            "g",
+            "lean",
         ),
         0,
     ),
     **dict.fromkeys(("index", "index_square", "index_inverse_square", "depth"), 0),
-    **dict.fromkeys(("index_inverse", "exit_z", "half"), 1),
+    **dict.fromkeys(("index_inverse", "exit_z", "half", "half_y", "rise"), 1),
     "depth_rest": 3,
     **{"share": 11, "offset_x": 2, "offset_y": 2},
     **dict.fromkeys(("x", "y", "a", "b", "mx", "my", "hx", "hy"), 0),
@@ -76,7 +79,7 @@ def steps_of(build: Build) -> list[str]:
     """Return the steps of an exact build in the order of the ray."""
     return [
         *("pixel_to_panel", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
-        *("blend", "unit_slope"),
+        *(*["shear"] * build.shear, "blend", "unit_slope"),
         *(["meet_dome", "enter_dome", "leave_flat"] if build.viewer else ["enter_flat", "meet_dome", "leave_dome"]),
     ]
 
@@ -89,7 +92,9 @@ def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
     # As the twin's parameters are called.
-    state |= {"half": config.cell_half, "cx": config.cell_pitch_x, "cy": config.cell_pitch_y}
+    state |= {"shear": build.shear, "half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
+    state |= {"cx": config.cell_pitch_x, "cy": config.cell_pitch_y, "rx": config.shear_row}
+    state |= {"lean": config.shear_lean, "g": config.shear_x}
     state |= {"share": config.converge_share, "offset_x": config.converge_x, "offset_y": config.converge_y}
     steps = steps_of(build)
     for name in steps[:cut]:
@@ -119,15 +124,19 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
         for axis in "xy":
             registers = (state[f"{axis}_{register}"] for register in ("from_u", "from_v", "offset"))
             state[axis] = steps[name](state["u"], state["v"], *registers, state["f"])
+    elif name == "shear":
+        wide = build.fraction_bits + (4 if build.converge else 2)
+        x, a = (steps[name](state[at], state[up], state["g"], state["f"], wide) for at, up in ("xy", "ab"))
+        state |= {"x": x[0], "a": a[0]}
     elif name == "blend":
         for axis, towards in zip("xy", "ab", strict=True):
             at, to, f = state[axis], state[towards], state["f"]
-            slope, aimed, bits = state[f"slope_{axis}"], state[f"slope_aim_{axis}"], build.local
+            slope, aimed, bits = state[f"slope_{axis}"], state[f"slope_aim_{axis}"], (build.local, build.aim)
             if build.converge:
-                state[f"m{axis}"] = steps[name](slope, at, aimed, to, f, bits)
+                state[f"m{axis}"] = steps[name](slope, at, aimed, to, f, *bits)
             else:
-                state[f"m{axis}"] = steps[name](slope, to - at, 0, None, f, bits)
-            state[f"h{axis}"] = steps[name](state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to, f, bits)
+                state[f"m{axis}"] = steps[name](slope, to - at, 0, None, f, *bits)
+            state[f"h{axis}"] = steps[name](state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to, f, *bits)
     elif name == "meet_dome":
         if not state["upward"]:
             state |= {f"d{axis}": state[f"e{axis}"] for axis in "xyz"}
@@ -160,7 +169,7 @@ def _lenslet(grid: Grid, x: Floats, y: Floats) -> tuple[Floats, ...]:
 
 def _aim(i: Ints, j: Ints, x: Floats, y: Floats, a: Floats, b: Floats, grid: Grid) -> tuple[Floats, ...]:
     di, dj, a, b = _lenslet(grid, a, b)
-    return i + di, j + dj, *_move_lenslet(x, y, di, dj, 1.0, 1.0, grid), a, b
+    return i + di, j + dj, *_move_lenslet(x, y, di, dj, 1.0, 1.0, 0.0, grid, False), a, b
 
 
 def _converge(
@@ -170,7 +179,11 @@ def _converge(
     return x + share * centre_x + offset_x, y + share * j + offset_y
 
 
-def _blend(k: float, x: Floats, l: float, a: Floats | None, f: int, x_bits: int) -> Floats:  # noqa: E741
+def _shear(x: Floats, y: Floats, g: float, f: int, bits: int) -> tuple[Floats]:
+    return (x + g * y,)
+
+
+def _blend(k: float, x: Floats, l: float, a: Floats | None, f: int, x_bits: int, a_bits: int) -> Floats:  # noqa: E741
     return k * x if a is None else k * x + l * a
 
 
@@ -195,14 +208,21 @@ def _meet_dome(
     return hx + length * dx, hy + length * dy, zc + length * dz, cos, 1.0 - square
 
 
-def _cell_step(nx: Floats, ny: Floats, half: float, grid: Grid) -> tuple[Floats, ...]:
-    return Lattice(grid, 2.0 * half).locate(NumpyBackend(), nx, ny)[:2]
+def _cell_step(
+    nx: Floats, ny: Floats, half: float, half_y: float, rise: float, lean: float, grid: Grid, shear: bool
+) -> tuple[Floats, ...]:
+    lean = lean if shear else 0.0
+    tall = half_y if grid == "square" else half * HALF_SQRT3 / (rise + 0.5 * lean)
+    return Lattice(grid, (2.0 * half, 2.0 * tall), shear=lean).locate(NumpyBackend(), nx, ny)[:2]
 
 
 def _move_lenslet(
-    hx: Floats, hy: Floats, di: Ints | Floats, dj: Ints | Floats, cx: float, cy: float, grid: Grid
-) -> tuple[Floats, ...]:
-    return hx - di * cx - (0.5 * dj * cx if grid == "hex" else 0.0), hy - dj * cy
+    hx: Floats, hy: Floats, di: Ints | Floats, dj: Ints | Floats, cx: float, cy: float, rx: float, grid: Grid,
+    shear: bool,
+) -> tuple[Floats, ...]:  # fmt: skip
+    if not shear:
+        rx = 0.5 * cx if grid == "hex" else 0.0
+    return hx - di * cx - dj * rx, hy - dj * cy
 
 
 def _leave_dome(
@@ -231,7 +251,18 @@ def _leave_flat(
 
 
 _FLOAT = (
-    *(_pixel_to_panel, _aim, _converge, _blend, _unit_slope, _enter_flat, _meet_dome, _cell_step, _move_lenslet),
+    *(
+        _pixel_to_panel,
+        _aim,
+        _converge,
+        _shear,
+        _blend,
+        _unit_slope,
+        _enter_flat,
+        _meet_dome,
+        _cell_step,
+        _move_lenslet,
+    ),
     *(_leave_dome, _enter_dome, _leave_flat),
 )
 #: The steps' functions under the names by which `ray_pipeline` calls them: the twin's, and those in float64.

@@ -93,6 +93,7 @@ def parameters(build: Build) -> dict[str, int]:
         "Walk": build.max_cell_steps,
         "CrossCells": int(build.cross_cells),
         "Converge": int(build.converge),
+        "Shear": int(build.shear),
     }
 
 

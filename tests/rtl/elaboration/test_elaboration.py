@@ -16,6 +16,7 @@ MODULES = sorted(FOLDER_OF)
 F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
 PANELS = [{"Width": w, "Height": h} for w, h in ((7, 5), (640, 480), (1920, 1080), (2400, 2400))]
 GRID_SETS = [{"F": f, "Grid": g} for f in (14, 23) for g in (0, 1)]
+SHEARED = [{**grid, "Shear": 1} for grid in GRID_SETS]
 CELLS = [{"F": f, "CrossCells": 1} for f in (16, 23)]
 RAYS = [
     {"F": 14, "Grid": 1, "Model": 0},
@@ -27,24 +28,30 @@ RAYS = [
     {"F": 23, "Grid": 1, "Model": 0, "Converge": 1},
     {"F": 16, "Grid": 0, "Model": 2, "Viewer": 1, "Aims": 1, "Walk": 1, "Converge": 1, "CrossCells": 1},
     {"F": 23, "Grid": 1, "Model": 2, "Walk": 2, "Converge": 1},
+    {"F": 23, "Grid": 1, "Model": 0, "Shear": 1},
+    {"F": 18, "Grid": 1, "Model": 1, "Aims": 1, "Shear": 1},
+    {"F": 16, "Grid": 0, "Model": 2, "Viewer": 1, "Walk": 1, "Converge": 1, "Shear": 1, "CrossCells": 1},
+    {"F": 23, "Grid": 1, "Model": 2, "Aims": 1, "Walk": 2, "Shear": 1},
     {"F": 23, "Grid": 1, "Model": 2, "Viewer": 1, "Aims": 1, "Walk": 2},
 ]
 #: Every module of rtl/optics; those of other folders where their defaults are not all.
 PARAMETERS = {
     "aim": GRID_SETS,
-    "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
+    "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
+              {"F": 23, "Wx": 27, "Wa": 27}],
     "board": [{}, {"ByteLink": 1, "F": 23, "Grid": 1}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
-    "config_bank": [{"Width": w} for w in (1, 916)],
+    "config_bank": [{"Width": w} for w in (1, 1140)],
     "cell_product": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s} for a, b, d, s in ((18, 18, 0, 0), (25, 25, 20, 1), (27, 25, 21, 0))
     ],
-    "cell_step": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
+    "cell_step": [*GRID_SETS, *SHEARED, {"F": 23, "Grid": 1, "CrossCells": 1, "Shear": 1}],
     "converge": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
     "delay": [{"Width": w, "Cycles": c} for w, c in ((1, 0), (3, 1), (8, 2), (1, 5), (9, 17), (40, 40))],
     "dispatcher": PANELS,
     "enter_dome": [*F_SETS, *CELLS],
     "enter_flat": [*F_SETS, *CELLS],
+    "extent": [{"Grid": g} for g in (0, 1)],
     "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "fifo_memory": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "frame_check": PANELS,
@@ -59,7 +66,7 @@ PARAMETERS = {
     "meet_dome": [
         {"F": f, "Upward": u, "CrossCells": c} for f, u, c in ((14, 0, 0), (16, 1, 1), (23, 1, 0), (23, 0, 1))
     ],
-    "move_lenslet": GRID_SETS,
+    "move_lenslet": [*GRID_SETS, *SHEARED],
     "mult18": [{}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
@@ -80,6 +87,7 @@ PARAMETERS = {
     "rsqrt": F_SETS,
     "saturate": [{"From": a, "To": b} for a, b in ((20, 18), (18, 18), (5, 1))],
     "scan_out": [{**panel, **grid} for panel, grid in zip(PANELS, GRID_SETS, strict=True)],
+    "shear": [*F_SETS, *CELLS, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
     "test_pattern": [*GRID_SETS, *F_SETS, *PANELS],
     "tile_table": PANELS,
@@ -91,15 +99,19 @@ PARAMETERS = {
 STEPS = [
     "aim", "blend", "cell_step", "converge", "enter_dome", "enter_flat", "leave_dome", "leave_flat", "lenslet_hex",
     "lenslet_square", "meet_dome", "move_lenslet", "pixel_to_panel", "quadratic", "raster", "ray_pipeline", "rsqrt",
-    "sqrt", "unit_slope",
+    "shear", "sqrt", "unit_slope",
 ]  # fmt: skip
-GRIDS = ["aim", "cell_step", "converge", "move_lenslet", "ray_pipeline"]
+GRIDS = ["aim", "cell_step", "converge", "extent", "move_lenslet", "ray_pipeline"]
 
 #: Parameters that must stop elaboration, and the message of each.
 REFUSED = [
     *((module, {"F": f}, f"{module}: F must be 14 to 23") for module in STEPS for f in (13, 24)),
     *((module, {"Grid": g}, f"{module}: Grid must be GridSquare or GridHex") for module in GRIDS for g in (-1, 2)),
-    *(("blend", {"F": 16, "Wx": bits}, "blend: Wx must be F + 2 to F + 4") for bits in (17, 21)),
+    *(
+        ("blend", {"F": 16, "Wx": x, "Wa": a}, "blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx")
+        for x, a in ((17, 17), (21, 18), (18, 19), (20, 17))
+    ),
+    *(("shear", {"F": 16, "Wx": bits}, "shear: Wx must be F + 2 to F + 4") for bits in (17, 21)),
     ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 4}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 1}, "block_ring: Width must be 1 or more and Cycles 5 or more"),

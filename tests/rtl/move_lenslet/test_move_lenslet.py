@@ -10,22 +10,24 @@ from steps import FRACTIONS, GRIDS, stream_step
 from words import mixed, signed
 
 
+@pytest.mark.parametrize("sheared", [False, True], ids=["upright", "sheared"])
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, grid):
+def test_equals_twin(f, grid, sheared):
     s = seed()
     rng = np.random.default_rng(s)
-    top = signed(f + 2)[1]
-    seen = Coverage("move_lenslet", f"{grid}-F{f}")
+    low, top = signed(f + 2)
+    seen = Coverage("move_lenslet", f"{grid}-{sheared}-F{f}")
     segments = []
     for cx, cy in [(1, 1), (2, 3), (top, top), (top - 1, top), *rng.integers(1, top, (4, 2)).tolist()]:
         hx, hy, di, dj = mixed(rng, 500, signed(f + 3), signed(f + 3), (-1, 1), (-1, 1))
-        x, y = move_lenslet(hx, hy, di, dj, cx, cy, grid, f)
+        rx = int(rng.choice([low, top, 0, *rng.integers(low, top, 3)]))
+        x, y = move_lenslet(hx, hy, di, dj, cx, cy, rx, grid, f, sheared)
         words = {"hx_i": hx, "hy_i": hy, "di_i": di, "dj_i": dj}
-        segments.append(Segment({"cx_i": cx, "cy_i": cy}, words, {"hx_o": x, "hy_o": y}))
+        segments.append(Segment({"cx_i": cx, "cy_i": cy, "rx_i": rx}, words, {"hx_o": x, "hy_o": y}))
         steps = [f"{p} {q}" for p, q in zip(di, dj, strict=True)]
         seen.values("step", steps, [f"{i} {j}" for i in (-1, 0, 1) for j in (-1, 0, 1)])
         seen.point("odd pitch", cx % 2)
         seen.point("even pitch", cx % 2 == 0)
-    stream_step(f"move_lenslet-{grid}", f, segments, s)
+    stream_step(f"move_lenslet-{grid}" + "-sheared" * sheared, f, segments, s)
     seen.close()

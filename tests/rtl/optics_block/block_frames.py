@@ -184,7 +184,7 @@ async def registers_answer(dut):
     assert build_of(words) == BUILD
     # Reset values, then every bit of every register that is read and written, high and low.
     stored = {name: r for name, r in OPTICS_REGISTERS.items() if r.access == "read, write"}
-    assert len(stored) == 39
+    assert len(stored) == 46
     for name, register in stored.items():
         word = await block.read(name)
         assert word == sum((field.reset or 0) << field.low for field in register.fields.values()), name

@@ -21,10 +21,14 @@ DISPLAYS = repository() / "scenes" / "displays"
 def test_frames_from_a_display_file(name, model, f, steps, eye, tmp_path):
     path = DISPLAYS / f"{name}.toml"
     if eye is not None:
+        # All that has registers of its own: an eye, two pitches, a shear, and an array that ends on the panel.
         near = tmp_path / "near.toml"
-        near.write_text(path.read_text().replace("[panel]", f"viewing_distance_mm = {eye}\n\n[panel]"))
+        text = path.read_text().replace("[panel]", f"viewing_distance_mm = {eye}\n\n[panel]")
+        lattice = "pitch_mm = [2.32, 2.27]\nshear = 0.05\nextent_mm = [60.0, 40.0]"
+        near.write_text(text.replace("pitch_mm = 2.3", lattice))
         path = near
     build = Build.of(load_display(path), model, f, model != "pinhole", steps)
+    assert (build.converge, build.shear) == (eye is not None, eye is not None)
     # Another display for the same build: its array turned, and another pitch of pixels.
     text = path.read_text()
     other = tmp_path / "other.toml"

@@ -7,6 +7,7 @@ module ray_lenslet_bench #(
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
   parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0,
   parameter bit CrossCells = 1'b0
 ) (
   input  logic                                     clk_i,
@@ -32,10 +33,10 @@ module ray_lenslet_bench #(
   status_e status;
   assign {u, v, a, b} = ray_i;
   assign exit_o = {i, j, x, y, z, dx, dy, dz, status};
-  assign latency_o = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge) + 5;
+  assign latency_o = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) + 5;
   ray_lenslet #(
     .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk),
-    .Converge(Converge), .CrossCells(CrossCells)
+    .Converge(Converge), .Shear(Shear), .CrossCells(CrossCells)
   ) i_engine (
     .clk_i, .rst_ni, .config_i(config_i), .apply_i, .busy_o,
     .ray_valid_i(valid_i), .ray_ready_o(ready_o),

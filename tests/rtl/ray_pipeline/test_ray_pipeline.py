@@ -17,6 +17,8 @@ FAST = [
     Build(18, "hex", "paraxial", aims=True),
     Build(14, "square", "pinhole"),
     Build(22, "hex", "exact", max_cell_steps=1, converge=True),
+    Build(23, "hex", "exact", aims=True, max_cell_steps=1, converge=True, shear=True),
+    Build(16, "square", "exact", viewer=True, aims=True, max_cell_steps=1, shear=True),
 ]
 FULL = [
     Build(f, grid, *rest)
@@ -32,31 +34,37 @@ FULL = [
     for rest in (
         ("pinhole",), ("paraxial", False, True), ("exact",), ("exact", False, True, 2), ("exact", True, True, 1),
     )
+] + [
+    Build(f, grid, *rest, shear=True)
+    for f, grid in ((14, "square"), (22, "hex"), (23, "square"), (23, "hex"))
+    for rest in (
+        ("pinhole",), ("paraxial", False, True), ("exact",), ("exact", False, True, 2), ("exact", True, True, 1),
+    )
 ]  # fmt: skip
 
 
 def instance(build: Build) -> Instance:
     near, far = build.near, build.near + 2
     p = parameters(build)
-    viewer, aims, converge = (f"1'b{p[name]}" for name in ("Viewer", "Aims", "Converge"))
+    viewer, aims, *lattice = (f"1'b{p[name]}" for name in ("Viewer", "Aims", "Converge", "Shear"))
+    latency = ", ".join([str(p["F"]), str(p["Grid"]), str(p["Model"]), viewer, aims, str(p["Walk"]), *lattice])
     return Instance(
         "ray_pipeline",
         {"u_i": 18, "v_i": 18, "a_i": near, "b_i": near},
         {"i_o": 12, "j_o": 12, **dict.fromkeys(("x_o", "y_o", "z_o"), far),
          **dict.fromkeys(("dx_o", "dy_o", "dz_o"), near), "status_o": 3},
-        f"optics_pkg::ray_latency({p['F']}, {p['Grid']}, {p['Model']}, {viewer}, {aims}, {p['Walk']}, {converge})",
+        f"optics_pkg::ray_latency({latency})",
         p,
-        {"config_i": 916},
+        {"config_i": 1140},
     )  # fmt: skip
 
 
 def statuses(build: Build) -> set[Status]:
     """What becomes of a build's rays, over enough displays."""
-    if build.model == "pinhole":
-        return {Status.OK}
-    if build.model == "paraxial":
-        return {Status.OK, Status.CROSSTALK, Status.MISSED} if build.aims else {Status.OK}
-    found = {Status.OK, Status.INTERNAL_REFLECTION}
+    found = {Status.OK, Status.BLOCKED}
+    if build.model != "exact":
+        return found | ({Status.CROSSTALK, Status.MISSED} if build.aims else set())
+    found |= {Status.INTERNAL_REFLECTION}
     if build.aims or build.viewer:
         found |= {Status.MISSED}
     if build.aims or build.max_cell_steps:

@@ -1,0 +1,44 @@
+"""extent against its twin and the definition: every lenslet near the ends of areas of every size."""
+
+import numpy as np
+import pytest
+from bench import Instance, Segment, stream
+from lippmann.fixed.extent import extent
+from rtl_coverage import Coverage
+from runner import seed
+from steps import GRIDS
+from words import mixed, signed
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_equals_twin(grid):
+    s = seed()
+    rng = np.random.default_rng(s)
+    one = Instance(
+        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "optics_pkg::extent_latency()", {"Grid": GRIDS.index(grid)},
+        {"along_i": 14, "across_i": 13},
+    )  # fmt: skip
+    seen = Coverage("extent", grid)
+    batch = []
+    limits = [w.tolist() for w in mixed(rng, 30, signed(14), signed(13))]
+    for along, across in [(8191, 4095), (0, 0), (1, 0), (7, 3), *zip(*limits, strict=True)]:
+        i, j = mixed(rng, 200, signed(12), signed(12))
+        # The last lenslets that are there, and the first that are not.
+        near_j = rng.choice([-1, 1], 400) * (across + rng.integers(-1, 3, 400))
+        c = rng.choice([-1, 1], 400) * (along + rng.integers(-2, 4, 400))
+        near_i = (c - (near_j if grid == "hex" else 0)) // 2
+        held = (np.abs(2 * near_i + 1) < 4096) & (np.abs(2 * near_j + 1) < 4096)
+        i, j = np.r_[i, near_i[held]], np.r_[j, near_j[held]]
+        missing = extent(i, j, along, across, grid)
+        # 2 i + j half pitches: the centre's place on its row, whose lenslets are a pitch apart.
+        place = i + (j / 2 if grid == "hex" else 0)
+        np.testing.assert_array_equal(missing, (abs(place) > along / 2) | (abs(j) > across))
+        batch.append(
+            (one, Segment({"along_i": along, "across_i": across}, {"i_i": i, "j_i": j}, {"missing_o": missing}))
+        )
+        seen.point("every lenslet", not missing.any())
+        seen.point("no lenslet", missing.all())
+        seen.point("the last along the row", ~missing & (2 * abs(place) == along))
+        seen.point("the last row", ~missing & (abs(j) == across))
+    stream([one], batch, f"extent-{grid}", s)
+    seen.close()
