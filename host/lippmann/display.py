@@ -196,8 +196,8 @@ class Array:
     def half_steps(self) -> tuple[int, int] | None:
         """The farthest lenslets within the extent, in half steps along a row and in half rows; None without an extent.
 
-        Lenslet (i, j) is there when its steps |2 i|, hexagonal |2 i + j|, and |2 j| are not more than these. An extent
-        that ends on a centre, but for rounding, includes that lenslet.
+        Lenslet (i, j) is there when its steps 2 i, hexagonal 2 i + j, and 2 j are no farther from 0 than these. An
+        extent that ends on a centre, but for rounding, includes that lenslet.
         """
         if self.extent_mm is None:
             return None

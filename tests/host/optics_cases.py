@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +19,20 @@ SIDES: tuple[PlanoSide, ...] = ("panel", "viewer")
 #: Regular arrays, such that converge on an eye, and such of two pitches and a shear, which may end and converge.
 KINDS = ("far", "near", "skewed")
 kinds = pytest.mark.parametrize("kind", KINDS)
+
+
+def cases(several: Iterable[tuple[str, ...]], most: tuple[str, ...]) -> list[Any]:
+    """Each kind of display with each of several; at every commit all with kind "far", the other kinds with `most`."""
+    return [
+        pytest.param(kind, *one, marks=() if kind == "far" or one == most else pytest.mark.full)
+        for kind in KINDS
+        for one in several
+    ]
+
+
+somewhere = pytest.mark.parametrize(("kind", "grid", "side"), cases(itertools.product(GRIDS, SIDES), ("hex", "viewer")))
+
+
 #: Of their seeds.
 KEYS: dict[str, list[str]] = {"far": [], "near": ["eye"], "skewed": ["skewed"]}
 LONG_PI = np.longdouble("3.14159265358979323846264338327950288")

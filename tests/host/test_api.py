@@ -181,7 +181,9 @@ def test_the_command_captures_what_the_function_returns(tmp_path, capfd, monkeyp
 # --- Mitsuba's variants -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("variant", ["scalar_rgb", "llvm_ad_spectral", "llvm_ad_rgb"])
+@pytest.mark.parametrize(
+    "variant", ["scalar_rgb", "llvm_ad_spectral", pytest.param("llvm_ad_rgb", marks=pytest.mark.full)]
+)
 def test_a_users_variant_neither_matters_nor_changes(small, mi, variant):
     expected = lp.render("ball.xml", small, device="llvm")
     mitsuba.set_variant(variant)

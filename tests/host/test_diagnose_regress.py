@@ -107,7 +107,7 @@ def inner_rays_for(display):
 
 
 @pytest.mark.parametrize("fault", EYE_FAULTS)
-@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize("grid", [pytest.param("square", marks=pytest.mark.full), "hex"])
 def test_planted_faults_of_the_eye_are_named(grid, fault):
     """From directions alone, and with all steps."""
     display = eye_display_for(grid)
@@ -118,7 +118,7 @@ def test_planted_faults_of_the_eye_are_named(grid, fault):
 
 
 @pytest.mark.parametrize("fault", SKEWED_FAULTS)
-@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize("grid", [pytest.param("square", marks=pytest.mark.full), "hex"])
 def test_planted_faults_of_a_skewed_lattice_are_named(grid, fault):
     """From directions alone, and with all steps."""
     display = skewed_display_for(grid)

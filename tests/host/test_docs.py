@@ -22,7 +22,7 @@ import click
 import pytest
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
-from lippmann.display import load_display
+from lippmann.display import Panel, load_display
 from lippmann.film.film import load_film
 from lippmann.rendering.placement import load_placement
 
@@ -308,8 +308,10 @@ def test_toml_blocks_are_valid(page, tmp_path):
     (_, whole), *_ = blocks(page, "toml")
     for _, text in blocks(page, "toml"):
         file = tmp_path / "block.toml"
-        alone = re.search(r"^\[\w+\]$", text, re.M)  # else keys of the panel of the page's first block
-        file.write_text(text if alone else whole.replace("[panel]\n", f"[panel]\n{text}"))
+        alone = re.search(r"^\[\w+\]$", text, re.M)  # else keys of a table of the page's first block
+        table = "[panel]\n" if text.split(" =")[0] in Panel.__dataclass_fields__ else "[array]\n"
+        first = whole if alone else re.sub(rf"^{text.split(' =')[0]} =.*\n", "", whole, flags=re.M)
+        file.write_text(text if alone else first.replace(table, table + text))
         if "[placement]" in text:
             load_placement(file)
         elif "frames = " in text:

@@ -16,8 +16,8 @@ from optics_cases import (
     GRIDS,
     KEYS,
     SIDES,
+    cases,
     display_of,
-    kinds,
     lattice,
     random_display,
     random_in_cell,
@@ -72,8 +72,7 @@ def same_statuses(display, pixels, aperture, model, golden, fast) -> int:
 # --- the stated precision -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", MODELS)
-@kinds
+@pytest.mark.parametrize(("kind", "model"), cases(((model,) for model in MODELS), ("exact",)))
 @everywhere
 def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
     """Chief rays and aperture points in the cell; a phone's panel and one 700 mm wide; turned too.
@@ -126,8 +125,7 @@ def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
     assert rays > (8000 if kind == "far" else 1000)
 
 
-@pytest.mark.parametrize("model", MODELS)
-@kinds
+@pytest.mark.parametrize(("kind", "model"), cases(((model,) for model in MODELS), ("exact",)))
 @everywhere
 def test_any_display_within_four_roundings(grid, side, kind, model):
     """Displays drawn wide, panels in contact, aims into cells three pitches away.
@@ -286,8 +284,7 @@ def test_all_fates_alike(side):
 # --- from the world -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", MODELS)
-@kinds
+@pytest.mark.parametrize(("kind", "model"), cases(((model,) for model in MODELS), ("exact",)))
 @everywhere
 def test_world_to_panel(grid, side, kind, model):
     """The panel point is as far off as eight roundings of the ray's place and direction carry.

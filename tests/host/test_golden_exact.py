@@ -25,6 +25,7 @@ from optics_cases import (
     random_display,
     random_in_cell,
     random_pixels,
+    somewhere,
     with_random_eye,
 )
 from truth import BLOCKED, CROSSTALK, MISSED, OK, REFLECTED
@@ -199,8 +200,7 @@ def wild_rays(rng, grid, side, fate, kind):
     return display, pixels, np.column_stack([rng.choice((-1, 1), n) * rng.uniform(80, 200, n), y])
 
 
-@kinds
-@everywhere
+@somewhere
 def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
     rng = generator(2, grid, side, *KEYS[kind])
     seen = dict.fromkeys(range(5), 0)
@@ -266,8 +266,7 @@ def on_line(point, true, tolerance: float) -> None:
     assert max(abs(q) for q in off) < tolerance * (1 + abs(t)), (point, true)
 
 
-@kinds
-@everywhere
+@somewhere
 def test_world_to_panel_in_50_digits(grid, side, kind):
     """Random lines through the array, and lines that leave the display, back."""
     rng = generator(3, grid, side, *KEYS[kind])

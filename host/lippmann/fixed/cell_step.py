@@ -21,7 +21,9 @@ def cell_step(
     a b >> k the product that `multiplier` cuts by k places:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
-        q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m,  0 <= m < 2^(F+1)
+        q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
+
+    with 0 <= m < 2^(F+1).
     """
     word = f + 2
     q0 = guarded((nx << GUARD) - multiplier(ny, lean, word, word, f - GUARD)) if shear else nx

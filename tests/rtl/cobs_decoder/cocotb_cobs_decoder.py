@@ -70,7 +70,7 @@ def expected(encoded):
 @cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
 async def decodes(dut, idle, pressure):
     frames = traffic()
-    frames = frames[: 10 if "heavy" in (idle, pressure) else 30]
+    frames = frames[: 8 if "heavy" in (idle, pressure) else 20]
     wire = b"".join(encoded + b"\0" for encoded in frames)
     wanted = [beat for encoded in frames for beat in expected(encoded)]
     monitor = await start(dut)
