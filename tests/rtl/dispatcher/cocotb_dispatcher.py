@@ -71,7 +71,7 @@ async def ask(monitor, reference, *requests):
 async def replies_as_the_protocol_says(dut, idle, pressure):
     slow = random.choice([0, 3, 40])
     monitor, reference = await start(dut, random.choice([0, 0xFFFE, random.getrandbits(16)]), slow)
-    count = 10 if "heavy" in (idle, pressure) else 35
+    count = 8 if "heavy" in (idle, pressure) else 25
     requests, wanted = zip(*traffic(reference, count), strict=True)
     await converse(monitor, reference, requests, wanted, idle, pressure)
 
