@@ -1,7 +1,7 @@
 # Everything a person or a machine runs here. `make` alone lists the targets.
 
 PYTHON ?= python3
-# One more than there are processors: some tests wait for a line to be given up.
+# Two more than there are processors: some tests wait for a line to be given up.
 JOBS ?= $(shell expr $$(nproc) + 2)
 
 BIN := .venv/bin
