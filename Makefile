@@ -1,8 +1,8 @@
 # Everything a person or a machine runs here. `make` alone lists the targets.
 
 PYTHON ?= python3
-# Two more than there are processors: some tests wait for a line to be given up.
-JOBS ?= $(shell expr $$(nproc) + 2)
+# One more than there are processors: some tests wait for a line to be given up.
+JOBS ?= $(shell expr $$(nproc) + 1)
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -35,7 +35,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
 test: export LIPPMANN_SEED ?= 1908
-test: lint ## lint, then the tests that take minutes at most (JOBS=4)
+test: lint ## lint, then the tests that take minutes at most (JOBS=3)
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not full"
 
 test-full: lint ## lint, then every test
