@@ -36,6 +36,7 @@ SAME = {
     ("optics_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
     ("optics_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
     ("cell_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
+    ("lenslet_hex.sv", "assign near = q0_q[F+0:F] == '0"): "q0 = s + t/2 is below 1 where q1 = s/2 + t is below 1/2",
 }
 
 #: Operators, and the wrong one in place of each.
