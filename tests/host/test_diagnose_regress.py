@@ -106,26 +106,22 @@ def inner_rays_for(display):
     return pixels, aims if display.viewing_distance_mm is None and display.array.regular else 0.7 * aims
 
 
-@pytest.mark.parametrize("fault", EYE_FAULTS)
+@pytest.mark.parametrize(
+    ("made", "fault", "says"),
+    [
+        (made, *each)
+        for made, faults in ((eye_display_for, EYE_FAULTS), (skewed_display_for, SKEWED_FAULTS))
+        for each in faults.items()
+    ],
+)
 @pytest.mark.parametrize("grid", [pytest.param("square", marks=pytest.mark.full), "hex"])
-def test_planted_faults_of_the_eye_are_named(grid, fault):
-    """From directions alone, and with all steps."""
-    display = eye_display_for(grid)
+def test_planted_faults_of_the_lattice_are_named(grid, made, fault, says):
+    """On a display for a near eye, and on a skewed one; from directions alone, and with all steps."""
+    display = made(grid)
     arrays = faulty_tracer.trace(display, *inner_rays_for(display), fault)
     for names in (("direction", "status"), arrays):
         verdict = judged(display, {name: arrays[name] for name in ("pixel", "aperture_mm", *names)})
-        assert (verdict.stage, verdict.fault) == ("lenslet", EYE_FAULTS[fault]), verdict
-
-
-@pytest.mark.parametrize("fault", SKEWED_FAULTS)
-@pytest.mark.parametrize("grid", [pytest.param("square", marks=pytest.mark.full), "hex"])
-def test_planted_faults_of_a_skewed_lattice_are_named(grid, fault):
-    """From directions alone, and with all steps."""
-    display = skewed_display_for(grid)
-    arrays = faulty_tracer.trace(display, *inner_rays_for(display), fault)
-    for names in (("direction", "status"), arrays):
-        verdict = judged(display, {name: arrays[name] for name in ("pixel", "aperture_mm", *names)})
-        assert (verdict.stage, verdict.fault) == ("lenslet", SKEWED_FAULTS[fault]), verdict
+        assert (verdict.stage, verdict.fault) == ("lenslet", says), verdict
 
 
 @pytest.mark.parametrize("made", [display_for, eye_display_for, skewed_display_for])

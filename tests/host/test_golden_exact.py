@@ -205,7 +205,7 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
     rng = generator(2, grid, side, *KEYS[kind])
     seen = dict.fromkeys(range(5), 0)
     compared = skipped = ended = 0
-    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(4)):
+    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(6)):
         display, pixels, aperture = wild_case(rng, grid, side, fate, kind)
         optics, out = optics_of(display), lippmann.trace(display, pixels, aperture)
         assert np.isfinite(out.origin_mm).all()
@@ -246,10 +246,10 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
     # Enough of each fate. Light that goes into a dome can be blocked by its valleys only, where
     # truth has no margin; light in the glass is too steep to pass 16 cells while it rises.
     print(seen, skipped, ended)
-    assert compared > 500
+    assert compared > 600
     assert (ended > 30) == (kind == "skewed")
-    assert seen[OK] > 40
-    assert seen[CROSSTALK] > 30
+    assert seen[OK] > 60
+    assert seen[CROSSTALK] > 60
     assert seen[REFLECTED] > 20
     if side == "panel":
         assert seen[BLOCKED] > 5
