@@ -92,6 +92,8 @@ def compare(build: Build, displays: int, rays: int) -> np.ndarray:
         # The paraxial hardware is also that of the model thin.
         model = "thin" if build.model == "paraxial" and number % 2 else build.model
         display, config = configured_display(random, build, model)
+        while number == 0 and display.array.extent_mm is None:  # rays beside an array are in every comparison
+            display, config = configured_display(random, build, model)
         words = random_rays(random, display, build, rays)
         idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
         rtl = harness(build).trace(*words, config, seed=int(random.integers(1 << 62)), idle=idle, stall=stall)
