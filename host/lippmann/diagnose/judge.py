@@ -225,7 +225,7 @@ def _diagnosed(seen: _Comparison) -> _Finding:
     bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     if first == "status":
-        return first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
+        return _best(seen) or (first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0)
     if _wrapped(seen):
         return "exit", "a component of the direction wrapped where it should saturate at 1", 1.0
     if first == "exit":
