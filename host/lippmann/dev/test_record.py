@@ -34,10 +34,10 @@ def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
         row["seconds"] += float(case.attrib["time"])
         if wrong:
             failed.append(f"{file}::{case.attrib['name']}")
-    rows = [{"file": file, **row} for file, row in sorted(files.items(), key=lambda item: -item[1]["seconds"])]
-    slowest = rows[:SHOWN]
-    charts = {name: [float(row[name]) for row in slowest] for name in ("seconds", "tests")}
-    plot = bar_charts("tests", [str(row["file"]).removeprefix("tests/") for row in slowest], charts)
+    slowest = sorted(files, key=lambda file: -files[file]["seconds"])
+    charts = {name: [files[file][name] for file in slowest[:SHOWN]] for name in ("seconds", "tests")}
+    plot = bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:SHOWN]], charts)
+    rows = [{"file": file, **files[file]} for file in slowest]
     context = {
         "rows": rows,
         "failed": failed,
