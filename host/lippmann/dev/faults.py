@@ -147,6 +147,7 @@ class Scratch:
         command = [
             sys.executable, "-m", "pytest", "-q", "-x", "-m", "not full", "--tb=no", "-o", f"cache_dir={cache}",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
+            "-p", "no:hypothesispytest",  # its summary imports all of Hypothesis, whatever the tests need
             *(["-n", str(self.jobs)] if self.jobs > 1 and len(tests) > 1 else []), *tests,
             *(word for test in self.left_out for word in ("--deselect", test)),
         ]  # fmt: skip
