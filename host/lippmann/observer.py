@@ -174,7 +174,8 @@ def eye_rays(
     s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
     # Opaque, so that another eye needs no compilation.
-    ex, ey, ez, focus, radius = (dr.opaque(b.double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
+    double: Any = b.double
+    ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed, stream=1)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
