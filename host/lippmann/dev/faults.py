@@ -160,6 +160,7 @@ class Scratch:
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
+            "-p", "no:hypothesispytest",  # its summary imports all of Hypothesis, whatever the tests need
             *(["-n", str(jobs)] if jobs > 1 else []), "@arguments",
             *(word for test in self.left_out for word in ("--deselect", test)),
         ]  # fmt: skip

@@ -321,7 +321,7 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
     as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
-    rays, bad = variant.predict(sample.given), sample.wrong
+    rays, bad = variant.predict(sample.given, sample.golden), sample.wrong
     right, ratios = np.ones(len(bad), bool), []
     for name, values in sample.fields.items():
         if name in variant.silent:
