@@ -23,6 +23,8 @@ BUILD = TOP / "build" / "rtl-tests"
 OPTIONS = (
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
 )  # fmt: skip
+#: Where asserts say what differed. By itself cocotb has pytest rewrite every module, numpy's too: a second each run.
+ASSERTS = "cocotb_*.py *_frames.py packets*.py streams.py neighbours.py"
 
 
 def seed() -> int:
@@ -115,7 +117,13 @@ def simulate(
             test_args=seed_options(seed),
             plusargs=[f"+{key}={value}" for key, value in (plusargs or {}).items()],
             log_file=log,
-            extra_env={**(environment or {}), "LIPPMANN_SEED": str(seed), "COCOTB_ANSI_OUTPUT": "0"},
+            extra_env={
+                **(environment or {}),
+                "LIPPMANN_SEED": str(seed),
+                "COCOTB_ANSI_OUTPUT": "0",
+                "COCOTB_REWRITE_ASSERTION_FILES": ASSERTS,
+                "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+            },
         )
     except (SystemExit, RuntimeError) as error:
         raise AssertionError(f"cocotb: {error}, seed {seed}\n{_tail(log)}") from None
