@@ -429,6 +429,28 @@ def test_closed_and_opened_again(monkeypatch):
     assert len(model.shown) == 1
 
 
+def test_the_reply_to_a_repeated_request_is_not_timed(monkeypatch):
+    """Nobody knows which of the two requests it answers: Karn's rule."""
+    timed, eased = [], []
+    monkeypatch.setattr(RoundTrip, "sample", lambda _, seconds: timed.append(seconds))
+    monkeypatch.setattr(RoundTrip, "ease", lambda _: eased.append(True))
+    with ModelBoard() as model, Board.open(model.url, FAST_BAUD, 2.0) as board:
+        board.read(0x18)
+        before = len(timed)
+        assert (before > 0, eased) == (True, [])
+        send, lost = board.line.send, []
+
+        def lose_the_first(packet, *rest):
+            if lost:
+                send(packet, *rest)
+            lost.append(packet)
+
+        monkeypatch.setattr(board.line, "send", lose_the_first)
+        board.read(0x18)
+        assert len(lost) == 2
+        assert (len(timed), eased) == (before, [True])
+
+
 SHOWN = ["0x018  0x000004FF  display", "brightness = 255", "pattern = 4 (checker)"]
 
 
