@@ -8,6 +8,7 @@ import pytest
 from lippmann.dev import faults, host_mutation
 from lippmann.dev.faults import Fault, Scratch, faults_page, in_turn, try_faults
 from lippmann.dev.host_mutation import differs, fate, faults_of
+from lippmann.errors import LippmannError
 from lippmann.sim.tools import repository
 
 TOP = repository()
@@ -94,7 +95,7 @@ def scratch(tmp_path_factory):
 def reach(scratch):
     """Which of a few tests execute each line."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(host_mutation, "TESTS", ("tests/host/test_glass.py", "tests/host/test_layers.py"))
+        patch.setattr(host_mutation, "TESTS", ("tests/host/test_glass.py",))
         return host_mutation.Reach(scratch)
 
 
@@ -162,6 +163,25 @@ def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsy
     assert planted("def test_broken():\n    assert False\n", "near") == "survived"
     assert scratch.left_out == ["tests/host/test_planted.py::test_broken"]
     assert "test_planted.py::test_broken fails without a fault, too: left out" in capsys.readouterr().err
+
+
+def test_a_fault_that_keeps_a_file_of_tests_from_its_import_is_caught(scratch, monkeypatch):
+    file, name = "host/lippmann/glass.py", "def index_of("
+    tests = ["tests/host/test_old_names.py", "tests/host/test_glass.py::test_planted"]
+    monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: tests))
+    fault = fault_at(scratch, file, name)
+    planted = scratch.folder / "tests/host/test_glass.py"
+    text = planted.read_text()
+    planted.write_text(f"{text}\nfrom lippmann.glass import index_of\n\ndef test_planted():\n    pass\n")
+    try:
+        gone = Fault(file, fault.line, fault.was, fault.was.replace("index_of", "index"))
+        assert fate(gone, scratch) == f"caught by {tests[1]}"
+        tests[1] = "tests/host/test_glass.py::test_that_never_was"
+        with pytest.raises(LippmannError, match="pytest does not run in the copy"):
+            fate(gone, scratch)
+    finally:
+        planted.write_text(text)
+        scratch.left_out.clear()
 
 
 #: Fails in its first run, with the fault, and whenever the file whose name it writes says so.
