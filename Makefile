@@ -53,7 +53,7 @@ lint: $(READY) ## style, format, types and import layers; every RTL module alone
 lint-host:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
+	$(BIN)/mypy -n 2
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
 
 lint-rtl:
