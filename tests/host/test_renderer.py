@@ -4,6 +4,7 @@ import itertools
 import math
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import lippmann
@@ -183,6 +184,17 @@ def test_more_samples_average_the_pixel(mi, spheres):
     # An outline through a pixel: 256 points of either pattern find the area to about 1 / 64.
     assert np.abs(seen - total).max() < 0.05
     assert np.abs(seen.mean(axis=0) - total.mean(axis=0)).max() < 0.002
+
+
+def test_the_times_of_a_render_are_parts_of_the_whole(mi, spheres):
+    began, cpu = time.perf_counter(), time.process_time()
+    rendered = render_integral(spheres, display_for("hex", width_px=24, height_px=16), "exact", Settings())
+    whole, cpu = time.perf_counter() - began, time.process_time() - cpu
+    assert rendered.prepare_seconds > 0.0
+    assert rendered.seconds > 0.0
+    assert rendered.prepare_seconds + rendered.seconds < whole
+    assert 0.0 <= rendered.cpu_seconds <= cpu
+    assert rendered.samples_per_second == pytest.approx(24 * 16 / rendered.seconds)
 
 
 def test_samples_spread_evenly(mi):
