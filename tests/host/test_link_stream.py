@@ -76,6 +76,10 @@ def test_overhead_of_raw_tiles():
     assert sent.wire_bytes == board.line.written - before
     # 12 bytes of packet, 13 of COBS at most, one delimiter to 3072 bytes; the tables come on top.
     assert 0.0 < sent.overhead <= 0.01
+    with joined() as (model, board):
+        send_frame(board, noise(model))
+        again = send_frame(board, noise(model))
+    assert (again.unchanged, again.payload_bytes, again.overhead) == (True, 0, 0.0), "nothing was sent to share it"
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from lippmann.display_properties import beats_in_lenslets, display_properties, e
 from lippmann.engines import trace_to_panel
 from lippmann.errors import InputError
 from lippmann.observer import Eye, observe, whole_window
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
 from lippmann.viewing import middle_eye, sees_all, status_share, zones
 from optics_cases import GRIDS, SIDES, display_of
@@ -409,3 +410,19 @@ def test_what_inspect_refuses(inspected, arguments, said):
     assert said in result["error"]
     assert len(err.splitlines()) == 1
     assert [path.name for path in Path().iterdir()] == ["it.toml"]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "nearest"),
+    [
+        (1.9, 2.0, (1.9, 2.0)),  # 1.4 along its row
+        (-0.9, 2.0, (-0.9, 2.0)),  # -1.4
+        (9.0, 1.0, (1.75, 1.0)),
+        (9.0, 5.0, (2.5, 4.0)),
+        (-9.0, -5.0, (-2.5, -4.0)),
+    ],
+)
+def test_the_nearest_point_of_an_array_that_ends_by_hand(x, y, nearest):
+    """Rows 2 mm apart to 4 mm from the middle, each moved by a quarter of its height; 1.5 mm to both sides along it."""
+    lattice = Lattice("square", (1.0, 2.0), shear=0.25, half_steps=(4, 4))
+    assert lattice.nearest_within(np.array(x), np.array(y)) == pytest.approx(nearest)
