@@ -19,6 +19,7 @@ from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
+CHECKS = TOP / "sim" / "checks"
 #: Verilator's options for a bench.
 OPTIONS = (
     "--vpi", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
@@ -46,11 +47,13 @@ class Compiled(Verilator):
 def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str = "", name: str | None = None) -> Path:
     """Compile a top with its parameters, unless that was done; return the program.
 
-    `bench` is the text of SystemVerilog modules beside those of rtl/.
+    `bench` is the text of SystemVerilog modules beside those of rtl/. Beside every instance of a module that has a
+    file in sim/checks, the assertions of that file run.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
     sources = needed(bench or top, rtl_sources(TOP, *RTL_FOLDERS))
+    sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]
     cpp = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"
     libraries = cocotb_tools.config.libs_dir
     link = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
