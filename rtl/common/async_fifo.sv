@@ -35,19 +35,16 @@ module async_fifo #(
 
   localparam int C = AddressBits + 1;  // counts modulo twice the places
 
-  function automatic logic [C-1:0] gray(logic [C-1:0] count);
-    return count ^ (count >> 1);
-  endfunction
-
   logic [Width-1:0] words[1 << AddressBits];
-  logic [C-1:0] written_q, written_d, written_gray_q, written_gray;
-  logic [C-1:0] read_q, read_d, read_gray_q, read_gray;
+  logic [C-1:0] written_q, written_d, written_gray_q, written_gray_d, written_gray;
+  logic [C-1:0] read_q, read_d, read_gray_q, read_gray_d, read_gray;
 
   // ---- the writer's side ----
   logic write, open_q;
   assign in_ready_o = open_q;
   assign write = in_valid_i && in_ready_o;
   assign written_d = written_q + C'(write);
+  assign written_gray_d = written_d ^ (written_d >> 1);
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin
     if (!in_rst_ni) begin
       written_q <= '0;
@@ -55,9 +52,9 @@ module async_fifo #(
       open_q <= 1'b0;
     end else begin
       written_q <= written_d;
-      written_gray_q <= gray(written_d);
+      written_gray_q <= written_gray_d;
       // Full: the counts differ by the number of places, in Gray code by the two highest bits.
-      open_q <= gray(written_d) != (read_gray ^ (C'(3) << (AddressBits - 1)));
+      open_q <= written_gray_d != (read_gray ^ (C'(3) << (AddressBits - 1)));
     end
   end
   always_ff @(posedge in_clk_i) if (write) words[written_q[AddressBits-1:0]] <= in_data_i;
@@ -66,6 +63,7 @@ module async_fifo #(
   logic read;
   assign read = read_gray_q != written_gray && (!out_valid_o || out_ready_i);
   assign read_d = read_q + C'(read);
+  assign read_gray_d = read_d ^ (read_d >> 1);
   always_ff @(posedge out_clk_i or negedge out_rst_ni) begin
     if (!out_rst_ni) begin
       read_q <= '0;
@@ -73,7 +71,7 @@ module async_fifo #(
       out_valid_o <= 1'b0;
     end else begin
       read_q <= read_d;
-      read_gray_q <= gray(read_d);
+      read_gray_q <= read_gray_d;
       out_valid_o <= read || (out_valid_o && !out_ready_i);
     end
   end

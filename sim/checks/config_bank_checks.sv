@@ -14,6 +14,14 @@ module config_bank_checks #(
   input logic [Width-1:0] config_o
 );
 
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
   reg known_q;  // the values below are of the clock before
   reg applied_q, busy_q, idle_q;
   reg [Width-1:0] config_q, used_q;
@@ -27,7 +35,7 @@ module config_bank_checks #(
   end
 
   always @(posedge clk_i) begin
-    if (rst_ni && known_q) begin
+    if (checked && known_q) begin
       only_idle: assert(config_o == used_q || (idle_q && busy_q));
       copied: assert(config_o == used_q || config_o == config_q);
       busy: assert(!applied_q || busy_o);

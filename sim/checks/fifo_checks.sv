@@ -27,6 +27,14 @@ module fifo_checks #(
   output logic [Width-1:0]     watched_o
 );
 
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
   localparam int Room = 1 << AddressBits;
   localparam int C = AddressBits + 1;
 
@@ -75,15 +83,15 @@ module fifo_checks #(
   wire order_ok = !(watching_q && ahead_q == 0 && valid_o) || data_o == watched_q;
   wire stable_ok = !stalled_q || data_o == out_q;
   if (AssumeWriter) begin : gen_assume_writer
-    always @(posedge clk_i) if (rst_ni) assume(room_ok);
+    always @(posedge clk_i) if (checked) assume(room_ok);
   end else begin : gen_writer
-    always @(posedge clk_i) if (rst_ni) promise: assert(room_ok);
+    always @(posedge clk_i) if (checked) promise: assert(room_ok);
   end
   if (AssumeFifo) begin : gen_assume_fifo
-    always @(posedge clk_i) if (rst_ni) assume(valid_ok && order_ok && stable_ok);
+    always @(posedge clk_i) if (checked) assume(valid_ok && order_ok && stable_ok);
   end else begin : gen_fifo
     always @(posedge clk_i) begin
-      if (rst_ni) begin
+      if (checked) begin
         four_clocks: assert(valid_ok);
         in_order: assert(order_ok);
         stable_data: assert(stable_ok);
@@ -93,7 +101,7 @@ module fifo_checks #(
 
   // What follows from the contract, for the proofs that build on it.
   always @(posedge clk_i) begin
-    if (rst_ni) begin
+    if (checked) begin
       counted: assert(count_q <= C'(Room));
       recent_inside: assert(count_q >= C'(recent) + C'(wrote_q[3]));
       watched_inside: assert(!watching_q || ahead_q < count_q);

@@ -20,6 +20,14 @@ module flow_control_checks #(
   input logic [Width-1:0] data_o
 );
 
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
   localparam int C = AddressBits + 1;
   localparam int Room = 1 << AddressBits;
 
@@ -51,7 +59,7 @@ module flow_control_checks #(
   always @(posedge clk_i) out_q <= data_o;
 
   always @(posedge clk_i) begin
-    if (rst_ni) begin
+    if (checked) begin
       room: assert(inside_q <= C'(Room) && (!ready_o || inside_q < C'(Room)));
       hold: assert(!hold_i || !ready_o);
       idle: assert(idle_o == (inside_q == 0));

@@ -23,6 +23,14 @@ module frame_gate_checks #(
   input logic ready_i
 );
 
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
   wire from_raster = raster_valid_i && raster_ready_o;
   wire from_stream = stream_valid_i && stream_ready_o;
   wire accept = from_raster || from_stream;
@@ -66,7 +74,7 @@ module frame_gate_checks #(
   end
 
   always @(posedge clk_i) begin
-    if (rst_ni) begin
+    if (checked) begin
       // One ray at a time, from the source in effect, and none invented or dropped.
       one_source: assert(!(from_raster && from_stream));
       passed_on: assert(accept == (valid_o && ready_i));
@@ -90,9 +98,9 @@ module frame_gate_checks #(
   wire raster_ok = (!raster_running_i || walks_q) && (raster_running_i || !within_q || stream_o)
       && (!raster_valid_i || (raster_running_i && begun_q >= 2));
   if (AssumeRaster) begin : gen_assume_raster
-    always @(posedge clk_i) if (rst_ni) assume(raster_ok);
+    always @(posedge clk_i) if (checked) assume(raster_ok);
   end else begin : gen_raster
-    always @(posedge clk_i) if (rst_ni) raster: assert(raster_ok);
+    always @(posedge clk_i) if (checked) raster: assert(raster_ok);
   end
 
 endmodule

@@ -13,13 +13,21 @@ module scan_out_checks #(
   input logic        frame_start_o
 );
 
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
   reg known_q;  // a clock has passed since reset
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) known_q <= 0;
     else known_q <= 1;
   end
   always @(posedge clk_i) begin
-    if (rst_ni && known_q) begin
+    if (checked && known_q) begin
       blank: assert(de_o || rgb_o == 0);
       apart: assert(!de_o || (hsync_o != HPositive && vsync_o != VPositive));
       first: assert(!frame_start_o || de_o);

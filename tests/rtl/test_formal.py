@@ -19,6 +19,8 @@ TOOLS = Path(sys.executable).parent
 
 # The proofs and covers of each .sby file.
 PROOFS = [
+    "async_fifo prove",
+    "async_fifo cover",
     "fifo prove_4",
     "fifo prove_128",
     "fifo prove_256",
@@ -44,6 +46,12 @@ PROOFS = [
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
 # (proof, file, text, its replacement, assertions of which one must fail)
 FAULTS = {
+    "binary count brought over": (
+        "async_fifo bmc", "async_fifo.sv", "read_d ^ (read_d >> 1)", "read_d", "one_bit|gray"),
+    "word written while there is no place": (
+        "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
+    "word read while there is none": (
+        "async_fifo bmc", "async_fifo.sv", "read = read_gray_q != written_gray && ", "read = ", "room|inside|in_order"),
     "word asked for without a place": (
         "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
     "read pointer stands still": (
@@ -110,6 +118,7 @@ FAULTS = {
 
 # For every commit: one or two for each proof.
 SANITY = {
+    "binary count brought over",
     "read pointer stands still",
     "memory answers a clock early",
     "no credit: rays enter while there is no room",
@@ -159,7 +168,7 @@ def test_proof(proof: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", [f if f in SANITY else pytest.param(f, marks=pytest.mark.full) for f in FAULTS])
 def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
     proof, file, text, replacement, broken = FAULTS[fault]
-    path = checkout(tmp_path) / "rtl" / "optics" / file
+    (path,) = (checkout(tmp_path) / "rtl").rglob(file)
     source = path.read_text()
     assert source.count(text) == 1, f"{file} has changed: give this fault its new text"
     path.write_text(source.replace(text, replacement))
