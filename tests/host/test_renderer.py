@@ -12,6 +12,7 @@ import pytest
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
+from lippmann.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
@@ -49,6 +50,36 @@ def luminaire(corners: float, z: float, radiance=(1.0, 1.0, 1.0), x: float = 0.0
         f'<shape type="rectangle"><transform name="to_world"><scale value="{corners}"/>'
         f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
     )
+
+
+def programs_of(work):
+    """The hashes of the programs that some work runs."""
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        work()
+        return {kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT}
+
+
+def test_another_eye_placement_or_seed_needs_no_compilation(mi, tmp_path):
+    """Numbers that a program contained were compiled for every frame of a film, and for every eye."""
+    scene = load_scene(write_scene(tmp_path / "s.xml", SKY, glowing_sphere((0.0, 0.0, 0.0), 2.0)), Placement(1.1))
+    display = display_for()
+    window, panel = Window(8.0, 6.0, 16, 12), np.zeros((display.panel.height_px, display.panel.width_px, 3))
+
+    def work(at, seed):
+        placed = scene.placed(Placement(at, (0.0, 10.0 * at, 0.0), (at, 0.0, -at), near_mm=20.0 + at, far_mm=-20.0))
+        return {
+            "view": programs_of(lambda: render_view(placed, (at, -at, 300.0 * at), window, Settings(2, seed=seed))),
+            "image": programs_of(lambda: render_integral(placed, display, "thin", Settings(2, seed=seed))),
+            "eye": programs_of(lambda: observe(panel, display, Eye((at, 2.0, 200.0 * at)), window, 2, seed=seed)),
+            "lens": programs_of(lambda: observe(panel, display, Eye((at, 2.0, 500.0), at, -at), window, 2, seed=seed)),
+        }
+
+    found = work(1.5, 7)
+    assert all(found.values())
+    assert work(2.5, 8) == found
 
 
 # --- furnace --------------------------------------------------------------------------------------
