@@ -39,6 +39,8 @@ PROOFS = [
     "flow_control full_3",
     "frame_gate prove",
     "frame_gate cover",
+    "pulse_sync prove",
+    "pulse_sync cover",
     "ray_lenslet prove",
     "ray_lenslet cover",
 ]
@@ -105,6 +107,8 @@ FAULTS = {
     "frame begins before the change that it waits for": (
         "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d", "apply_waits_o && !start_waits_o && !within_d",
         "in_time|answered|time"),
+    "pulse accepted while one is on its way": (
+        "pulse_sync bmc", "pulse_sync.sv", "from_pulse_i && !from_busy_o", "from_pulse_i", "one_for_one|way|late"),
     "copy taken while rays are on the way": (
         "ray_lenslet bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
         "copy_idle|only_idle|one_configuration"),
@@ -127,6 +131,7 @@ SANITY = {
     "idle before the last ray has left",
     "optics change within a frame",
     "input open during a change",
+    "pulse accepted while one is on its way",
     "copy taken while rays are on the way",
 }
 
