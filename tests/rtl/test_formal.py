@@ -179,7 +179,7 @@ def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
     path.write_text(source.replace(text, replacement))
     verdict, log = sby(tmp_path, *proof.split())
     assert verdict == "FAIL", log
-    failed = re.findall(r"failed assertion (\S+)", log)
+    failed = re.findall(r"failed assertion (.+?) at ", log)
     assert failed
     assert any(re.search(broken, name) for name in failed), failed
 
