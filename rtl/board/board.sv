@@ -22,6 +22,8 @@ module board #(
   parameter int VFront = 4,
   parameter int VSync = 5,
   parameter int VBack = 36,
+  parameter bit HPositive = 1'b1,   // polarities of the syncs
+  parameter bit VPositive = 1'b1,
   parameter int F = 16,
   parameter bit CrossCells = 1'b0,
   parameter int Grid = optics_pkg::GridSquare,
@@ -32,7 +34,7 @@ module board #(
   parameter bit Shear = 1'b0
 ) (
   input  logic        clk_i,
-  input  logic        rst_ni,
+  input  logic        rst_ni,       // asynchronous
   input  logic [63:0] identity_i,   // hash of panel and array
 
   input  logic [15:0] step_i,       // UART: bits per clock, times 65536
@@ -53,6 +55,9 @@ module board #(
 );
   import optics_pkg::IndexBits, optics_pkg::PixelBits;
 
+  logic rst_n;
+  reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
+
   // ---- the line ----
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
@@ -65,11 +70,12 @@ module board #(
     assign unused_wires = ^{rx_i, step_i};
   end else begin : gen_wires
     uart_rx i_uart_rx (
-      .clk_i, .rst_ni, .step_i, .rx_i, .valid_o(rx_valid), .ready_i(rx_ready), .data_o(rx_data),
-      .framing_error_o(framing_error), .overflow_o(overflow)
+      .clk_i, .rst_ni(rst_n), .step_i, .rx_i, .valid_o(rx_valid), .ready_i(rx_ready),
+      .data_o(rx_data), .framing_error_o(framing_error), .overflow_o(overflow)
     );
     uart_tx i_uart_tx (
-      .clk_i, .rst_ni, .step_i, .valid_i(tx_valid), .ready_o(tx_ready), .data_i(tx_data), .tx_o
+      .clk_i, .rst_ni(rst_n), .step_i, .valid_i(tx_valid), .ready_o(tx_ready), .data_i(tx_data),
+      .tx_o
     );
     assign in_ready_o = 1'b0;
     assign {out_valid_o, out_data_o} = '0;
@@ -81,7 +87,7 @@ module board #(
   logic decoded_valid, decoded_ready, decoded_end, decoded_bad;
   logic [7:0] decoded_data;
   cobs_decoder i_cobs_decoder (
-    .clk_i, .rst_ni, .in_valid_i(rx_valid), .in_ready_o(rx_ready), .in_data_i(rx_data),
+    .clk_i, .rst_ni(rst_n), .in_valid_i(rx_valid), .in_ready_o(rx_ready), .in_data_i(rx_data),
     .out_valid_o(decoded_valid), .out_ready_i(decoded_ready), .out_data_o(decoded_data),
     .out_end_o(decoded_end), .out_bad_o(decoded_bad)
   );
@@ -89,7 +95,7 @@ module board #(
   logic [7:0] request_data;
   logic accepted, dropped_long, dropped_cobs, dropped_short, dropped_crc;
   packet_fifo i_packet_fifo (
-    .clk_i, .rst_ni, .in_valid_i(decoded_valid), .in_ready_o(decoded_ready),
+    .clk_i, .rst_ni(rst_n), .in_valid_i(decoded_valid), .in_ready_o(decoded_ready),
     .in_data_i(decoded_data), .in_end_i(decoded_end), .in_bad_i(decoded_bad),
     .out_valid_o(request_valid), .out_ready_i(request_ready), .out_data_o(request_data),
     .out_last_o(request_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
@@ -98,8 +104,9 @@ module board #(
   logic reply_valid, reply_ready, reply_last;
   logic [7:0] reply_data;
   packet_out i_packet_out (
-    .clk_i, .rst_ni, .in_valid_i(reply_valid), .in_ready_o(reply_ready), .in_data_i(reply_data),
-    .in_last_i(reply_last), .out_valid_o(tx_valid), .out_ready_i(tx_ready), .out_data_o(tx_data)
+    .clk_i, .rst_ni(rst_n), .in_valid_i(reply_valid), .in_ready_o(reply_ready),
+    .in_data_i(reply_data), .in_last_i(reply_last), .out_valid_o(tx_valid),
+    .out_ready_i(tx_ready), .out_data_o(tx_data)
   );
 
   // ---- requests ----
@@ -118,7 +125,7 @@ module board #(
   logic sign_start, sign_done, exit_last;
   logic [31:0] sign_rays, sign_crc;
   dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
-    .clk_i, .rst_ni, .identity_i, .epoch_i(epoch),
+    .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch),
     .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
     .in_last_i(request_last), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
     .out_data_o(reply_data), .out_last_o(reply_last),
@@ -148,8 +155,8 @@ module board #(
   logic [8:0] apb_addr;
   logic [31:0] apb_wdata, apb_rdata;
   register_bus i_register_bus (
-    .clk_i, .rst_ni, .start_i(bus_start), .write_i(bus_write), .at_i(bus_at), .word_i(bus_word),
-    .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
+    .clk_i, .rst_ni(rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
+    .word_i(bus_word), .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
     .board_request_o(board_request), .board_write_o(board_write), .board_at_o(board_at),
     .board_word_o(board_word), .board_read_ack_i(board_read_ack),
     .board_write_ack_i(board_write_ack),
@@ -161,7 +168,7 @@ module board #(
   );
   logic unused_stall_read, unused_stall_write;
   board_registers i_registers (
-    .clk(clk_i), .arst_n(rst_ni),
+    .clk(clk_i), .arst_n(rst_n),
     .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at),
     .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
     .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
@@ -171,8 +178,8 @@ module board #(
     .hwif_in(told), .hwif_out(set)
   );
   logic [31:0] shown_crc, frames, clocks_q;
-  always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) clocks_q <= '0;
+  always_ff @(posedge clk_i or negedge rst_n) begin
+    if (!rst_n) clocks_q <= '0;
     else clocks_q <= clocks_q + 1'b1;
   end
   assign told.display_low.value.next = identity_i[31:0];
@@ -206,7 +213,7 @@ module board #(
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc;
   tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
-    .clk_i, .rst_ni, .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
+    .clk_i, .rst_ni(rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
     .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
     .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(request_data),
     .last_i(request_last), .write_o(write), .write_buffer_o(write_buffer),
@@ -215,7 +222,7 @@ module board #(
   );
   // The table's entry of a tile is invalid from its start until it ended without an error.
   tile_table #(.Width(Width), .Height(Height)) i_tile_table (
-    .clk_i, .rst_ni, .busy_o(table_busy),
+    .clk_i, .rst_ni(rst_n), .busy_o(table_busy),
     .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
     .write_tile_i(tile[TileBits-1:0]), .write_crc_i(tile_start ? '0 : tile_crc),
     .read_buffer_i(table_front ? front : !front), .read_tile_i(table_at[TileBits-1:0]),
@@ -224,12 +231,12 @@ module board #(
   logic unused_table;
   assign unused_table = ^table_at[15:TileBits];
   frame_check #(.Width(Width), .Height(Height)) i_frame_check (
-    .clk_i, .rst_ni, .start_i(check_start), .buffer_i(!front), .busy_o(check_busy),
+    .clk_i, .rst_ni(rst_n), .start_i(check_start), .buffer_i(!front), .busy_o(check_busy),
     .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
     .read_rgb_i(second_rgb)
   );
   presenter i_presenter (
-    .clk_i, .rst_ni, .start_i(present_start), .epoch_i(present_epoch), .crc_i(present_crc),
+    .clk_i, .rst_ni(rst_n), .start_i(present_start), .epoch_i(present_epoch), .crc_i(present_crc),
     .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
     .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
     .swap_o(swap), .swapped_i(swapped)
@@ -244,9 +251,10 @@ module board #(
   logic unused_start;
   scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
-    .VFront(VFront), .VSync(VSync), .VBack(VBack), .F(F), .Grid(Grid)
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
+    .F(F), .Grid(Grid)
   ) i_scan_out (
-    .clk_i, .rst_ni, .swap_i(swap), .swapped_o(swapped), .front_o(front),
+    .clk_i, .rst_ni(rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
     .brightness_i(set.display.brightness.value),
     .pattern_i('{
       kind: panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
@@ -267,7 +275,7 @@ module board #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_optics (
-    .clk_i, .rst_ni, .apb_sel_i(apb_sel), .apb_enable_i(apb_enable), .apb_write_i(apb_write),
+    .clk_i, .rst_ni(rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable), .apb_write_i(apb_write),
     .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
     .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),
     .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
@@ -284,7 +292,7 @@ module board #(
   };
   assign exit_ready = trace ? trace_ready : sign_ready;
   ray_signature i_ray_signature (
-    .clk_i, .rst_ni, .start_i(sign_start), .ray_valid_i(exit_valid && !trace),
+    .clk_i, .rst_ni(rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && !trace),
     .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
     .rays_o(sign_rays), .crc_o(sign_crc)
   );

@@ -24,9 +24,8 @@ module uart_rx (
 
   localparam logic [3:0] StopBit = 4'd9;  // bit 0 starts, bits 1 to 8 are data
 
-  logic [1:0] sync_q;
   logic line;
-  assign line = sync_q[1];
+  bit_sync #(.ResetValue(1'b1)) i_sync (.clk_i, .rst_ni, .d_i(rx_i), .q_o(line));
 
   // Position in the byte: bits, eighths of a bit, and their fraction.
   logic [3:0] bit_q;
@@ -54,12 +53,10 @@ module uart_rx (
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      sync_q <= '1;
       {busy_q, broken_q} <= '0;
       {valid_o, framing_error_o, overflow_o} <= '0;
       data_o <= '0;
     end else begin
-      sync_q <= {sync_q[0], rx_i};
       {framing_error_o, overflow_o} <= '0;
       if (ready_i) valid_o <= 1'b0;
       if (!busy_q) begin

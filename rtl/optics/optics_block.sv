@@ -66,7 +66,7 @@ module optics_block #(
   // ---- registers ----
   optics_registers_pkg::optics_registers__in_t status;
   optics_registers_pkg::optics_registers__out_t set;
-  logic apply_q, start_q, busy, running, refused;
+  logic apply_waits, start_waits, busy, running, refused;
 
   // APB4 holds address and data until ready; this makes a request of one clock.
   // The upper half of the addresses is the jitter table, which can only be written.
@@ -110,8 +110,8 @@ module optics_block #(
   assign status.build.cross_cells.next = CrossCells;
   assign status.build.converge.next = Converge;
   assign status.build.shear.next = Shear;
-  assign status.status.busy.next = busy || apply_q;
-  assign status.status.running.next = running || start_q;
+  assign status.status.busy.next = busy || apply_waits;
+  assign status.status.running.next = running || start_waits;
   assign status.status.refused.next = refused;
 
   optics_config_t optics;
@@ -177,34 +177,23 @@ module optics_block #(
     .ray_first_o(walked_first), .ray_last_o(walked_last)
   );
 
-  logic stream_q, valid, ready, accept, first, last;
+  // ---- new optics and another source take effect between two frames only ----
+  logic stream, take, valid, ready, first, last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;
-  assign {u, v, a, b, first, last} = stream_q ?
+  frame_gate i_gate (
+    .clk_i, .rst_ni,
+    .apply_i(set.control.apply.value), .apply_waits_o(apply_waits),
+    .stream_i(set.source.stream.value), .take_o(take), .stream_o(stream),
+    .start_i(set.control.start.value), .start_waits_o(start_waits), .begin_o(begin_frame),
+    .raster_running_i(running),
+    .raster_valid_i(walked_valid), .raster_ready_o(walked_ready), .raster_last_i(walked_last),
+    .stream_valid_i(ray_valid_i), .stream_ready_o(ray_ready_o), .stream_last_i(ray_last_i),
+    .valid_o(valid), .ready_i(ready)
+  );
+  assign {u, v, a, b, first, last} = stream ?
       {ray_u_i, ray_v_i, ray_a_i, ray_b_i, ray_first_i, ray_last_i} :
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
-
-  // ---- new optics take effect between two frames only ----
-  // Decided a clock ahead, since the input must be closed in the clock of the change.
-  logic within_d, within_q, take;
-  assign within_d = accept ? !last : within_q;
-  assign valid = (stream_q ? ray_valid_i : walked_valid) && !take;
-  assign accept = valid && ready;
-  assign ray_ready_o = stream_q && ready && !take;
-  assign walked_ready = !stream_q && ready && !take;
-  // A pending apply takes effect before the raster gives its first ray.
-  assign begin_frame = start_q && !running;
-  always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      {within_q, take, apply_q, start_q, stream_q} <= '0;
-    end else begin
-      within_q <= within_d;
-      take <= apply_q && !within_d && !take;
-      apply_q <= set.control.apply.value || (apply_q && !take);
-      start_q <= set.control.start.value || (start_q && !begin_frame);
-      if (take) stream_q <= set.source.stream.value;
-    end
-  end
 
   // ---- the optics ----
   ray_lenslet #(
@@ -223,7 +212,7 @@ module optics_block #(
   localparam int AddressBits = $clog2(Latency + 16);
   logic unused_valid;
   fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
-    .clk_i, .rst_ni, .write_i(accept), .data_i({first, last}),
+    .clk_i, .rst_ni, .write_i(valid && ready), .data_i({first, last}),
     .valid_o(unused_valid), .ready_i(exit_valid_o && exit_ready_i),
     .data_o({exit_first_o, exit_last_o})
   );

@@ -3,9 +3,10 @@
 /// Video output: the front buffer, or a test pattern, one pixel a clock, without end.
 ///
 /// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
-/// sync begins and ends with horizontal sync; both are active high. Only at the beginning of
-/// vertical sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
-/// changes), and brightness_i and pattern_i are copied: every frame is shown whole. Reset starts a
+/// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
+/// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
+/// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o changes),
+/// and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset starts a
 /// frame of buffer 0. Pixels are black until the first swap, since the store holds no frame before.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
@@ -21,6 +22,8 @@ module scan_out #(
   parameter int VFront = 10,
   parameter int VSync = 2,
   parameter int VBack = 33,
+  parameter bit HPositive = 1'b1,                // polarity of horizontal sync
+  parameter bit VPositive = 1'b1,                // polarity of vertical sync
   parameter int F = 23,                          // of the test patterns' optics
   parameter int Grid = optics_pkg::GridSquare,
   localparam int PlaceBits = $clog2(Width * Height)
@@ -92,12 +95,15 @@ module scan_out #(
       vsync_q <= {vsync_q[Latency-1:1], y_q < YBits'(VSync)};
     end
   end
-  assign {de_o, hsync_o, vsync_o} = {active_q[Latency], hsync_q[Latency], vsync_q[Latency]};
+  assign de_o = active_q[Latency];
+  assign hsync_o = hsync_q[Latency] == HPositive;
+  assign vsync_o = vsync_q[Latency] == VPositive;
 
   // ---- between two frames ----
   logic frame_end, shown_q;
   logic [7:0] brightness_q;
   pattern_t pattern_q;
+  optics_pkg::optics_config_t optics_q;
   assign frame_end = vsync_q[Read] && !vsync_q[Read+1];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -115,10 +121,12 @@ module scan_out #(
     end
   end
 
+  always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
+
   // ---- the pixel: from the store, or from the test pattern ----
   logic [23:0] pattern_rgb, rgb_q;
   test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
-    .clk_i, .pattern_i(pattern_q), .optics_i,
+    .clk_i, .pattern_i(pattern_q), .optics_i(optics_q),
     .column_i(PanelBits'(x_q - XBits'(FirstX))), .row_i(PanelBits'(y_q - YBits'(FirstY))),
     .rgb_o(pattern_rgb)
   );
@@ -133,7 +141,9 @@ module scan_out #(
     return 8'((16'(value) * (16'(brightness) + 16'd1)) >> 8);
   endfunction
   always_ff @(posedge clk_i) begin
-    for (int k = 0; k < 3; k++) rgb_o[8*k+:8] <= dimmed(rgb_q[8*k+:8], brightness_q);
+    for (int k = 0; k < 3; k++) begin
+      rgb_o[8*k+:8] <= active_q[Latency-1] ? dimmed(rgb_q[8*k+:8], brightness_q) : '0;
+    end
   end
 
   // ---- the frame: CRC and count ----

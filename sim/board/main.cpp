@@ -189,7 +189,7 @@ class Board {
       const int byte = uart_.take(top_.tx_o);
       if (byte >= 0) send(static_cast<uint8_t>(byte));
     }
-    screen_.clock(top_.de_o, top_.vsync_o, top_.rgb_o);
+    screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
   void taken() {

@@ -1,75 +1,72 @@
 /// `flow_control` around a pipeline of any function: a ray carries its index instead of data.
 ///
-/// The n-th accepted ray enters with the index n, leaves the pipeline Latency clocks later, and
-/// must be the n-th to leave. A stage without a ray carries arbitrary data (junk_i). Indices count
-/// modulo 2^(AddressBits+1), twice the number of rays that can be inside.
+/// Two proofs. The first counts: room, hold, idle, full rate and latency. Rays in the pipeline are
+/// counted by a tree, so that the induction is short at any Latency: each node holds the number of
+/// rays in its stages, and its change depends only on the marks that enter and leave it. A node is
+/// the sum of its two halves; the root is the number in the pipeline.
+///
+/// The second (Order) is about which ray it is: the n-th accepted ray enters with the index n,
+/// leaves the pipeline Latency clocks later, and must be the n-th to leave. A stage without a ray
+/// carries arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1), twice the number of rays
+/// that can be inside. It assumes of the first that the FIFO is never overfilled.
 module flow_control_properties #(
   parameter int Latency = 4,
-  parameter int AddressBits = 4,             // 4: the FIFO's words below are written out
+  parameter int AddressBits = 4,
   parameter int Index = AddressBits + 1,
-  parameter bit Guide = 1'b0  // covers: a ray is always offered, none is taken until full
+  parameter bit Order = 1'b0,    // 1: the second proof
+  parameter bit AnyFifo = 1'b1,  // 1: a FIFO that its contract describes, 0: `fifo` itself
+  parameter bit Guide = 1'b0     // covers: a ray is always offered, none is taken until full
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
   input  logic             hold_i,
   input  logic             valid_i,
   input  logic             ready_i,
-  input  logic [Index-1:0] junk_i,
-  output logic             idle_o,
-  output logic             accept_o,
-  output logic             watched_enters_o,  // the watched ray is accepted
-  output logic             watched_inside_o   // it is inside
+  input  logic [Index-1:0] junk_i
 );
 
   localparam int Room = 1 << AddressBits;
-  // Clocks with a ready reader after which the input is open again, from any state.
-  localparam int Reopens = 4;
+  localparam int Marks = (Latency + 63) / 64;  // registers of marks, 64 in each but the last
+  localparam int LastMarks = Latency - 64 * (Marks - 1);
 
-  // Internal registers: flattening connects these wires to those of the same name.
+  // Internal registers: flattening connects these wires to those of the same name. A register that
+  // this Latency does not have leaves its wire free; nothing uses that wire.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
   (* hierconn *) wire \i_flow.open_q ;
-  (* hierconn *) wire [Latency-1:0] \i_flow.gen_marks[0].valid_q ;
-  (* hierconn *) wire [AddressBits-1:0] \i_flow.i_fifo.write_at_q ;
-  (* hierconn *) wire [AddressBits-1:0] \i_flow.i_fifo.read_at_q ;
-  (* hierconn *) wire [AddressBits:0] \i_flow.i_fifo.stored_q ;
-  (* hierconn *) wire [1:0] \i_flow.i_fifo.asked_q ;
-  (* hierconn *) wire [2:0] \i_flow.i_fifo.held_q ;
-  (* hierconn *) wire \i_flow.i_fifo.some_q ;
-  (* hierconn *) wire \i_flow.i_fifo.free_q ;
-  (* hierconn *) wire [1:0] \i_flow.i_fifo.put_q ;
-  (* hierconn *) wire [1:0] \i_flow.i_fifo.get_q ;
-  (* hierconn *) wire [2:0] \i_flow.i_fifo.ready_words_q ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.place_q[0] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.place_q[1] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.place_q[2] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.place_q[3] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.read_data ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.word_q ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[0] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[1] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[2] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[3] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[4] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[5] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[6] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[7] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[8] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[9] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[10] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[11] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[12] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[13] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[14] ;
-  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.i_memory.words[15] ;
+  (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
+  (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
+  (* hierconn *) wire [(Marks > 3 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[2].valid_q ;
+  (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[3].valid_q ;
   wire [AddressBits:0] taken = \i_flow.taken_q ;
-  wire [Latency-1:0] marks = \i_flow.gen_marks[0].valid_q ;
+  wire [Latency-1:0] marks;
+  assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
+  if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
+  if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
+  if (Marks > 3) assign marks[Latency-1:192] = \i_flow.gen_marks[3].valid_q ;
+  wire last = marks[Latency-1];
+  (* hierconn *) wire \i_flow.i_fifo.write_i ;
+  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.data_i ;
+  (* hierconn *) wire \i_flow.i_fifo.valid_o ;
+  (* hierconn *) wire \i_flow.i_fifo.ready_i ;
+  (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.data_o ;
+
+  // The counts of flow_control_checks.
+  (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.inside_q ;
+  (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
+  (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
+  (* hierconn *) wire [2:0] \gen_count.i_checks.flows_q ;
+  wire [AddressBits:0] inside_q = \gen_count.i_checks.inside_q ;
+  wire [AddressBits:0] recent = \gen_count.i_checks.recent_q ;
+  wire [Latency+3:0] entered = \gen_count.i_checks.entered_q ;
+  wire [2:0] flows = \gen_count.i_checks.flows_q ;
 
   reg started_q = 0;
   always @(posedge clk_i) started_q <= 1;
-  always @* if (!started_q) assume(!rst_ni);
+  // A later reset leads to the state of the first one: runs after it are among those seen here.
+  always @* assume(rst_ni == started_q);
 
   // ---- the rays' indices, and the pipeline that carries them ----
-  logic ready, valid;
+  logic ready, valid, idle;
   logic [Index-1:0] index;
   wire accept = valid_i && ready;
   wire leave = valid && ready_i;
@@ -83,112 +80,106 @@ module flow_control_properties #(
       left_q <= left_q + leave;
     end
   end
-  reg [Latency*Index-1:0] pipeline_q;
-  wire [(Latency+1)*Index-1:0] pipeline = {pipeline_q, accept ? accepted_q : junk_i};
-  always @(posedge clk_i) pipeline_q <= pipeline[Latency*Index-1:0];
+  // Stage s holds the number of rays accepted before the clock in which it was filled.
+  reg [Latency*Index-1:0] before_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) before_q <= 0;
+    else before_q <= {before_q, accepted_q};
+  end
+  wire [Index-1:0] written = before_q[(Latency-1)*Index +: Index];  // rays that left the pipeline
+  wire [Index-1:0] piped = last ? written : junk_i;
 
   flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_flow (
-    .clk_i, .rst_ni, .hold_i, .idle_o, .valid_i, .ready_o(ready),
-    .piped_i(pipeline_q[(Latency-1)*Index +: Index]),
+    .clk_i, .rst_ni, .hold_i, .idle_o(idle), .valid_i, .ready_o(ready), .piped_i(piped),
     .valid_o(valid), .ready_i, .data_o(index)
   );
 
-  // ---- the watched ray: any index ----
+  // ---- the FIFO; the watched ray is any ----
   (* anyconst *) reg [Index-1:0] watch;
-  wire [Index-1:0] before = watch - left_q;  // rays that leave before it
-  assign accept_o = accept;
-  assign watched_enters_o = accept && accepted_q == watch;
-  assign watched_inside_o = before < taken;
-
-  logic [AddressBits:0] waiting, ahead;
-  logic watching;
-  logic [2:0] waits;
-  logic [Index-1:0] watched;
-  wire last = marks[Latency-1];
-  wire [Index-1:0] piped = pipeline_q[(Latency-1)*Index +: Index];
-  fifo_properties #(.Width(Index), .AddressBits(AddressBits), .Assume(1'b0)) i_fifo_properties (
-    .clk_i, .rst_ni, .write_i(last), .data_i(piped),
-    .valid_i(valid), .ready_i, .out_i(index), .watch_i(piped == watch),
-    .write_at_i(\i_flow.i_fifo.write_at_q ), .read_at_i(\i_flow.i_fifo.read_at_q ),
-    .stored_i(\i_flow.i_fifo.stored_q ), .asked_i(\i_flow.i_fifo.asked_q ),
-    .held_i(\i_flow.i_fifo.held_q ), .some_i(\i_flow.i_fifo.some_q ),
-    .free_i(\i_flow.i_fifo.free_q ), .put_i(\i_flow.i_fifo.put_q ),
-    .get_i(\i_flow.i_fifo.get_q ), .ready_words_i(\i_flow.i_fifo.ready_words_q ),
-    .place_i({\i_flow.i_fifo.place_q[3] , \i_flow.i_fifo.place_q[2] ,
-      \i_flow.i_fifo.place_q[1] , \i_flow.i_fifo.place_q[0] }),
-    .word_i(\i_flow.i_fifo.i_memory.word_q ),
-    .read_data_i(\i_flow.i_fifo.read_data ),
-    .words_i({
-      \i_flow.i_fifo.i_memory.words[15] , \i_flow.i_fifo.i_memory.words[14] ,
-      \i_flow.i_fifo.i_memory.words[13] , \i_flow.i_fifo.i_memory.words[12] ,
-      \i_flow.i_fifo.i_memory.words[11] , \i_flow.i_fifo.i_memory.words[10] ,
-      \i_flow.i_fifo.i_memory.words[9] , \i_flow.i_fifo.i_memory.words[8] ,
-      \i_flow.i_fifo.i_memory.words[7] , \i_flow.i_fifo.i_memory.words[6] ,
-      \i_flow.i_fifo.i_memory.words[5] , \i_flow.i_fifo.i_memory.words[4] ,
-      \i_flow.i_fifo.i_memory.words[3] , \i_flow.i_fifo.i_memory.words[2] ,
-      \i_flow.i_fifo.i_memory.words[1] , \i_flow.i_fifo.i_memory.words[0]
-    }),
-    .count_o(waiting), .watching_o(watching), .ahead_o(ahead), .watched_o(watched),
-    .waits_o(waits)
+  wire [AddressBits:0] waiting, ahead;
+  wire [3:0] wrote;
+  wire watching;
+  wire [Index-1:0] watched;
+  fifo_checks #(
+    .Width(Index), .AddressBits(AddressBits), .AssumeWriter(Order), .AssumeFifo(AnyFifo)
+  ) i_fifo_checks (
+    .clk_i, .rst_ni, .write_i(\i_flow.i_fifo.write_i ), .data_i(\i_flow.i_fifo.data_i ),
+    .valid_o(\i_flow.i_fifo.valid_o ), .ready_i(\i_flow.i_fifo.ready_i ),
+    .data_o(\i_flow.i_fifo.data_o ), .watch_i(written == watch), .count_o(waiting),
+    .wrote_o(wrote), .watching_o(watching), .ahead_o(ahead), .watched_o(watched)
   );
 
-  // ---- rays in the pipeline: young[s] in the stages up to s ----
-  wire [Latency*Index-1:0] young;
-  wire [Latency-1:0] stage_right;  // the ray in this stage has the right index
-  for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
-    if (s == 0) assign young[0 +: Index] = marks[0];
-    else assign young[s*Index +: Index] = young[(s-1)*Index +: Index] + marks[s];
-    wire [Index-1:0] after = pipeline_q[s*Index +: Index] + young[s*Index +: Index];
-    assign stage_right[s] = !marks[s] || after == accepted_q;
-  end
-  wire [Index-1:0] inside = young[(Latency-1)*Index +: Index];
-
-  // ---- durations ----
-  reg [2:0] flows_q;        // clocks with the reader ready and no hold
-  reg [Latency+3:0] entered_q;  // the clocks in which a ray was accepted
-  always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      flows_q <= 0;
-      entered_q <= 0;
-    end else begin
-      if (!ready_i || hold_i) flows_q <= 0;
-      else if (flows_q < Reopens) flows_q <= flows_q + 1;
-      entered_q <= {entered_q[Latency+2:0], accept};
+  if (Order) begin : gen_order
+    wire [Index-1:0] before = watch - left_q;  // rays that leave before the watched one
+    wire [Latency-1:0] counted;  // a stage's count follows from that of the stage behind it
+    for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
+      wire [Index-1:0] here = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
+      assign counted[s] = here == before_q[s*Index +: Index] + marks[s];
     end
-  end
-
-  // ---- the contract ----
-  always @(posedge clk_i) begin
-    if (rst_ni) begin
-      // Nothing lost, duplicated or reordered: the n-th to leave is the n-th accepted.
-      in_order: assert(!valid || left_q != watch || index == watch);
-      out_of_nothing: assert(!valid || left_q != accepted_q);
-      room: assert(taken <= Room && (!ready || taken < Room));
-      hold: assert(!hold_i || !ready);
-      idle: assert(idle_o == (accepted_q == left_q));
-      idle_empty: assert(!idle_o || (marks == 0 && !valid && waiting == 0));
-      // A reader that is always ready keeps the input open. Latency + 4 clocks after a ray was
-      // accepted it gets that ray, or an earlier one that had to wait.
-      open: assert(flows_q < Reopens || hold_i || ready);
-      no_bubble: assert(!entered_q[Latency+3] || valid);
+    always @(posedge clk_i) begin
+      if (rst_ni) begin
+        // Nothing lost, duplicated or reordered: the n-th to leave is the n-th accepted.
+        in_order: assert(!valid || left_q != watch || index == watch);
+        inside_counted: assert(&counted);
+        inside_waiting: assert(written == left_q + waiting);
+        inside_watching: assert(watching == (before < waiting));
+        inside_watched: assert(!watching || (ahead == before && watched == watch));
+      end
     end
-  end
+  end else begin : gen_count
+    // ---- rays in the pipeline: a tree over the stages, counted from the exit ----
+    wire [Latency:0] from_exit;  // marks, and a ray that enters
+    assign from_exit[Latency] = accept;
+    for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
+      assign from_exit[s] = marks[Latency-1-s];
+    end
+    // Node n of level k, in heap order: 2^k - 1 + n. It covers Latency / 2^k stages, rounded up to
+    // a power of two; the leaves are single stages.
+    localparam int Levels = $clog2(Latency);
+    localparam int Leaves = 1 << Levels;
+    wire [(2*Leaves-1)*Index-1:0] nodes;
+    wire [Index-1:0] inside = nodes[0 +: Index];
+    wire [2*Leaves-2:0] node_right;
+    for (genvar k = 0; k <= Levels; k = k + 1) begin : gen_level
+      localparam int Stages = Leaves >> k;
+      for (genvar n = 0; n < (1 << k); n = n + 1) begin : gen_node
+        localparam int At = (1 << k) - 1 + n;
+        localparam int Exit = n * Stages;
+        localparam int Entry = Exit + Stages < Latency ? Exit + Stages : Latency;
+        if (Exit >= Latency || k == Levels) begin : gen_leaf
+          assign nodes[At*Index +: Index] = Exit < Latency ? from_exit[Exit] : 1'b0;
+          assign node_right[At] = 1'b1;
+        end else begin : gen_sum
+          reg [Index-1:0] count_q;
+          always @(posedge clk_i or negedge rst_ni) begin
+            if (!rst_ni) count_q <= 0;
+            else count_q <= count_q + from_exit[Entry] - from_exit[Exit];
+          end
+          assign nodes[At*Index +: Index] = count_q;
+          assign node_right[At] =
+              count_q == nodes[(2*At+1)*Index +: Index] + nodes[(2*At+2)*Index +: Index];
+        end
+      end
+    end
 
-  // ---- invariants ----
-  always @(posedge clk_i) begin
-    if (rst_ni) begin
-      inside_taken: assert(accepted_q == left_q + taken);
-      inside_places: assert(taken == waiting + inside);
-      inside_open: assert(!\i_flow.open_q || taken < Room);
-      inside_pipeline: assert(&stage_right);
-      inside_entered: assert(entered_q[Latency-1:0] == marks
-          && (!entered_q[Latency] || \i_flow.i_fifo.stored_q != 0)
-          && (entered_q[Latency+1 +: 3] & ~waits) == 0);
-      inside_flows: assert(flows_q <= Reopens && (flows_q < 1 || taken < Room)
-          && (flows_q < 2 || taken < Room - 1 || !\i_flow.open_q )
-          && (flows_q < 3 || taken < Room - 1));
-      inside_watching: assert(watching == (before < waiting));
-      inside_watched: assert(!watching || (ahead == before && watched == watch));
+    flow_control_checks #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_checks (
+      .clk_i, .rst_ni, .hold_i, .idle_o(idle), .valid_i, .ready_o(ready), .valid_o(valid),
+      .ready_i, .data_o(index)
+    );
+    always @(posedge clk_i) begin
+      if (rst_ni) begin
+        idle_empty: assert(!idle || (marks == 0 && !valid && waiting == 0));
+        inside_taken: assert(taken == inside_q);
+        inside_written: assert(last == \i_flow.i_fifo.write_i );
+        inside_tree: assert(&node_right);
+        inside_places: assert(taken == waiting + inside && taken <= Room);
+        inside_recent: assert(recent == inside + wrote[0] + wrote[1] + wrote[2]);
+        inside_open: assert(!\i_flow.open_q || taken < Room);
+        inside_entered: assert(entered == {wrote, marks});
+        inside_flows: assert(flows <= 4 && (flows < 1 || taken < Room)
+            && (flows < 2 || taken < Room - 1 || !\i_flow.open_q )
+            && (flows < 3 || taken < Room - 1));
+      end
     end
   end
 
@@ -199,20 +190,19 @@ module flow_control_properties #(
     else was_full_q <= was_full_q || waiting == Room;
   end
   if (Guide) begin : gen_guide
-    always @* assume(rst_ni == started_q && valid_i
-        && ready_i == was_full_q && hold_i == was_full_q);
+    always @* assume(valid_i && ready_i == was_full_q && hold_i == was_full_q);
     always @(posedge clk_i) begin
       if (rst_ni) begin
         cover_full: cover(taken == Room && waiting == Room);
-        cover_drained: cover(was_full_q && idle_o);
+        cover_drained: cover(was_full_q && idle);
       end
     end
   end else begin : gen_free
     always @(posedge clk_i) begin
       if (rst_ni) begin
-        cover_stream: cover(entered_q == {(Latency+4){1'b1}} && leave && accept);
+        cover_stream: cover(entered == {(Latency+4){1'b1}} && leave && accept);
         cover_watched: cover(leave && left_q == watch && watch == 2);
-        cover_held: cover(hold_i && idle_o && left_q != 0);
+        cover_held: cover(hold_i && idle && left_q != 0);
       end
     end
   end

@@ -19,6 +19,7 @@ from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
+CHECKS = TOP / "sim" / "checks"
 #: Verilator's options for a bench.
 OPTIONS = (
     "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
@@ -55,11 +56,12 @@ def compiled(
     """Compile a top with its parameters, unless that was done; return the program.
 
     `bench` is the text of SystemVerilog modules beside those of rtl/. `main` is the C++ that drives the top where
-    cocotb does not.
+    cocotb does not. Beside every instance of a module that has a file in sim/checks, the assertions of that file run.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
     sources = needed(bench or top, rtl_sources(TOP, *RTL_FOLDERS))
+    sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]
     options, link = list(OPTIONS), []
     if main is None:
         main = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"

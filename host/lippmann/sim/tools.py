@@ -86,7 +86,7 @@ def verilator_environment() -> dict[str, str]:
 
 
 #: The folders of rtl/, each before those that use its packages.
-RTL_FOLDERS = ("registers", "optics", "link", "panel", "board")
+RTL_FOLDERS = ("registers", "common", "optics", "link", "panel", "board")
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
@@ -96,8 +96,8 @@ def rtl_sources(top: Path, *folders: str) -> list[Path]:
 
 
 def optics_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/registers and rtl/optics, packages first."""
-    return rtl_sources(top, "registers", "optics")
+    """Return the SystemVerilog files of rtl/registers, rtl/common and rtl/optics, packages first."""
+    return rtl_sources(top, "registers", "common", "optics")
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:

@@ -40,12 +40,16 @@ CLOCKS_OF_A_BIT = 8
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
 
-#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines.
-TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack")
-#: VESA DMT 640 x 480 and CEA-861 1920 x 1080.
-KNOWN_TIMINGS = {(640, 480): (16, 96, 48, 10, 2, 33), (1920, 1080): (88, 44, 148, 4, 5, 36)}
-#: Other panels: reduced blanking.
-REDUCED = (48, 32, 80, 3, 8, 30)
+#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines; polarities of the syncs.
+TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
+#: VESA DMT 640 x 480, CEA-861 1280 x 720 and 1920 x 1080.
+KNOWN_TIMINGS = {
+    (640, 480): (16, 96, 48, 10, 2, 33, 0, 0),
+    (1280, 720): (110, 40, 220, 5, 5, 20, 1, 1),
+    (1920, 1080): (88, 44, 148, 4, 5, 36, 1, 1),
+}
+#: Other panels: VESA CVT's reduced blanking.
+REDUCED = (48, 32, 80, 3, 8, 30, 1, 0)
 
 
 class CaptureError(LippmannError):
@@ -213,17 +217,19 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
     files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
+    timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
     numbers = {
         **{name: value for name, value in parameters(build).items() if name != "Aims"},
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
         "Width": panel.width_px,
         "Height": panel.height_px,
-        **dict(zip(TIMING, KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED), strict=True)),
+        **dict(zip(TIMING, timing, strict=True)),
     }
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
-        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", *["-DLIPPMANN_TRACE"] * trace,
+        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
+        *["-DLIPPMANN_TRACE"] * trace,
     ]  # fmt: skip
     options = [*UNCHECKED, *["--trace-fst"] * trace]
     main = [part for part in parts if part.suffix == ".cpp"]

@@ -8,6 +8,10 @@ module bench (
   fifo_memory_bench #(.Width(36), .AddressBits(9)) i_memory_36 (.clk_i);
   fifo_memory_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
   fifo_memory_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
+  fifo_memory_bench #(.Width(32), .AddressBits(11)) i_memory_32 (.clk_i);
+  fifo_memory_bench #(.Width(6), .AddressBits(12)) i_memory_6 (.clk_i);
+  fifo_memory_bench #(.Width(5), .AddressBits(13)) i_memory_5 (.clk_i);
+  fifo_memory_bench #(.Width(2), .AddressBits(14)) i_memory_2 (.clk_i);
   fifo_bench i_fifo (.clk_i);
   product_bench #(.Name("whole"), .Wa(18), .Wb(17), .Drop(3)) i_whole (.clk_i);
   product_bench #(.Name("both"), .Wa(27), .Wb(25), .Drop(20)) i_both (.clk_i);

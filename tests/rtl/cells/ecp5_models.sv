@@ -68,10 +68,12 @@ module MULT18X18D #(
 
 endmodule
 
-/// Block memory of 1024 x 18 bits: port A writes, port B reads.
+/// Block memory of 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits: port A writes, port B
+/// reads.
 ///
-/// In this width the address is AD[13:4], and ADA[1:0] enable the bytes of 9 bits that are written.
-/// What is read while the other port writes it is not defined: here, its complement.
+/// The address is AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. In words of 18 bits ADA[1:0]
+/// enable the bytes of 9 bits that are written. What is read while the other port writes it is not
+/// defined: here, its complement.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,
@@ -118,17 +120,24 @@ module DP16KD #(
   } = '0;
 
   initial begin
-    if (DATA_WIDTH_A != 18 || DATA_WIDTH_B != 18 || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
+    if (!(DATA_WIDTH_A inside {18, 9, 4, 2, 1}) || DATA_WIDTH_B != DATA_WIDTH_A || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
         || RESETMODE != "SYNC" || WRITEMODE_A != "NORMAL" || GSR != "DISABLED")
       $fatal(1, "DP16KD: not modelled");
   end
 
-  logic [17:0] words[1024];
+  localparam int Low = DATA_WIDTH_A == 18 ? 4 : DATA_WIDTH_A == 9 ? 3 : DATA_WIDTH_A == 4 ? 2
+      : DATA_WIDTH_A == 2 ? 1 : 0;
+  localparam logic [17:0] Whole = 18'((1 << DATA_WIDTH_A) - 1);
+  logic [17:0] words[16384];
+  logic [17:0] bytes;
+  logic [13:0] a_word, b_word;
   logic write;
+  assign bytes = DATA_WIDTH_A == 18 ? {{9{ada[1]}}, {9{ada[0]}}} : Whole;
+  assign a_word = ada >> Low;
+  assign b_word = adb >> Low;
   assign write = CEA && WEA && {CSA2, CSA1, CSA0} == 3'b000;
   always_ff @(posedge CLKA) begin
-    if (write && ada[0]) words[ada[13:4]][8:0] <= dia[8:0];
-    if (write && ada[1]) words[ada[13:4]][17:9] <= dia[17:9];
+    if (write) words[a_word] <= (dia & bytes) | (words[a_word] & ~bytes & Whole);
   end
   always_ff @(posedge CLKB) begin
     if (WEB) $fatal(1, "DP16KD: writing through port B is not modelled");
@@ -137,7 +146,7 @@ module DP16KD #(
       out_q <= '0;
     end else begin
       if (CEB && {CSB2, CSB1, CSB0} == 3'b000)
-        word_q <= write && ada[13:4] == adb[13:4] ? ~words[adb[13:4]] : words[adb[13:4]];
+        word_q <= write && a_word == b_word ? ~words[b_word] : words[b_word];
       if (OCEB) out_q <= word_q;
     end
   end

@@ -1,7 +1,10 @@
 """fifo: order, contract, throughput and reset, under every pair of pauses."""
 
+import re
+
 import pytest
-from runner import compiled, seed, simulate
+from lippmann.dev.lint import folder_of_modules
+from runner import CHECKS, compiled, seed, simulate
 
 
 @pytest.mark.parametrize(
@@ -10,3 +13,20 @@ from runner import compiled, seed, simulate
 def test_fifo(width, bits):
     program = compiled("fifo", {"Width": width, "AddressBits": bits})
     simulate(program, "fifo", "cocotb_fifo", seed(), plusargs={"address_bits": bits, "case": f"{width}-{bits}"})
+
+
+def test_the_assertions_of_sim_checks_run_in_simulation():
+    """A full fifo is legal; a word more is the writer's fault, which only fifo_checks tells."""
+    program = compiled("fifo", {"Width": 36, "AddressBits": 4})
+    simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"address_bits": 4, "more": 0})
+    with pytest.raises(AssertionError, match=r"Assertion failed in \S+promise"):
+        simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"address_bits": 4, "more": 1})
+
+
+def test_each_file_of_sim_checks_is_bound_to_its_module():
+    files = sorted(CHECKS.iterdir())
+    assert len(files) >= 5
+    for path in files:
+        module = path.stem.removesuffix("_checks")
+        assert module in folder_of_modules()
+        assert re.search(rf"^bind {module} {module}_checks .*i_checks \(", path.read_text(), re.M | re.S), path.name

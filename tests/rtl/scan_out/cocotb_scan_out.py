@@ -13,7 +13,8 @@ T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "
 WIDTH, HEIGHT = T["Width"], T["Height"]
 LEFT, TOP = T["HSync"] + T["HBack"], T["VSync"] + T["VBack"]
 LINE, LINES = LEFT + WIDTH + T["HFront"], TOP + HEIGHT + T["VFront"]
-OFF, CHECKER, RAMP = 0, 4, 5
+OFF, VIEWS, CHECKER, RAMP = 0, 3, 4, 5
+H, V = T["HPositive"], T["VPositive"]
 
 
 class Bench:
@@ -27,12 +28,13 @@ class Bench:
         dut.rst_ni.value = 0
         for _ in range(3):
             await self.edge
-        assert int(dut.out_o.value) >> 24 & 0b11111 == 0
+        # Black, no sync, nothing swapped.
+        assert int(dut.out_o.value) & ~(1 << 29) == (1 - V) << 26 | (1 - H) << 25
         dut.rst_ni.value = 1
 
     async def begin(self):
         dut = self.dut
-        dut.swap_i.value = dut.kind_i.value = dut.fill_i.value = 0
+        dut.swap_i.value = dut.kind_i.value = dut.fill_i.value = dut.view_i.value = 0
         dut.brightness_i.value = 255
         Clock(dut.clk_i, 2, unit="ns").start()
         await self.reset()
@@ -53,17 +55,19 @@ class Bench:
         for _ in range(40):
             out = int(self.dut.out_o.value)
             assert out >> 24 & 1 == 0
-            if out >> 26 & 1:
+            if out >> 26 & 1 == V:
                 return
             await self.edge
         raise AssertionError("no vertical sync")
 
-    def picture(self, front, brightness, kind):
+    def picture(self, front, brightness, kind, view=0):
         """Pixels that must leave, 24-bit words (height, width)."""
         pixels = self.store[front] * self.shown
         if kind == CHECKER:
             white = (np.arange(HEIGHT)[:, None] // 32 + np.arange(WIDTH) // 32) % 2
             pixels = np.repeat(255 * white[..., None], 3, 2)
+        elif kind == VIEWS:
+            pixels = np.broadcast_to([view, 128, 0], (HEIGHT, WIDTH, 3))
         elif kind == RAMP:
             pixels = np.broadcast_to(np.arange(WIDTH)[None, :, None] % 256, (HEIGHT, WIDTH, 3))
         return (pixels.astype(int) * (brightness + 1) >> 8).astype(np.uint8)
@@ -85,10 +89,10 @@ class Bench:
                 out = int(dut.out_o.value)
                 row, column = y - TOP, x - LEFT
                 shows = 0 <= row < HEIGHT and 0 <= column < WIDTH
-                wanted = (row == column == 0) << 3 | (y < T["VSync"]) << 2 | (x < T["HSync"]) << 1 | shows
+                vsync, hsync = (y < T["VSync"]) == V, (x < T["HSync"]) == H
+                wanted = (row == column == 0) << 3 | vsync << 2 | hsync << 1 | shows
                 assert out >> 24 & 0b1111 == wanted, f"line {y}, clock {x}"
-                if shows:
-                    assert out & 0xFFFFFF == words[row][column], f"row {row}, column {column}"
+                assert out & 0xFFFFFF == (words[row][column] if shows else 0), f"row {row}, column {column}"
                 # A swap comes with the next vertical sync, a few clocks ahead of the output.
                 front = out >> 29 if front is None else front
                 if out >> 28 & 1:
@@ -112,25 +116,27 @@ async def every_clock(dut):
     bench = Bench(dut)
     await bench.begin()
     await bench.to_vertical_sync()
-    seen = Coverage("scan_out", f"{WIDTH}x{HEIGHT}-{T['Grid']}")
-    front, brightness, kind = 0, 255, OFF
+    seen = Coverage("scan_out", f"{WIDTH}x{HEIGHT}-{T['Grid']}{H}{V}")
+    front, brightness, kind, view = 0, 255, OFF, 0
     for turn in range(14):
-        picture = bench.picture(front, brightness, kind)
+        picture = bench.picture(front, brightness, kind, view)
         seen.point("black before the first swap", not bench.shown and kind == OFF)
         if (brightness, kind) == (255, OFF) and bench.shown:
             assert (picture == bench.store[front]).all()
             seen.point("the store, byte for byte", 1)
         swap = random.getrandbits(1)
         brightness_next = [255, 0, 128, 1, 254, 255, random.randrange(256)][turn % 7]
-        kind_next = [OFF, CHECKER, OFF, RAMP, OFF][turn % 5]
-        settings = {"swap_i": swap, "brightness_i": brightness_next, "kind_i": kind_next}
+        kind_next = [OFF, CHECKER, VIEWS, VIEWS, RAMP][turn % 5]
+        view_next = random.randrange(256)
+        settings = {"swap_i": swap, "brightness_i": brightness_next, "kind_i": kind_next, "view_i": view_next}
         # Settings of the next frame, made at any line, do not show in this one.
         swapped = await bench.frame(picture, random.randrange(LINES), settings)
         assert swapped == bool(swap)
-        front, brightness, kind = front ^ swap, brightness_next, kind_next
+        seen.point("optics changed within their pattern", kind == VIEWS and view_next != view)
+        front, brightness, kind, view = front ^ swap, brightness_next, kind_next, view_next
         seen.point("swap", swap)
         seen.point("no swap", not swap)
-        seen.values("kind", kind, (OFF, CHECKER, RAMP))
+        seen.values("kind", kind, (OFF, VIEWS, CHECKER, RAMP))
     seen.close()
 
 

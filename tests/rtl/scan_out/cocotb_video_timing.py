@@ -12,18 +12,19 @@ LINE = T["HSync"] + T["HBack"] + T["Width"] + T["HFront"]
 LINES = T["VSync"] + T["VBack"] + T["Height"] + T["VFront"]
 
 
-async def watch(signal, rises, falls):
-    """Clocks of a signal's edges."""
+async def watch(signal, begins, ends, positive=1):
+    """Clocks of a signal's edges, to its active level and from it."""
+    begin, end = (RisingEdge, FallingEdge) if positive else (FallingEdge, RisingEdge)
     while True:
-        await RisingEdge(signal)
-        rises.append(round(get_sim_time("ns")) // 2)
-        await FallingEdge(signal)
-        falls.append(round(get_sim_time("ns")) // 2)
+        await begin(signal)
+        begins.append(round(get_sim_time("ns")) // 2)
+        await end(signal)
+        ends.append(round(get_sim_time("ns")) // 2)
 
 
 @cocotb.test()
 async def a_whole_frame_with_the_panels_timing(dut):
-    dut.swap_i.value = dut.fill_i.value = 0
+    dut.swap_i.value = dut.fill_i.value = dut.view_i.value = 0
     dut.brightness_i.value, dut.kind_i.value = 255, 5
     dut.rst_ni.value = 0
     Clock(dut.clk_i, 2, unit="ns").start()
@@ -33,9 +34,10 @@ async def a_whole_frame_with_the_panels_timing(dut):
     edges = {}
     for name in ("de", "hsync", "vsync", "frame_start"):
         edges[name] = [], []
-        cocotb.start_soon(watch(getattr(dut, f"{name}_o"), *edges[name]))
+        positive = {"hsync": T["HPositive"], "vsync": T["VPositive"]}.get(name, 1)
+        cocotb.start_soon(watch(getattr(dut, f"{name}_o"), *edges[name], positive))
     for _ in range(2):
-        await RisingEdge(dut.vsync_o)
+        await (RisingEdge if T["VPositive"] else FallingEdge)(dut.vsync_o)
     await FallingEdge(dut.clk_i)
     (de, blank), (hsync, hsync_end), (vsync, vsync_end), (start, _) = edges.values()
 

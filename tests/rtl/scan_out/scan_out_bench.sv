@@ -8,6 +8,8 @@ module scan_out_bench #(
   parameter int VFront = 2,
   parameter int VSync = 3,
   parameter int VBack = 1,
+  parameter bit HPositive = 1'b1,
+  parameter bit VPositive = 1'b1,
   parameter int Grid = 0,
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
@@ -16,6 +18,7 @@ module scan_out_bench #(
   input  logic                 swap_i,
   input  logic [7:0]           brightness_i,
   input  logic [2:0]           kind_i,
+  input  logic [7:0]           view_i,  // red of the pattern of views, everywhere on the panel
   output logic                 de_o,
   output logic                 hsync_o,
   output logic                 vsync_o,
@@ -34,15 +37,23 @@ module scan_out_bench #(
   logic [PlaceBits-1:0] read_at;
   logic [23:0] read_rgb, unused_rgb, rgb;
   panel_pkg::pattern_t pattern;
+  // Every pixel lies on the same point of lenslet (0, 0): (view + 1/2) / 256 - 1/2 pitches.
+  optics_pkg::optics_config_t optics;
+  always_comb begin
+    optics = '0;
+    optics.x_offset = ($signed({44'd0, view_i}) - 52'sd128) <<< 32;
+    optics.x_offset[31] = 1'b1;
+  end
   assign pattern = '{kind: panel_pkg::pattern_e'(kind_i), i: '0, j: '0};
   assign out_o = {front, swapped, frame_start_o, vsync_o, hsync_o, de_o, rgb};
 
   scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
-    .VFront(VFront), .VSync(VSync), .VBack(VBack), .Grid(Grid)
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
+    .Grid(Grid)
   ) i_scan_out (
     .clk_i, .rst_ni, .swap_i, .swapped_o(swapped), .front_o(front), .brightness_i,
-    .pattern_i(pattern), .optics_i('0), .read_at_o(read_at), .read_rgb_i(read_rgb),
+    .pattern_i(pattern), .optics_i(optics), .read_at_o(read_at), .read_rgb_i(read_rgb),
     .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
   );
   frame_store #(.Width(Width), .Height(Height)) i_store (

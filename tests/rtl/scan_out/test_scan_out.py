@@ -7,11 +7,19 @@ from runner import compiled, seed, simulate
 
 BENCH = Path(__file__).with_name("scan_out_bench.sv").read_text()
 FOLDERS = ("registers", "optics", "link", "panel")
-TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VBack")
+TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VBack", "HPositive", "VPositive")
 
 
-@pytest.mark.parametrize("grid", [0, 1])
-@pytest.mark.parametrize("timing", [(70, 3, 5, 4, 35, 2, 3, 1), (7, 0, 14, 0, 2, 1, 1, 0)], ids=["small", "tiny"])
+@pytest.mark.parametrize(
+    ("timing", "grid"),
+    [
+        ((70, 3, 5, 4, 35, 2, 3, 1, 1, 0), 0),
+        ((70, 3, 5, 4, 35, 2, 3, 1, 0, 1), 1),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 0, 0), 0),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 1, 1), 1),
+    ],
+    ids=["small-square", "small-hex", "tiny-square", "tiny-hex"],
+)
 def test_every_clock(timing, grid):
     parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid}
     program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}")
@@ -21,9 +29,9 @@ def test_every_clock(timing, grid):
 @pytest.mark.parametrize(
     "timing",
     [
-        (1920, 88, 44, 148, 1080, 4, 5, 36),
-        pytest.param((640, 16, 96, 48, 480, 10, 2, 33), marks=pytest.mark.full),
-        pytest.param((2400, 48, 32, 80, 2400, 3, 10, 55), marks=pytest.mark.full),
+        (1920, 88, 44, 148, 1080, 4, 5, 36, 1, 1),
+        pytest.param((640, 16, 96, 48, 480, 10, 2, 33, 0, 0), marks=pytest.mark.full),
+        pytest.param((2400, 48, 32, 80, 2400, 3, 10, 55, 1, 0), marks=pytest.mark.full),
     ],
     ids=["1920x1080", "640x480", "2400x2400"],
 )

@@ -1,0 +1,52 @@
+/// `pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse comes
+/// out for each that was accepted, before the next can be.
+module pulse_sync_properties (
+  input logic from_clk_i,
+  input logic to_clk_i,
+  input logic rst_ni,
+  input logic pulse_i
+);
+
+  logic busy, pulse;
+  pulse_sync i_sync (
+    .from_clk_i, .from_rst_ni(rst_ni), .from_pulse_i(pulse_i), .from_busy_o(busy),
+    .to_clk_i, .to_rst_ni(rst_ni), .to_pulse_o(pulse)
+  );
+
+  // Reset in the first step, and never again: a later reset leads to the same state.
+  reg started_q = 0;
+  always @($global_clock) started_q <= 1;
+  always @* assume(rst_ni == started_q);
+
+  reg [1:0] sent_q, got_q;  // pulses accepted, and clocks with a pulse
+  always @(posedge from_clk_i or negedge rst_ni) begin
+    if (!rst_ni) sent_q <= 0;
+    else sent_q <= sent_q + (pulse_i && !busy);
+  end
+  always @(posedge to_clk_i or negedge rst_ni) begin
+    if (!rst_ni) got_q <= 0;
+    else got_q <= got_q + pulse;
+  end
+  wire [1:0] late = sent_q - got_q;
+
+  // The level on its way there and back: it changes in one place at most.
+  (* hierconn *) wire \i_sync.level_q ;
+  (* hierconn *) wire \i_sync.there_q ;
+  (* hierconn *) wire [1:0] \i_sync.i_there.stage_q ;
+  (* hierconn *) wire [1:0] \i_sync.i_back.stage_q ;
+  wire [5:0] way = {
+    \i_sync.i_back.stage_q [1], \i_sync.i_back.stage_q [0], \i_sync.there_q ,
+    \i_sync.i_there.stage_q [1], \i_sync.i_there.stage_q [0], \i_sync.level_q
+  };
+  wire [4:0] changes = way[5:1] ^ way[4:0];
+  always @* begin
+    if (rst_ni) begin
+      one_for_one: assert(late <= 1 && (busy || late == 0));
+      inside_way: assert((changes & (changes - 5'd1)) == 0);
+      inside_late: assert((late == 1) == (\i_sync.level_q != \i_sync.there_q ));
+      cover_again: cover(sent_q == 2 && got_q == 2 && !busy);
+      cover_refused: cover(pulse_i && busy && late == 0);
+    end
+  end
+
+endmodule
