@@ -1,0 +1,324 @@
+"""Registers written by hand: any word that the bus accepts, and no ray with a wrong direction has the status of a good one.
+
+The twin is compared with the same steps over the reals: the formulas of rtl/optics/ in float64, without any word that
+could wrap, saturate or be clamped, and a running bound of the rounding errors. tests/rtl compares RTL and twin.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
+from lippmann.fixed.words import OFFSET_BITS, PIXEL_BITS, SLOPE_BITS
+from lippmann.optics.rays import Status, gets_through
+from random_cases import configured_display
+
+#: Units of the last place beyond a word's range at which a clamped square, or a saturated word, counts as rounded.
+CLAMPED, SATURATED = 256, 32
+
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+
+#: Each step of the ray is in one of them, with every width of word.
+BUILDS = [
+    Build(23, "square"),
+    Build(16, "hex"),
+    Build(23, "hex", aims=True, max_cell_steps=1),
+    Build(14, "square", viewer=True, aims=True, max_cell_steps=2),
+    Build(20, "hex", viewer=True, max_cell_steps=1),
+    Build(22, "hex", converge=True),
+    Build(18, "square", aims=True, max_cell_steps=4, converge=True, shear=True),
+    Build(23, "hex", viewer=True, aims=True, max_cell_steps=1, converge=True, shear=True),
+    Build(17, "hex", "paraxial", aims=True, shear=True),
+    Build(21, "square", "paraxial", aims=True, converge=True),
+    Build(19, "square", "pinhole"),
+]
+
+
+def name(build: Build) -> str:
+    flags = [key for key in ("viewer", "aims", "converge", "shear") if getattr(build, key)]
+    return "-".join([build.grid, build.model, f"F{build.fraction_bits}", *flags])
+
+
+# --- registers ----------------------------------------------------------------------------------------------------
+
+
+def bits_and_fraction(register: str, f: int) -> tuple[int, int]:
+    """Bits of a register's word, and its fraction bits, as rtl/optics/optics_pkg.sv lists them."""
+    if register in ("x_offset", "y_offset"):
+        return OFFSET_BITS, 40
+    if "_from_" in register:
+        return SLOPE_BITS, 36
+    wide, near, far = (f + 2, f), (f + 2, f + 1), (f + 4, f)
+    special = {
+        "index": (f + 3, f), "index_square": far, "index_inverse": near, "index_inverse_square": far, "depth": far,
+        "depth_rest": (f + 9, f + 3), "exit_z": (f + 4, f + 1), "cell_half": near, "cell_half_y": near,
+        "cell_rise": (f + 4, f + 1), "converge_share": (f + 9, f + 11), "converge_x": (f + 9, f + 2),
+        "converge_y": (f + 9, f + 2), "extent_i": (14, 0), "extent_j": (13, 0), "shear_x": far,
+    }  # fmt: skip
+    return special.get(register, wide)
+
+
+def wild(random: np.random.Generator, bits: int, accepted: int, count: int) -> np.ndarray:
+    """Words of so many bits: uniform, of any magnitude, at the ends; a few of all `accepted` bits of the bus."""
+    top = 1 << (bits - 1)
+    uniform = random.integers(-top, top, count)
+    magnitude = (2.0 ** random.uniform(0, bits - 1, count)).astype(np.int64) * random.choice([-1, 1], count)
+    ends = random.choice([-top, -top + 1, top - 1, 0, 1, -1], count)
+    words = np.choose(random.choice(3, count, p=[0.4, 0.4, 0.2]), [uniform, magnitude, ends])
+    beyond = random.integers(-(1 << (accepted - 1)), 1 << (accepted - 1), count)
+    return np.where(random.random(count) < 0.03, beyond, np.clip(words, -top, top - 1))
+
+
+def registers(random: np.random.Generator, build: Build, count: int, displays: int) -> Configuration:
+    """`count` sets of registers, a field an array: those of random displays, a random share of the words replaced.
+
+    Half of the replaced indices and depths come with their squares and inverses, so that rays get far.
+    """
+    f = build.fraction_bits
+    bases = [dataclasses.astuple(configured_display(random, build, build.model)[1]) for _ in range(displays)]
+    names = [field.name for field in dataclasses.fields(Configuration)]
+    table = np.array(bases, np.int64)[random.integers(0, displays, count)].T
+    made = dict(zip(names, table.copy(), strict=True))
+    share = random.choice([0.0, 0.03, 0.1, 0.3, 1.0], count, p=[0.1, 0.4, 0.3, 0.15, 0.05])
+    for register in names:
+        bits, _ = bits_and_fraction(register, f)
+        accepted = bits if bits > 32 else 32
+        made[register] = np.where(random.random(count) < share, wild(random, bits, accepted, count), made[register])
+    low, one = 2.0**-f, 1 << f
+    index = np.floor(np.exp(random.uniform(0.0, np.log(3.999), count)) * one) * low
+    depth = np.floor(random.uniform(-7.99, 1.0, count) * one) * low
+    extent = random.random(count) < 0.9
+    for which, values in (
+        (random.random(count) < 0.2, {
+            "index": index * one, "index_square": index**2 * one, "index_inverse": 2 * one / index,
+            "index_inverse_square": one / index**2,
+        }),
+        (random.random(count) < 0.2, {"depth": depth * one, "depth_rest": (1.0 - depth**2) * 8 * one}),
+        (extent, {"extent_i": np.full(count, 8191.0), "extent_j": np.full(count, 4095.0)}),
+    ):  # fmt: skip
+        for register, value in values.items():
+            bits, _ = bits_and_fraction(register, f)
+            top = 1 << (bits - 1)
+            made[register] = np.where(which, np.clip(np.floor(value + 0.5), -top, top - 1).astype(np.int64), made[register])
+    return Configuration(**made)
+
+
+def rays(random: np.random.Generator, build: Build, count: int) -> tuple[np.ndarray, ...]:
+    """Pixels and aims of any words; half of the pixels near the panel's centre, half of the aims in the own cell."""
+    top, one = 1 << (PIXEL_BITS - 1), 1 << build.fraction_bits
+    u, v = random.integers(-top, top, (2, count)) >> random.choice([0, 0, 4, 8], count)
+    a, b = random.integers(-2 * one, 2 * one, (2, count)) >> random.choice([0, 1, 2, 2, 4], count)
+    return (u, v, a, b) if build.aims else (u, v, 0 * a, 0 * b)
+
+
+# --- the steps over the reals -----------------------------------------------------------------------------------------
+
+
+class Ideal(NamedTuple):
+    """Exit rays over the reals, and how far roundings may turn and shift the twin's; `lost`: no such ray."""
+
+    direction: np.ndarray
+    origin: np.ndarray
+    turn: np.ndarray
+    shift: np.ndarray
+    lost: np.ndarray
+
+
+def nearest(x: np.ndarray, y: np.ndarray, grid: str) -> tuple[np.ndarray, np.ndarray]:
+    """The lenslet nearest to points in pitches and rows."""
+    if grid == "square":
+        return np.floor(x + 0.5), np.floor(y + 0.5)
+    j0 = np.floor(y)
+    best = None
+    for dj in (0, 1):
+        j = j0 + dj
+        i = np.floor(x - j / 2 + 0.5)
+        distance = (x - i - j / 2) ** 2 + 0.75 * (y - j) ** 2
+        best = (distance, i, j) if best is None else tuple(
+            np.where(distance < best[0], new, old) for new, old in zip((distance, i, j), best, strict=True)
+        )  # fmt: skip
+    return best[1], best[2]
+
+
+def root(square: np.ndarray, error: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+    """The root of a number with an error, and the root's error."""
+    value = np.sqrt(np.maximum(square, 0.0))
+    return value, np.minimum(error / np.maximum(value, 1e-30), np.sqrt(error)) + unit
+
+
+def ideal(words: tuple[np.ndarray, ...], config: Configuration, build: Build, twin: FixedRays) -> Ideal:
+    """Trace rays over the reals; the lenslet that a ray leaves through is the twin's, and where it fits is checked."""
+    f, grid = build.fraction_bits, build.grid
+    ulp = 2.0**-f
+    u, v, a, b = words
+    c = {
+        key: value * 2.0 ** -bits_and_fraction(key, f)[1]
+        for key, value in dataclasses.asdict(config).items()
+    }  # fmt: skip
+    half_row = 0.5 if grid == "hex" else 0.0
+    # Exact: the sum of a coordinate takes less than 55 bits. The twin rounds it to F fraction bits.
+    lattice = [
+        ((u * getattr(config, f"{axis}_from_u") + v * getattr(config, f"{axis}_from_v") + getattr(config, f"{axis}_offset"))
+         >> (40 - f)) * ulp
+        for axis in "xy"
+    ]  # fmt: skip
+    own_i, own_j = nearest(*lattice, grid)
+    x, y = lattice[0] - own_i - half_row * own_j, lattice[1] - own_j
+    lost = np.zeros(len(u), bool)
+    i, j, a, b = own_i, own_j, a * ulp, b * ulp
+    if build.aims:
+        di, dj = nearest(a, b, grid)
+        i, j = i + di, j + dj
+        x, y, a, b = x - di - half_row * dj, y - dj, a - di - half_row * dj, b - dj
+    rounding = 0.0
+    if build.converge:
+        x = x + c["converge_share"] * (i + half_row * j) + c["converge_x"]
+        y = y + c["converge_share"] * j + c["converge_y"]
+        rounding += ulp
+    if build.shear:
+        x, a = x + c["shear_x"] * y, a + c["shear_x"] * b
+        rounding += 2 * ulp * (1.0 + np.abs(c["shear_x"]))
+    exact = build.model == "exact"
+
+    def sums(what: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        (k, l), (p, q) = ((c[f"{what}_{axis}"], c[f"{what}_aim_{axis}"]) for axis in "xy")  # noqa: E741
+        error = 2 * ulp + rounding * (np.abs(k) + np.abs(l) + np.abs(p) + np.abs(q))
+        if what == "slope" and exact and not build.converge:
+            return k * (a - x), p * (b - y), error
+        if what == "slope" and not (build.aims and (build.converge or build.model == "paraxial")):
+            return k * x, p * y, error
+        return k * x + build.aims * l * a, p * y + build.aims * q * b, error
+
+    mx, my, m_error = sums("slope")
+    hx, hy, h_error = sums("point")
+    norm = np.sqrt(1.0 + mx**2 + my**2)
+    ex, ey, ez = mx / norm, my / norm, 1.0 / norm
+    e_error = m_error + 2 * ulp
+    if not exact:
+        lost |= (twin.i != i) | (twin.j != j)
+        if build.model == "pinhole":
+            hx, hy = 0 * hx, 0 * hy
+        return Ideal(np.stack([ex, ey, ez]), np.stack([hx, hy, c["exit_z"]]), e_error, h_error, lost)
+
+    # The dome that the twin says: the way to it is a whole number of lenslets.
+    di, dj = twin.i - i, twin.j - j
+    lost |= (np.abs(di) > build.max_cell_steps) | (np.abs(dj) > build.max_cell_steps)
+    if build.shear:
+        per_row = c["shear_row"]
+    else:
+        per_row = (config.cell_pitch_x >> 1) * ulp if grid == "hex" else 0.0
+    hx, hy = hx - di * c["cell_pitch_x"] - dj * per_row, hy - dj * c["cell_pitch_y"]
+    if build.viewer:
+        dx, dy, dz, d_error = ex, ey, -ez, e_error
+        zc, rest, up = np.ones_like(x), np.zeros_like(x), -1.0
+    else:
+        dx, dy = ex * c["index_inverse"], ey * c["index_inverse"]
+        square = 1.0 - dx**2 - dy**2
+        lost |= square <= 0.0
+        d_error = e_error + ulp
+        dz, z_error = root(square, 4 * d_error, ulp)
+        d_error = d_error + z_error
+        zc, rest, up = c["depth"], c["depth_rest"], 1.0
+    foot = hx * dx + hy * dy + zc * dz
+    size = np.abs(hx) + np.abs(hy) + np.abs(zc)
+    foot_error = size * d_error + 2 * h_error + 2 * ulp
+    square = rest - hx**2 - hy**2 + foot**2
+    square_error = 4 * size * h_error + 2 * np.abs(foot) * foot_error + 2 * ulp
+    lost |= square < -square_error
+    cos, cos_error = root(np.minimum(square, 1.0), square_error + np.clip(square - 1.0, 0.0, CLAMPED * ulp), ulp)
+    lost |= square > 1.0 + square_error + CLAMPED * ulp
+    length, length_error = up * cos - foot, cos_error + foot_error + ulp
+    n = np.stack([hx + length * dx, hy + length * dy, zc + length * dz])
+    n_error = h_error + np.abs(length) * d_error + length_error + SATURATED * ulp
+    lost |= (np.abs(n) > 1.0 + n_error).any(axis=0)
+    if build.aims or build.viewer or build.converge:
+        lost |= outside(n, n_error, c, build)
+    sine = 1.0 - square
+    if build.viewer:
+        return _through_flat(n, n_error, (dx, dy), d_error, cos, cos_error, sine, square_error, c, build, lost)
+
+    below = 1.0 - c["index_square"] * sine
+    below_error = np.abs(c["index_square"]) * square_error + 2 * ulp
+    lost |= (below <= -below_error) | (below > 1.0 + below_error + CLAMPED * ulp)
+    cos_air, air_error = root(np.minimum(below, 1.0), below_error + np.clip(below - 1.0, 0.0, CLAMPED * ulp), ulp)
+    bend = cos_air - c["index"] * cos
+    bend_error = air_error + np.abs(c["index"]) * cos_error + 2 * ulp
+    out = np.stack([ex, ey, c["index"] * dz]) + bend * n
+    error = e_error + np.abs(c["index"]) * d_error + bend_error + np.abs(bend) * n_error + SATURATED * ulp
+    lost |= (np.abs(out) > 1.0 + error).any(axis=0)
+    n[2] -= 1.0
+    return Ideal(out, n, error, n_error, lost)
+
+
+def _through_flat(n, n_error, e, e_error, cos, cos_error, sine, sine_error, c, build, lost) -> Ideal:
+    """The rest of the way with the plano side to the viewer."""
+    ulp = 2.0**-build.fraction_bits
+    inverse, index = c["index_inverse"], c["index"]
+    below = 1.0 - c["index_inverse_square"] * sine
+    below_error = np.abs(c["index_inverse_square"]) * sine_error + 2 * ulp
+    lost |= (below < -below_error) | (below > 1.0 + below_error + CLAMPED * ulp)
+    inner, inner_error = root(np.minimum(below, 1.0), below_error + np.clip(below - 1.0, 0.0, CLAMPED * ulp), ulp)
+    bend = inner - cos * inverse
+    bend_error = inner_error + cos_error + 2 * ulp
+    dx, dy = (inverse * k - bend * m for k, m in zip(e, n[:2], strict=True))
+    d_error = e_error + bend_error + np.abs(bend) * n_error + SATURATED * ulp
+    lateral, lateral_error = dx**2 + dy**2, 4 * d_error
+    lost |= (lateral >= 1.0 + lateral_error) | (np.maximum(np.abs(dx), np.abs(dy)) > 1.0 + d_error)
+    dz, dz_error = root(1.0 - lateral, lateral_error, ulp)
+    path = (n[2] - c["depth"]) / np.maximum(dz, 1e-9)
+    x, y = n[0] + path * dx, n[1] + path * dy
+    path_error = (n_error + np.abs(path) * dz_error) / np.maximum(dz, 1e-9) + 4 * ulp
+    shift = n_error + path_error + np.abs(path) * d_error + 2 * ulp
+    above = 1.0 - c["index_square"] * lateral
+    above_error = np.abs(c["index_square"]) * lateral_error + 2 * ulp
+    lost |= (above <= -above_error) | (above > 1.0 + above_error + CLAMPED * ulp)
+    out_z, z_error = root(np.minimum(above, 1.0), above_error + np.clip(above - 1.0, 0.0, CLAMPED * ulp), ulp)
+    turn = np.abs(index) * d_error + z_error + SATURATED * ulp
+    lost |= (np.maximum(np.abs(index * dx), np.abs(index * dy)) > 1.0 + turn)
+    return Ideal(np.stack([index * dx, index * dy, out_z]), np.stack([x, y, c["exit_z"]]), turn, shift, lost)
+
+
+def outside(n: np.ndarray, error: np.ndarray, c: dict[str, np.ndarray], build: Build) -> np.ndarray:
+    """Which points on the dome are not in its cell."""
+    q0 = n[0] - c["shear_lean"] * n[1] if build.shear else n[0]
+    slack = 12 * error
+    if build.grid == "square":
+        return (np.abs(q0) > c["cell_half"] + slack) | (np.abs(n[1]) > c["cell_half_y"] + slack)
+    q1 = n[0] / 2 + c["cell_rise"] * n[1]
+    return np.max(np.abs([q0, q1, q1 - q0]), axis=0) > c["cell_half"] + slack
+
+
+# --- the tests ------------------------------------------------------------------------------------------------------
+
+
+def wrong(random: np.random.Generator, build: Build, count: int, displays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trace `count` rays, each with its own registers: which get through, which of them are wrong, which are checked."""
+    config = registers(random, build, count, displays)
+    words = rays(random, build, count)
+    twin = ray_pipeline(*words, config, build)
+    with np.errstate(invalid="ignore", over="ignore"):
+        real = ideal(words, config, build, twin)
+    unit = 2.0 ** -(build.fraction_bits + 1)
+    direction = np.stack([twin.dx, twin.dy, twin.dz]) * unit
+    origin = np.stack([twin.x, twin.y, twin.z]) * unit
+    through = gets_through(twin.status)
+    turned = np.abs(direction - real.direction).max(axis=0) > 4 * real.turn
+    shifted = np.abs(origin - real.origin).max(axis=0) > 4 * real.shift
+    checked = through & (real.turn < 0.05) & (real.shift < 0.05)
+    return through, through & (real.lost | turned | shifted), checked
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=name)
+def test_no_register_set_gives_a_wrong_direction_unsaid(build):
+    print(f"seed {SEED}")
+    random = np.random.default_rng([SEED, *name(build).encode()])
+    through, bad, checked = wrong(random, build, 20_000, 40)
+    print(f"{through.sum()} rays get through, {checked.sum()} checked closely")
+    assert not bad.any(), f"{bad.sum()} of {through.sum()} rays, first {np.flatnonzero(bad)[0]}"
+    assert checked.sum() > 1000
