@@ -20,7 +20,7 @@ from lippmann.optics.rays import Status, gets_through
 from random_cases import configured_display
 
 #: Units of the last place beyond a word's range at which a clamped square, or a saturated word, counts as rounded.
-CLAMPED, SATURATED = 256, 32
+CLAMPED, SATURATED = 64, 32
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 

@@ -125,7 +125,7 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, bool]:
         for name, is_read in registers.items():
             value = getattr(config, name)
             cut[name] = words.wrapped(value, bits)
-            beyond = beyond | (is_read & ~words.fits(value, bits))
+            beyond = beyond | (is_read and ~np.asarray(words.fits(value, bits)))
     return dataclasses.replace(config, **cut), beyond
 
 

@@ -37,13 +37,14 @@ def meet_dome(
         b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
         C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
         cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-        l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2
+        l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2, missed (2^(F+1) - b + 2) >> 2
         N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 
     b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1 or,
     unless missed, a coordinate of N outside [-1, 1], by more than roundings. Upward zc is `depth` and `depth_rest`
     is 1 - zc^2. Downward zc = 1, and `dz` is |dz|: its products are cut, then subtracted.
+    A ray that passes the sphere by downward goes on for half a radius from its point nearest to the centre.
     """
     near, wide, far, foot = f + 2, f + 3, f + 4, f + 6
     drop = f + 1 - GUARD
@@ -62,13 +63,13 @@ def meet_dome(
     s = np.clip((1 << (f + 3)) - c, 0, most)
     s = np.where(c > most, 0, s)
 
-    length = ((2 * cos if upward else -2 * cos) - b + 2) >> 2
+    missed = c < 0
+    length = ((2 * cos if upward else np.where(missed, 1 << (f + 1), -2 * cos)) - b + 2) >> 2
     over = over | ~fits(length, far) | above_one(c, f)
     length = wrapped(length, far)
     drop = f - GUARD
     lx, ly, lz = (multiplier(length, d, far, near, drop) for d in (dx, dy, dz))
     z = (np.int64(depth) << (GUARD + 1)) + lz if upward else (1 << (f + 1 + GUARD)) - lz
     point = [guarded(n) for n in ((hx << (GUARD + 1)) + lx, (hy << (GUARD + 1)) + ly, z)]
-    missed = c < 0
     over = over | (~missed & np.any([beyond(n, near) for n in point], axis=0))
     return Meeting(*(saturate(n, near) for n in point), cos, s, missed, over)

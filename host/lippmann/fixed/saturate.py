@@ -12,7 +12,7 @@ def saturate(x: Ints, bits: int) -> Ints:
     return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
-def beyond(x: Ints, bits: int) -> Bools:
-    """Tell which numbers are outside a signed word's range by more than roundings, `SLACK` units."""
+def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
+    """Tell which numbers are outside a signed word's range by more than `slack` units."""
     top = 1 << (bits - 1)
-    return (x < -top - SLACK) | (x >= top + SLACK)
+    return (x < -top - slack) | (x >= top + slack)

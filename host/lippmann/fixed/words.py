@@ -28,7 +28,7 @@ MUL_BITS = 18
 #: Bits kept below the last place until the final rounding of a step.
 GUARD = 3
 #: Roundings may bring a saturated word, or a clamped square (F + 3 fraction bits), this many units beyond its range.
-SLACK, SQUARE_SLACK = 1 << 5, 1 << 11
+SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
 #: Fraction bits of the configurations named widest and compact.
