@@ -1,4 +1,4 @@
-"""Registers written by hand: any word that the bus accepts, and no ray with a wrong direction has the status of a good one.
+"""Registers written by hand: whatever words the bus accepts, no ray in a wrong direction has the status of a good one.
 
 The twin is compared with the same steps over the reals: the formulas of rtl/optics/ in float64, without any word that
 could wrap, saturate or be clamped, and a running bound of the rounding errors. tests/rtl compares RTL and twin.
@@ -15,9 +15,8 @@ import pytest
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.words import OFFSET_BITS, PIXEL_BITS, SLOPE_BITS
-from lippmann.optics.rays import Status, gets_through
-from random_cases import configured_display
+from lippmann.optics.rays import gets_through
+from wild_registers import any_rays, any_registers, bits_and_fraction
 
 #: Units of the last place beyond a word's range at which a clamped square, or a saturated word, counts as rounded.
 CLAMPED, SATURATED = 64, 32
@@ -43,78 +42,6 @@ BUILDS = [
 def name(build: Build) -> str:
     flags = [key for key in ("viewer", "aims", "converge", "shear") if getattr(build, key)]
     return "-".join([build.grid, build.model, f"F{build.fraction_bits}", *flags])
-
-
-# --- registers ----------------------------------------------------------------------------------------------------
-
-
-def bits_and_fraction(register: str, f: int) -> tuple[int, int]:
-    """Bits of a register's word, and its fraction bits, as rtl/optics/optics_pkg.sv lists them."""
-    if register in ("x_offset", "y_offset"):
-        return OFFSET_BITS, 40
-    if "_from_" in register:
-        return SLOPE_BITS, 36
-    wide, near, far = (f + 2, f), (f + 2, f + 1), (f + 4, f)
-    special = {
-        "index": (f + 3, f), "index_square": far, "index_inverse": near, "index_inverse_square": far, "depth": far,
-        "depth_rest": (f + 9, f + 3), "exit_z": (f + 4, f + 1), "cell_half": near, "cell_half_y": near,
-        "cell_rise": (f + 4, f + 1), "converge_share": (f + 9, f + 11), "converge_x": (f + 9, f + 2),
-        "converge_y": (f + 9, f + 2), "extent_i": (14, 0), "extent_j": (13, 0), "shear_x": far,
-    }  # fmt: skip
-    return special.get(register, wide)
-
-
-def wild(random: np.random.Generator, bits: int, accepted: int, count: int) -> np.ndarray:
-    """Words of so many bits: uniform, of any magnitude, at the ends; a few of all `accepted` bits of the bus."""
-    top = 1 << (bits - 1)
-    uniform = random.integers(-top, top, count)
-    magnitude = (2.0 ** random.uniform(0, bits - 1, count)).astype(np.int64) * random.choice([-1, 1], count)
-    ends = random.choice([-top, -top + 1, top - 1, 0, 1, -1], count)
-    words = np.choose(random.choice(3, count, p=[0.4, 0.4, 0.2]), [uniform, magnitude, ends])
-    beyond = random.integers(-(1 << (accepted - 1)), 1 << (accepted - 1), count)
-    return np.where(random.random(count) < 0.03, beyond, np.clip(words, -top, top - 1))
-
-
-def registers(random: np.random.Generator, build: Build, count: int, displays: int) -> Configuration:
-    """`count` sets of registers, a field an array: those of random displays, a random share of the words replaced.
-
-    Half of the replaced indices and depths come with their squares and inverses, so that rays get far.
-    """
-    f = build.fraction_bits
-    bases = [dataclasses.astuple(configured_display(random, build, build.model)[1]) for _ in range(displays)]
-    names = [field.name for field in dataclasses.fields(Configuration)]
-    table = np.array(bases, np.int64)[random.integers(0, displays, count)].T
-    made = dict(zip(names, table.copy(), strict=True))
-    share = random.choice([0.0, 0.03, 0.1, 0.3, 1.0], count, p=[0.1, 0.4, 0.3, 0.15, 0.05])
-    for register in names:
-        bits, _ = bits_and_fraction(register, f)
-        accepted = bits if bits > 32 else 32
-        made[register] = np.where(random.random(count) < share, wild(random, bits, accepted, count), made[register])
-    low, one = 2.0**-f, 1 << f
-    index = np.floor(np.exp(random.uniform(0.0, np.log(3.999), count)) * one) * low
-    depth = np.floor(random.uniform(-7.99, 1.0, count) * one) * low
-    extent = random.random(count) < 0.9
-    for which, values in (
-        (random.random(count) < 0.2, {
-            "index": index * one, "index_square": index**2 * one, "index_inverse": 2 * one / index,
-            "index_inverse_square": one / index**2,
-        }),
-        (random.random(count) < 0.2, {"depth": depth * one, "depth_rest": (1.0 - depth**2) * 8 * one}),
-        (extent, {"extent_i": np.full(count, 8191.0), "extent_j": np.full(count, 4095.0)}),
-    ):  # fmt: skip
-        for register, value in values.items():
-            bits, _ = bits_and_fraction(register, f)
-            top = 1 << (bits - 1)
-            made[register] = np.where(which, np.clip(np.floor(value + 0.5), -top, top - 1).astype(np.int64), made[register])
-    return Configuration(**made)
-
-
-def rays(random: np.random.Generator, build: Build, count: int) -> tuple[np.ndarray, ...]:
-    """Pixels and aims of any words; half of the pixels near the panel's centre, half of the aims in the own cell."""
-    top, one = 1 << (PIXEL_BITS - 1), 1 << build.fraction_bits
-    u, v = random.integers(-top, top, (2, count)) >> random.choice([0, 0, 4, 8], count)
-    a, b = random.integers(-2 * one, 2 * one, (2, count)) >> random.choice([0, 1, 2, 2, 4], count)
-    return (u, v, a, b) if build.aims else (u, v, 0 * a, 0 * b)
 
 
 # --- the steps over the reals -----------------------------------------------------------------------------------------
@@ -163,11 +90,10 @@ def ideal(words: tuple[np.ndarray, ...], config: Configuration, build: Build, tw
     }  # fmt: skip
     half_row = 0.5 if grid == "hex" else 0.0
     # Exact: the sum of a coordinate takes less than 55 bits. The twin rounds it to F fraction bits.
-    lattice = [
-        ((u * getattr(config, f"{axis}_from_u") + v * getattr(config, f"{axis}_from_v") + getattr(config, f"{axis}_offset"))
-         >> (40 - f)) * ulp
-        for axis in "xy"
-    ]  # fmt: skip
+    lattice = []
+    for axis in "xy":
+        from_u, from_v, offset = (getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset"))
+        lattice.append(((u * from_u + v * from_v + offset) >> (40 - f)) * ulp)
     own_i, own_j = nearest(*lattice, grid)
     x, y = lattice[0] - own_i - half_row * own_j, lattice[1] - own_j
     lost = np.zeros(len(u), bool)
@@ -280,7 +206,7 @@ def _through_flat(n, n_error, e, e_error, cos, cos_error, sine, sine_error, c, b
     lost |= (above <= -above_error) | (above > 1.0 + above_error + CLAMPED * ulp)
     out_z, z_error = root(np.minimum(above, 1.0), above_error + np.clip(above - 1.0, 0.0, CLAMPED * ulp), ulp)
     turn = np.abs(index) * d_error + z_error + SATURATED * ulp
-    lost |= (np.maximum(np.abs(index * dx), np.abs(index * dy)) > 1.0 + turn)
+    lost |= np.maximum(np.abs(index * dx), np.abs(index * dy)) > 1.0 + turn
     return Ideal(np.stack([index * dx, index * dy, out_z]), np.stack([x, y, c["exit_z"]]), turn, shift, lost)
 
 
@@ -297,10 +223,13 @@ def outside(n: np.ndarray, error: np.ndarray, c: dict[str, np.ndarray], build: B
 # --- the tests ------------------------------------------------------------------------------------------------------
 
 
-def wrong(random: np.random.Generator, build: Build, count: int, displays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Trace `count` rays, each with its own registers: which get through, which of them are wrong, which are checked."""
-    config = registers(random, build, count, displays)
-    words = rays(random, build, count)
+def wrong(random: np.random.Generator, build: Build, count: int, displays: int) -> tuple[np.ndarray, ...]:
+    """Trace rays, each with its own registers; tell which get through, which of them are wrong, which checked closely.
+
+    The bounds count each rounding once, to first order: wrong is what is 4 times as far off.
+    """
+    config = any_registers(random, build, count, displays)
+    words = any_rays(random, build, count)
     twin = ray_pipeline(*words, config, build)
     with np.errstate(invalid="ignore", over="ignore"):
         real = ideal(words, config, build, twin)

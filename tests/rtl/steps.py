@@ -62,7 +62,8 @@ def steps(f: int) -> dict[str, Instance]:
             )  # fmt: skip
             add(
                 f"move_lenslet-{of}", "move_lenslet", {**each("hx_i hy_i", point), **each("di_i dj_i", 2)},
-                {**each("hx_o hy_o", point), "beyond_o": 1}, "2", each("cx_i cy_i rx_i", near), Grid=number, Shear=shear,
+                {**each("hx_o hy_o", point), "beyond_o": 1}, "2", each("cx_i cy_i rx_i", near), Grid=number,
+                Shear=shear,
             )  # fmt: skip
     for second in (0, 1):
         add(
@@ -101,7 +102,8 @@ def steps(f: int) -> dict[str, Instance]:
     )  # fmt: skip
     add(
         "enter_dome", "enter_dome", {**each("nx_i ny_i cos_i ex_i ey_i", near), "s_i": far},
-        {**each("dx_o dy_o", near), "beyond_o": 1}, f"dome_latency({f})", {"index_inverse_i": near, "index_inverse_square_i": far}, **cells,
+        {**each("dx_o dy_o", near), "beyond_o": 1}, f"dome_latency({f})",
+        {"index_inverse_i": near, "index_inverse_square_i": far}, **cells,
     )  # fmt: skip
     add(
         "leave_flat", "leave_flat", each("nx_i ny_i nz_i dx_i dy_i", near),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class Configuration:
     shear_row: int
 
 
-def in_words(config: Configuration, build: Build) -> tuple[Configuration, bool]:
+def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
     """Return registers cut to the words that a build reads of their 32 bits, and whether a word that it reads is more.
 
     The wider registers, of pixel_to_panel, hold their words exactly.
@@ -120,12 +120,14 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, bool]:
         words.INDEX_BITS + 2: {"extent_i": True},
         words.INDEX_BITS + 1: {"extent_j": True},
     }  # fmt: skip
-    cut, beyond = {}, False
+    cut: dict[str, Any] = {}
+    beyond: words.Bools | np.bool_ = np.False_
     for bits, registers in read.items():
         for name, is_read in registers.items():
             value = getattr(config, name)
             cut[name] = words.wrapped(value, bits)
-            beyond = beyond | (is_read and ~np.asarray(words.fits(value, bits)))
+            if is_read:
+                beyond = beyond | ~np.asarray(words.fits(value, bits))
     return dataclasses.replace(config, **cut), beyond
 
 

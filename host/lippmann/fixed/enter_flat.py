@@ -6,7 +6,7 @@ import numpy as np
 
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Bools, Ints, fits, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded
 
 
 def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:

@@ -44,8 +44,8 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
 
     g, y and C' have F + 3 fraction bits, and rsqrt reads y as 4 y: r = 1 / (2 dz). u is the remaining depth and l the
     length, both far words; zc = 1 - T/R (`depth`), n2 is n^2 (`index_square`). Reflected where C' <= 0; such a ray
-    keeps its direction in the glass. Overflow: g 1 or more, C' above 1, or, unless reflected, y below 1/4, which `rsqrt`
-    does not take, u, l, X or Y outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
+    keeps its direction in the glass. Overflow: g 1 or more, C' above 1, or, unless reflected, y below 1/4, which
+    `rsqrt` does not take, u, l, X or Y outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
     """
     near, far = f + 2, f + 4
     rest, over = left_of_unit(dx, dy, f)
@@ -54,7 +54,8 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
     path = halved(multiplier(wrapped(to_go, far), half_inverse, far, near, f - 1))
     drop = f - GUARD
     x, y = (
-        guarded((n << GUARD) + multiplier(wrapped(path, far), d, far, near, drop)) for n, d in ((met.nx, dx), (met.ny, dy))
+        guarded((n << GUARD) + multiplier(wrapped(path, far), d, far, near, drop))
+        for n, d in ((met.nx, dx), (met.ny, dy))
     )
 
     g = ((1 << (f + 3)) - 1) - rest

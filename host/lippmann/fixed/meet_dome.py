@@ -41,8 +41,8 @@ def meet_dome(
         N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 
-    b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1 or,
-    unless missed, a coordinate of N outside [-1, 1], by more than roundings. Upward zc is `depth` and `depth_rest`
+    b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1
+    or, unless missed, a coordinate of N outside [-1, 1], by more than roundings. Upward zc is `depth` and `depth_rest`
     is 1 - zc^2. Downward zc = 1, and `dz` is |dz|: its products are cut, then subtracted.
     A ray that passes the sphere by downward goes on for half a radius from its point nearest to the centre.
     """
@@ -72,4 +72,5 @@ def meet_dome(
     z = (np.int64(depth) << (GUARD + 1)) + lz if upward else (1 << (f + 1 + GUARD)) - lz
     point = [guarded(n) for n in ((hx << (GUARD + 1)) + lx, (hy << (GUARD + 1)) + ly, z)]
     over = over | (~missed & np.any([beyond(n, near) for n in point], axis=0))
-    return Meeting(*(saturate(n, near) for n in point), cos, s, missed, over)
+    nx, ny, nz = (saturate(n, near) for n in point)
+    return Meeting(nx, ny, nz, cos, s, missed, over)

@@ -78,16 +78,8 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     if not build.converge:
         beyond = beyond | ~fits(a - x, local) | ~fits(b - y, local)
         from_x, from_y = wrapped(from_x, local), wrapped(from_y, local)
-    to_a, to_b = (a, b) if build.slope_aims else (None, None)
-    mx, beyond_x = blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, near, local, build.aim)
-    my, beyond_y = blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, near, local, build.aim)
-    beyond = beyond | beyond_x | beyond_y
-    hx = hy = np.zeros_like(x)
-    if build.model != "pinhole":
-        to_a, to_b = (a, b) if build.aims else (None, None)
-        hx, beyond_x = blend(config.point_x, x, config.point_aim_x, to_a, f, near + 1, local, build.aim)
-        hy, beyond_y = blend(config.point_y, y, config.point_aim_y, to_b, f, near + 1, local, build.aim)
-        beyond = beyond | beyond_x | beyond_y
+    mx, my, hx, hy, outside = _sums(x, y, from_x, from_y, a, b, config, build)
+    beyond = beyond | outside
     ex, ey, ez, too_steep = unit_slope(mx, my, f)
     beyond = beyond | too_steep
 
@@ -105,6 +97,23 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     for at in ((own_i, own_j), (rays.i, rays.j)):
         status = np.where(extent(*at, config.extent_i, config.extent_j, grid), int(Status.BLOCKED), status)
     return rays._replace(status=status)
+
+
+def _sums(
+    x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
+) -> tuple[Ints, Ints, Ints, Ints, Bools]:
+    """Return the slope of rays, their points on the first face, and where a word does not hold one of them."""
+    f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
+    to_a, to_b = (a, b) if build.slope_aims else (None, None)
+    mx, beyond_x = blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, near, *bits)
+    my, beyond_y = blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, near, *bits)
+    beyond = beyond_x | beyond_y
+    if build.model == "pinhole":
+        return mx, my, np.zeros_like(x), np.zeros_like(y), beyond
+    to_a, to_b = (a, b) if build.aims else (None, None)
+    hx, beyond_x = blend(config.point_x, x, config.point_aim_x, to_a, f, near + 1, *bits)
+    hy, beyond_y = blend(config.point_y, y, config.point_aim_y, to_b, f, near + 1, *bits)
+    return mx, my, hx, hy, beyond | beyond_x | beyond_y
 
 
 def _through_lenslet(

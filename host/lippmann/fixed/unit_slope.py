@@ -6,7 +6,7 @@ import numpy as np
 
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.rsqrt import rsqrt
-from lippmann.fixed.words import GUARD, Bools, Ints, fits, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
 
 
 def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints, Bools]:

@@ -22,7 +22,9 @@ def test_equals_twin_for_all_parameters():
         d = np.concatenate([d, around(edges, 2, *signed(width))])
         over = beyond(d, to, slack)
         q = twin(d, to)
-        batch.append((saturate(width, to, slack), Segment({}, {"d_i": d}, {"q_o": q, "beyond_o": over.astype(np.int64)})))
+        batch.append(
+            (saturate(width, to, slack), Segment({}, {"d_i": d}, {"q_o": q, "beyond_o": over.astype(np.int64)}))
+        )
         seen.point("held above", d > high)
         seen.point("held below", d < low)
         seen.point("last that fits above", d == high)
