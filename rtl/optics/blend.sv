@@ -34,8 +34,11 @@ module blend #(
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "blend: F must be 14 to 23");
   end
-  if (Wx < W || Wx > W + 2 || Wa < W || Wa > Wx || Wy < W || Wy > W + 2) begin : gen_illegal_width
-    $fatal(1, "blend: Wx and Wy must be F + 2 to F + 4, and Wa F + 2 to Wx");
+  if (Wx < W || Wx > W + 2 || Wa < W || Wa > Wx) begin : gen_illegal_width
+    $fatal(1, "blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx");
+  end
+  if (Wy < W || Wy > W + 2) begin : gen_illegal_sum
+    $fatal(1, "blend: Wy must be F + 2 to F + 4");
   end
 
   logic signed [Wp-1:0] kx, la;

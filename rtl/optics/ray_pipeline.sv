@@ -406,7 +406,7 @@ module ray_pipeline #(
         logic signed [1:0] di, dj;
         logic signed [Wh-1:0] hx_late, hy_late;
         logic signed [IndexBits-1:0] i_late, j_late;
-        logic met_beyond, beyond_before, moved_beyond, beyond_q;
+        logic met_beyond, beyond_before, moved_beyond, before_q;
         logic unused_inside;
         cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid), .Shear(Shear)) i_cell_step (
           .clk_i, .nx_i(walk_nx[k]), .ny_i(walk_ny[k]), .half_i(config_i.cell_half[W-1:0]),
@@ -434,10 +434,10 @@ module ray_pipeline #(
         always_ff @(posedge clk_i) begin
           i_q <= (IndexBits + 1)'(i_late) + (IndexBits + 1)'(di);
           j_q <= (IndexBits + 1)'(j_late) + (IndexBits + 1)'(dj);
-          beyond_q <= beyond_before || met_beyond;
+          before_q <= beyond_before || met_beyond;
           walk_i[k+1] <= IndexBits'(i_q);
           walk_j[k+1] <= IndexBits'(j_q);
-          index_beyond_q <= beyond_q || i_q[IndexBits] != i_q[IndexBits-1]
+          index_beyond_q <= before_q || i_q[IndexBits] != i_q[IndexBits-1]
               || j_q[IndexBits] != j_q[IndexBits-1];
         end
         assign walk_beyond[k+1] = index_beyond_q || moved_beyond;

@@ -15,15 +15,19 @@ module saturate #(
   output logic                   beyond_o
 );
 
-  if (To < 1 || To > From || Slack < 0 || Slack >= To) begin : gen_illegal
-    $fatal(1, "saturate: To must be 1 or more, From no less, and Slack 0 or more and less than To");
+  if (To < 1 || To > From) begin : gen_illegal
+    $fatal(1, "saturate: To must be 1 or more and From no less");
+  end
+  if (Slack < 0 || Slack >= To) begin : gen_illegal_slack
+    $fatal(1, "saturate: Slack must be 0 or more and less than To");
   end
 
-  localparam logic [From-Slack-1:0] Above = (From - Slack)'(1) << (To - 1 - Slack);
+  localparam int Wu = From > Slack ? From - Slack : 1;
+  localparam logic [Wu-1:0] Above = Wu'(1) << (To - 1 - Slack);
   logic fits;
-  logic [From-Slack-1:0] upper;
+  logic [Wu-1:0] upper;
   assign fits = d_i[From-1:To-1] == {(From - To + 1){d_i[From-1]}};
-  assign upper = d_i[From-1:Slack];
+  assign upper = Wu'(d_i >>> Slack);
   always_ff @(posedge clk_i) begin
     q_o <= fits ? d_i[To-1:0] : {d_i[From-1], {(To - 1){~d_i[From-1]}}};
     beyond_o <= !fits && upper != Above && upper != ~Above;

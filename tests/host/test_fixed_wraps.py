@@ -28,14 +28,14 @@ BUILDS = [
     Build(23, "square"),
     Build(16, "hex"),
     Build(23, "hex", aims=True, max_cell_steps=1),
-    Build(14, "square", viewer=True, aims=True, max_cell_steps=2),
+    Build(19, "square", viewer=True, aims=True, max_cell_steps=2),
     Build(20, "hex", viewer=True, max_cell_steps=1),
     Build(22, "hex", converge=True),
     Build(18, "square", aims=True, max_cell_steps=4, converge=True, shear=True),
     Build(23, "hex", viewer=True, aims=True, max_cell_steps=1, converge=True, shear=True),
     Build(17, "hex", "paraxial", aims=True, shear=True),
     Build(21, "square", "paraxial", aims=True, converge=True),
-    Build(19, "square", "pinhole"),
+    Build(14, "square", "pinhole"),
 ]
 
 
@@ -58,19 +58,18 @@ class Ideal(NamedTuple):
 
 
 def nearest(x: np.ndarray, y: np.ndarray, grid: str) -> tuple[np.ndarray, np.ndarray]:
-    """The lenslet nearest to points in pitches and rows."""
+    """The lenslet in whose cell points are, in pitches and rows; by the half-open rule of docs/reference/optics.md."""
     if grid == "square":
         return np.floor(x + 0.5), np.floor(y + 0.5)
-    j0 = np.floor(y)
-    best = None
-    for dj in (0, 1):
-        j = j0 + dj
-        i = np.floor(x - j / 2 + 0.5)
-        distance = (x - i - j / 2) ** 2 + 0.75 * (y - j) ** 2
-        best = (distance, i, j) if best is None else tuple(
-            np.where(distance < best[0], new, old) for new, old in zip((distance, i, j), best, strict=True)
-        )  # fmt: skip
-    return best[1], best[2]
+    found_i, found_j = np.full_like(x, np.nan), np.full_like(y, np.nan)
+    for di, dj in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        i, j = np.floor(x - y / 2) + di, np.floor(y) + dj
+        q0, q1 = x - i - j / 2, (x - i - j / 2) / 2 + 0.75 * (y - j)
+        q = np.stack([q0, q1, q1 - q0])
+        inside = ((q >= -0.5) & (q < 0.5)).all(axis=0)
+        found_i, found_j = np.where(inside, i, found_i), np.where(inside, j, found_j)
+    assert not np.isnan(found_i).any()
+    return found_i, found_j
 
 
 def root(square: np.ndarray, error: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
@@ -224,10 +223,7 @@ def outside(n: np.ndarray, error: np.ndarray, c: dict[str, np.ndarray], build: B
 
 
 def wrong(random: np.random.Generator, build: Build, count: int, displays: int) -> tuple[np.ndarray, ...]:
-    """Trace rays, each with its own registers; tell which get through, which of them are wrong, which checked closely.
-
-    The bounds count each rounding once, to first order: wrong is what is 4 times as far off.
-    """
+    """Trace rays, each with its own registers; tell which get through, are wrong, are checked closely."""
     config = any_registers(random, build, count, displays)
     words = any_rays(random, build, count)
     twin = ray_pipeline(*words, config, build)
@@ -237,17 +233,20 @@ def wrong(random: np.random.Generator, build: Build, count: int, displays: int) 
     direction = np.stack([twin.dx, twin.dy, twin.dz]) * unit
     origin = np.stack([twin.x, twin.y, twin.z]) * unit
     through = gets_through(twin.status)
-    turned = np.abs(direction - real.direction).max(axis=0) > 4 * real.turn
-    shifted = np.abs(origin - real.origin).max(axis=0) > 4 * real.shift
+    turned = np.abs(direction - real.direction).max(axis=0) > real.turn
+    shifted = np.abs(origin - real.origin).max(axis=0) > real.shift
     checked = through & (real.turn < 0.05) & (real.shift < 0.05)
     return through, through & (real.lost | turned | shifted), checked
 
 
+@pytest.mark.parametrize("count", [20_000, pytest.param(100_000, marks=pytest.mark.full)])
 @pytest.mark.parametrize("build", BUILDS, ids=name)
-def test_no_register_set_gives_a_wrong_direction_unsaid(build):
+def test_no_register_set_gives_a_wrong_direction_unsaid(build, count):
     print(f"seed {SEED}")
     random = np.random.default_rng([SEED, *name(build).encode()])
-    through, bad, checked = wrong(random, build, 20_000, 40)
-    print(f"{through.sum()} rays get through, {checked.sum()} checked closely")
+    through, bad, checked = wrong(random, build, count, 20)
+    print(
+        f"{through.sum()} rays get through, {checked.sum()} of them checked within a twentieth of a radian and radius"
+    )
     assert not bad.any(), f"{bad.sum()} of {through.sum()} rays, first {np.flatnonzero(bad)[0]}"
-    assert checked.sum() > 1000
+    assert checked.sum() > 0.2 * count
