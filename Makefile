@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full formal lint lint-host lint-rtl bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -38,8 +38,11 @@ test: export LIPPMANN_SEED ?= 1908
 test: lint ## lint, then the tests that take minutes at most (JOBS=3)
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not full"
 
-test-full: lint ## lint, then every test
-	$(BIN)/pytest -n $(JOBS)
+test-full: lint ## lint, then every test (half an hour)
+	$(BIN)/pytest -n $(JOBS) --junitxml=build/test-full.xml
+
+test-record: $(READY) ## the results of the last make test-full, into docs/reports
+	$(BIN)/python -m lippmann.dev.test_record build/test-full.xml
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
@@ -50,7 +53,7 @@ lint: $(READY) ## style, format, types and import layers; every RTL module alone
 lint-host:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
+	$(BIN)/mypy -n 2
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
 
 lint-rtl:

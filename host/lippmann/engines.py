@@ -201,4 +201,7 @@ def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits
 
 def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Any:
     """Gather an engine's arrays (or constants) as the columns of one (n, k) array of a type."""
-    return np.stack([np.broadcast_to(np.asarray(column).astype(number), (n,)) for column in columns], axis=1)
+    gathered = np.empty((n, len(columns)), number)
+    for k, column in enumerate(columns):
+        gathered[:, k] = np.asarray(column)
+    return gathered

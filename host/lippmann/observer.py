@@ -173,16 +173,18 @@ def eye_rays(
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
-    ex, ey, ez = (b.double(c) for c in eye.position_mm)
+    # Opaque, so that another eye needs no compilation.
+    double: Any = b.double
+    ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed, stream=1)
         disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
         # The line through the pupil's centre meets the plane in focus at the point that this pixel shows.
-        reach = (eye.position_mm[2] - eye.focus_z_mm) / eye.position_mm[2]
+        reach = (ez - focus) / ez
         fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
-        ex = ex + b.double(disk.x) * (0.5 * eye.pupil_mm)
-        ey = ey + b.double(disk.y) * (0.5 * eye.pupil_mm)
-        dx, dy, dz = fx - ex, fy - ey, eye.focus_z_mm - ez
+        ex = ex + b.double(disk.x) * radius
+        ey = ey + b.double(disk.y) * radius
+        dx, dy, dz = fx - ex, fy - ey, focus - ez
     else:
         dx, dy, dz = x - ex, y - ey, -ez
     scale = 1.0 / dr.sqrt(dx * dx + dy * dy + dz * dz)

@@ -101,6 +101,11 @@ def trace(display, pixels, aims, fault=""):
     status = np.where(square > 0, 0, 2)
     if fault == "wrong status code":
         status = np.where(status == 2, 1, status)
+    # A lenslet whose centre lies beyond half the extent, px U along the rows or py V across them, is not there.
+    if array.extent_mm is not None and fault != "missing extent":
+        w, h = array.extent_mm
+        there = (abs((i + shift) * wide) <= w / 2) & (abs(j * row * high) <= h / 2)
+        status = np.where(there, status, 3)
     if fault == "normalisation missing":
         out = out / out[:, 2:]
 

@@ -144,7 +144,13 @@ def test_the_command_observes_what_the_function_returns(small, capfd, mi):
     assert view.radiance.max() > 0.1
 
 
-def test_the_command_writes_the_page_of_the_function(small, capfd, mi):
+@pytest.fixture
+def few_samples(monkeypatch):
+    """One sample for each pixel of a page's direct renders."""
+    monkeypatch.setattr("lippmann.viewer.direct.SAMPLES", 1)
+
+
+def test_the_command_writes_the_page_of_the_function(small, capfd, mi, few_samples):
     image = lp.render("ball.xml", small, device="llvm")
     image.save("a.tif")
     assert lp.view(image, "one.html", "ball.xml", title="a", device="llvm") == Path("one.html")
@@ -184,7 +190,7 @@ def test_the_command_captures_what_the_function_returns(tmp_path, capfd, monkeyp
 @pytest.mark.parametrize(
     "variant", ["scalar_rgb", "llvm_ad_spectral", pytest.param("llvm_ad_rgb", marks=pytest.mark.full)]
 )
-def test_a_users_variant_neither_matters_nor_changes(small, mi, variant):
+def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, variant):
     expected = lp.render("ball.xml", small, device="llvm")
     mitsuba.set_variant(variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Warn)

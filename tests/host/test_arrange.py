@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import math
 import re
+from types import SimpleNamespace
 
 import lippmann
 import numpy as np
@@ -18,7 +19,7 @@ from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import remarks
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.scene import load_scene
+from lippmann.rendering.scene import box_of, load_scene
 from lippmann.rendering.sources import Window
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 
@@ -150,6 +151,28 @@ def test_the_eye_sees_what_the_files_camera_sees(mi, tmp_path, case):
     )
     point = scene.placement.display_from_scene @ [*np.array(hit.p).ravel(), 1.0]
     np.testing.assert_allclose(point[:3], 0.0, atol=1e-3 * eye)
+
+
+def test_a_camera_that_looks_past_everything_places_the_middle_of_the_scene_in_the_panels_plane(mi, tmp_path):
+    """A sphere 10 to 16 in front of it and 6 aside: 13 in front is the panel, whose 32 mm fill 40 degrees."""
+    camera = '<sensor type="perspective"><float name="fov" value="40"/><transform name="to_world">'
+    camera += '<lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform></sensor>'
+    path = write_scene(tmp_path / "past.xml", camera + glowing_sphere((6.0, 0.0, -8.0), 3.0))
+    placement = arranged(load_scene(path), small_display(), "camera").placement
+    scale = 16.0 / math.tan(math.radians(20.0)) / 13.0
+    placed = placement.display_from_scene @ [6.0, 0.0, -8.0, 1.0]
+    np.testing.assert_allclose(placed[:3], [6.0 * scale, 0.0, 0.0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [((0, 0, 0), (1, math.inf, 1)), ((0, -math.inf, 0), (1, 1, 1)), ((0, 0, 2), (1, 1, 1)), ((1, 0, 0), (0, 1, 1))],
+)
+def test_a_scene_without_bounds_has_an_infinite_box(low, high):
+    box = SimpleNamespace(min=np.array(low, float), max=np.array(high, float))
+    scene = SimpleNamespace(bbox=lambda: box, shapes=list)
+    for corner, end in zip(box_of(scene, Placement()), (-math.inf, math.inf), strict=True):
+        assert (corner == end).all()
 
 
 @pytest.mark.parametrize(

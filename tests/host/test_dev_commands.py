@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from lippmann.cli import run
 from lippmann.dev import mutation
 
-COMMANDS = ("formal", "generate_registers", "host_mutation", "lint", "mutation", "synthesis")
+COMMANDS = ("formal", "generate_registers", "host_mutation", "lint", "mutation", "synthesis", "test_record")
 
 
 def called(place, module, *arguments):
@@ -60,3 +60,35 @@ def test_faults_leave_elaboration_checks_alone():
     tried = [fault.was for fault in mutation.faults_of(mutation.repository() / "rtl" / "optics" / "ray_pipeline.sv")]
     assert any("keep_q" in line for line in tried)
     assert not [line for line in tried if line.startswith("  if (Walk < 0") or line.startswith("  if (Model != ModelP")]
+
+
+RESULTS = """<testsuites><testsuite tests="4" time="90" timestamp="2026-01-02T03:04:05.6">
+<testcase classname="tests.host.test_a" name="test_one" time="1.5"/>
+<testcase classname="tests.host.test_a" name="test_two[x|y]" time="2.5"><failure message="no">E</failure></testcase>
+<testcase classname="tests.rtl.b.test_b" name="test_three" time="70"/>
+<testcase classname="tests.rtl.b.test_b" name="test_four" time="0"><skipped/></testcase>
+</testsuite></testsuites>"""
+
+
+def test_the_record_of_a_run_counts_what_pytest_left(tmp_path):
+    results = tmp_path / "results.xml"
+    results.write_text(RESULTS)
+    code, out, err = called(tmp_path, "test_record", results, "--report", tmp_path)
+    assert (code, out, err) == (0, [f"4 tests, 1 failed: {tmp_path}/tests.md"], [])
+    page = (tmp_path / "tests.md").read_text()
+    for said in ("- 4 tests ran", "; 1 failed, 1 were skipped", "took 2 minutes", "`test_three`, took 70 seconds",
+                 "- date: 2026-01-02 03:04 UTC", "- `tests/host/test_a.py::test_two[x|y]`"):  # fmt: skip
+        assert said in page, said
+    rows = [line for line in (tmp_path / "tests.csv").read_text().splitlines() if line.startswith("tests/")]
+    assert rows == ["tests/rtl/b/test_b.py,2,0,1,70.0", "tests/host/test_a.py,2,1,0,4.0"]
+
+
+@pytest.mark.parametrize("text", [None, "<testsuites", "<testsuites><testsuite tests='0'/></testsuites>"])
+def test_results_that_are_none_write_no_record(tmp_path, text):
+    results = tmp_path / "results.xml"
+    if text is not None:
+        results.write_text(text)
+    code, out, err = called(tmp_path, "test_record", results, "--report", tmp_path)
+    assert (code, out, len(err)) == (2, [], 1)
+    assert "run make test-full first" in err[0]
+    assert not (tmp_path / "tests.md").exists()

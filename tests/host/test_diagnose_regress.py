@@ -95,6 +95,12 @@ def skewed_display_for(grid):
     )  # fmt: skip
 
 
+def ended_display_for(grid):
+    """The skewed array, smaller than the panel of 32 mm x 20 mm."""
+    display = skewed_display_for(grid)
+    return dataclasses.replace(display, array=dataclasses.replace(display.array, extent_mm=(24.0, 15.0)))
+
+
 def eye_display_for(grid):
     """An eye 60 mm away, aside of the middle, so that elemental images lie up to half a pitch beside their lenslets."""
     return dataclasses.replace(display_for(grid), viewing_distance_mm=60.0, viewing_axis_mm=(6.0, -4.0))
@@ -124,7 +130,16 @@ def test_planted_faults_of_the_lattice_are_named(grid, made, fault, says):
         assert (verdict.stage, verdict.fault) == ("lenslet", says), verdict
 
 
-@pytest.mark.parametrize("made", [display_for, eye_display_for, skewed_display_for])
+@pytest.mark.parametrize("grid", ["square", "hex"])
+def test_an_array_without_its_end_is_named(grid):
+    """Where lenslets are missing a ray is blocked; the directions of the others are right."""
+    display = ended_display_for(grid)
+    arrays = faulty_tracer.trace(display, *inner_rays_for(display), "missing extent")
+    verdict = judged(display, arrays)
+    assert (verdict.stage, verdict.fault) == ("status", "extent_mm left out"), verdict
+
+
+@pytest.mark.parametrize("made", [display_for, eye_display_for, skewed_display_for, ended_display_for])
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_a_right_tracer_is_right(grid, made):
     """Which also says that golden and the tracer of this folder agree within the tolerance."""

@@ -260,12 +260,12 @@ def test_bad_films_are_refused_in_one_line(place, text, said):
 @pytest.mark.parametrize(("name", "refused"), [("v.gif", True), ("v.png", True), ("v.mp4", False)])
 def test_a_view_that_memory_cannot_hold_is_refused(place, capsys, name, refused):
     """Before a frame is rendered: an animation keeps all of its frames in memory, a video one."""
-    words = ["--view", place / name, "--eye", "0,0,200", "--width", "800", "--memory-mb", "515", "--model", "exact"]
+    words = ["--view", place / name, "--eye", "0,0,200", "--width", "300", "--memory-mb", "502", "--model", "exact"]
     animate(place, *words, code=2 if refused else 0)
     err = capsys.readouterr().err
     if refused:
-        assert re.search(rf"{re.escape(name)}: \d+ frames of 800 x \d+ pixels in memory: needs \d+ MB", err)
-        assert "the limit is 515 MB; give a smaller --width, or an .mp4 file" in err
+        assert re.search(rf"{re.escape(name)}: \d+ frames of 300 x \d+ pixels in memory: needs \d+ MB", err)
+        assert "the limit is 502 MB; give a smaller --width, or an .mp4 file" in err
     assert any((place / "out").glob("frame_*")) != refused
     assert (place / name).exists() != refused
 
@@ -409,7 +409,11 @@ def test_views_are_what_the_eye_sees(place):
 def test_every_speed_can_be_written(place, name, speed):
     """The slowest and the fastest; each frame stands as long as is said."""
     (place / "film.toml").write_text(f"frames_per_second = {speed}\n" + FILM + MOVE.format("ball-*", 1, 0, 2))
-    what = ("--video", place / name) if name == "panel.mkv" else ("--view", place / name, "--eye", "1,0,200")
+    what = (
+        ("--video", place / name)
+        if name == "panel.mkv"
+        else ("--view", place / name, "--eye", "1,0,200", "--width", "60")
+    )
     animate(place, *what)
     if name.endswith((".mkv", ".mp4")):
         _, seconds = imageio_ffmpeg.count_frames_and_secs(str(place / name))

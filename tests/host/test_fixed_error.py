@@ -188,7 +188,7 @@ def test_steps_in_integers_are_the_twin(name):
         config = configuration(display, build, "exact")
         words = random_words(display, build)
         twin = ray_pipeline(*words, config, build)
-        point, direction, lenslet = stages.hybrid(build, config, len(stages.steps_of(build)), words)
+        point, direction, lenslet = next(stages.hybrids(build, config, words, len(stages.steps_of(build))))
         active = gets_through(twin.status)
         assert active.mean() > 0.95
         out = np.ldexp(np.column_stack([point, direction]), build.fraction_bits + 1)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from lippmann.dev import faults, host_mutation
 from lippmann.dev.faults import Fault, Scratch, faults_page, in_turn, try_faults
-from lippmann.dev.host_mutation import differs, fate, faults_of, order_tests
+from lippmann.dev.host_mutation import differs, fate, faults_of
+from lippmann.errors import LippmannError
 from lippmann.sim.tools import repository
 
 TOP = repository()
@@ -85,26 +86,41 @@ def test_every_file_of_the_areas_has_faults():
     assert all((TOP / path).exists() for paths in host_mutation.LAST.values() for path in paths)
 
 
-def test_nearest_tests_run_first():
-    assert order_tests(TOP, "host/lippmann/display.py")[0][0] == "tests/host/test_display.py"
-    assert order_tests(TOP, "host/lippmann/fixed/raster.py")[0][0] == "tests/host/test_raster_twin.py"
-    first, *others = order_tests(TOP, "host/lippmann/optics/exact.py")
-    assert first[0] == "tests/host/test_golden_exact.py"
-    connected, unconnected = others
-    assert "tests/host/test_display_properties.py" in connected
-    assert "tests/host/test_fixed_roots.py" in unconnected
-    names = {path.stem for path in (TOP / "tests/host").glob("test_*.py")} - {"test_host_mutation"}
-    everything = {f"tests/host/{name}.py" for name in names}
-    assert {*first, *connected, *unconnected} == everything
-    assert len(first) + len(connected) + len(unconnected) == len(everything)
-
-
 @pytest.fixture(scope="module")
 def scratch(tmp_path_factory):
     return Scratch(tmp_path_factory.mktemp("scratch") / "copy")
 
 
-def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch):
+@pytest.fixture(scope="module")
+def reach(scratch):
+    """Which of a few tests execute each line."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(host_mutation, "TESTS", ("tests/host/test_glass.py",))
+        return host_mutation.Reach(scratch)
+
+
+@pytest.fixture
+def small(monkeypatch, reach):
+    monkeypatch.setattr(host_mutation, "_reach", lambda _: reach)
+
+
+def fault_at(scratch, file, text):
+    lines = (scratch.folder / file).read_text().split("\n")
+    place = next(k for k, line in enumerate(lines) if text in line)
+    return Fault(file, place + 1, lines[place], f"{lines[place]} # other")
+
+
+def test_the_tests_that_execute_a_line_run_first_those_that_execute_least(scratch, reach):
+    # Found by reading test_glass.py: who asks for a glass that is unknown, and who for its index.
+    refused = reach.tests(fault_at(scratch, "host/lippmann/glass.py", "raise"))
+    assert refused
+    assert all("::test_" in test and test.startswith("tests/host/test_glass.py") for test in refused)
+    constant = reach.tests(fault_at(scratch, "host/lippmann/glass.py", "from __future__"))
+    assert set(refused) < set(constant), "a line of the import: whoever executes any line of the file"
+    assert not reach.tests(fault_at(scratch, "host/lippmann/dev/peers.py", "import"))
+
+
+def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch, small):
     path = TOP / "host/lippmann/glass.py"
     text = path.read_text()
     planted = [fault for fault in faults_of(path, "host/lippmann/glass.py") if differs(fault, text)]
@@ -113,8 +129,7 @@ def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch):
     assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
 
 
-def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
-    monkeypatch.setattr(host_mutation, "order_tests", lambda *_: (["tests/host/test_glass.py"], [], []))
+def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, small):
     path = TOP / "host/lippmann/glass.py"
     first = path.read_text().split("\n")[0]
     docstring = Fault("host/lippmann/glass.py", 1, first, first.replace(" ", "  ", 1))
@@ -125,16 +140,17 @@ def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, monkeypatch):
 
 @pytest.fixture
 def planted(scratch, monkeypatch):
-    """Returns the fate of a change that no test can see: a test file of a given text runs in one of three stages."""
+    """Returns the fate of a change that no test can see: a test file of a given text executes it, or runs last."""
     line = "from __future__ import annotations"
     place = (TOP / "host/lippmann/glass.py").read_text().split("\n").index(line) + 1
     path = scratch.folder / "tests/host/test_planted.py"
 
     def fate_with(text, stage):
         path.write_text(text)
-        stages = [[], ["tests/host/test_glass.py"], []]
-        stages[stage] = [*stages[stage], "tests/host/test_planted.py"]
-        monkeypatch.setattr(host_mutation, "order_tests", lambda *_: stages)
+        tests = ["tests/host/test_glass.py", "tests/host/test_planted.py"]
+        near, last = (tests, []) if stage == "near" else (tests[:1], tests[1:])
+        monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: near))
+        monkeypatch.setattr(host_mutation, "_last", lambda _: last)
         return fate(Fault("host/lippmann/glass.py", place, line, f"{line}; 1"), scratch)
 
     yield fate_with
@@ -144,9 +160,28 @@ def planted(scratch, monkeypatch):
 
 
 def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsys):
-    assert planted("def test_broken():\n    assert False\n", 1) == "survived"
+    assert planted("def test_broken():\n    assert False\n", "near") == "survived"
     assert scratch.left_out == ["tests/host/test_planted.py::test_broken"]
     assert "test_planted.py::test_broken fails without a fault, too: left out" in capsys.readouterr().err
+
+
+def test_a_fault_that_keeps_a_file_of_tests_from_its_import_is_caught(scratch, monkeypatch):
+    file, name = "host/lippmann/glass.py", "def index_of("
+    tests = ["tests/host/test_old_names.py", "tests/host/test_glass.py::test_planted"]
+    monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: tests))
+    fault = fault_at(scratch, file, name)
+    planted = scratch.folder / "tests/host/test_glass.py"
+    text = planted.read_text()
+    planted.write_text(f"{text}\nfrom lippmann.glass import index_of\n\ndef test_planted():\n    pass\n")
+    try:
+        gone = Fault(file, fault.line, fault.was, fault.was.replace("index_of", "index"))
+        assert fate(gone, scratch) == f"caught by {tests[1]}"
+        tests[1] = "tests/host/test_glass.py::test_that_never_was"
+        with pytest.raises(LippmannError, match="pytest does not run in the copy"):
+            fate(gone, scratch)
+    finally:
+        planted.write_text(text)
+        scratch.left_out.clear()
 
 
 #: Fails in its first run, with the fault, and whenever the file whose name it writes says so.
@@ -163,13 +198,13 @@ def test_chance():
 @pytest.mark.parametrize(
     ("stage", "passes", "end", "runs"),
     [
-        (0, (2,), "caught by tests/host/test_planted.py::test_chance", 2),
-        pytest.param(2, (2,), "caught by tests/host/test_planted.py::test_chance", 3, marks=pytest.mark.full),
-        (2, (2, 3), "survived", 3),
+        ("near", (2,), "caught by tests/host/test_planted.py::test_chance", 2),
+        pytest.param("last", (2,), "caught by tests/host/test_planted.py::test_chance", 3, marks=pytest.mark.full),
+        ("last", (2, 3), "survived", 3),
     ],
-    ids=["a test that imports the file fails once", "another fails twice", "another fails by chance"],
+    ids=["a test that executes the line fails once", "another fails twice", "another fails by chance"],
 )
-def test_a_test_that_does_not_import_the_file_must_fail_twice(scratch, planted, tmp_path, stage, passes, end, runs):
+def test_a_test_that_does_not_execute_the_line_must_fail_twice(scratch, planted, tmp_path, stage, passes, end, runs):
     """Its runs: with the fault, without it, and with the fault again."""
     record = tmp_path / "runs"
     record.write_text("")

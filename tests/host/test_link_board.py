@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import serial
 from fault_line import Faults, Proxy
-from lippmann.board.board import Board
+from lippmann.board.board import TILES_REPLY, Board
 from lippmann.board.check_rays import check_rays
 from lippmann.board.discovery import find_board, find_boards
 from lippmann.board.stream import send_frame
@@ -427,6 +427,43 @@ def test_closed_and_opened_again(monkeypatch):
                 # Half a packet before the port is closed spoils nothing of the next session.
                 board.line.send(b"\x20half", 1.0)
     assert len(model.shown) == 1
+
+
+def test_the_reply_to_a_repeated_request_is_not_timed(monkeypatch):
+    """Nobody knows which of the two requests it answers: Karn's rule."""
+    timed, eased = [], []
+    monkeypatch.setattr(RoundTrip, "sample", lambda _, seconds: timed.append(seconds))
+    monkeypatch.setattr(RoundTrip, "ease", lambda _: eased.append(True))
+    with ModelBoard() as model, Board.open(model.url, FAST_BAUD, 2.0) as board:
+        board.read(0x18)
+        before = len(timed)
+        assert (before > 0, eased) == (True, [])
+        send, lost = board.line.send, []
+
+        def lose_the_first(packet, *rest):
+            if lost:
+                send(packet, *rest)
+            lost.append(packet)
+
+        monkeypatch.setattr(board.line, "send", lose_the_first)
+        board.read(0x18)
+        assert len(lost) == 2
+        assert (len(timed), eased) == (before, [True])
+
+
+def test_tables_of_two_frames_are_not_mixed(monkeypatch):
+    """Of 560 tiles, asked for in two requests: another program shows a frame between them."""
+    with ModelBoard(width=640, height=896) as model, Board.open(model.url, FAST_BAUD, 2.0) as board:
+        assert len(board.tiles(FRONT).crcs) == 560
+        ask, epochs = board._ask, iter((4, 5))
+
+        def of_another_frame(*request):
+            body = ask(*request)
+            return TILES_REPLY.pack(next(epochs), TILES_REPLY.unpack_from(body)[1]) + body[TILES_REPLY.size :]
+
+        monkeypatch.setattr(board, "_ask", of_another_frame)
+        with pytest.raises(DeviceError, match=r"buffers were swapped.*one program at a time"):
+            board.tiles(FRONT)
 
 
 SHOWN = ["0x018  0x000004FF  display", "brightness = 255", "pattern = 4 (checker)"]

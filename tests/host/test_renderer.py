@@ -4,6 +4,7 @@ import itertools
 import math
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import lippmann
@@ -12,6 +13,7 @@ import pytest
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
+from lippmann.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
@@ -49,6 +51,36 @@ def luminaire(corners: float, z: float, radiance=(1.0, 1.0, 1.0), x: float = 0.0
         f'<shape type="rectangle"><transform name="to_world"><scale value="{corners}"/>'
         f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
     )
+
+
+def programs_of(work):
+    """The hashes of the programs that some work runs."""
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        work()
+        return {kernel["hash"] for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT}
+
+
+def test_another_eye_placement_or_seed_needs_no_compilation(mi, tmp_path):
+    """Numbers that a program contained were compiled for every frame of a film, and for every eye."""
+    scene = load_scene(write_scene(tmp_path / "s.xml", SKY, glowing_sphere((0.0, 0.0, 0.0), 2.0)), Placement(1.1))
+    display = display_for()
+    window, panel = Window(8.0, 6.0, 16, 12), np.zeros((display.panel.height_px, display.panel.width_px, 3))
+
+    def work(at, seed):
+        placed = scene.placed(Placement(at, (0.0, 10.0 * at, 0.0), (at, 0.0, -at), near_mm=20.0 + at, far_mm=-20.0))
+        return {
+            "view": programs_of(lambda: render_view(placed, (at, -at, 300.0 * at), window, Settings(2, seed=seed))),
+            "image": programs_of(lambda: render_integral(placed, display, "thin", Settings(2, seed=seed))),
+            "eye": programs_of(lambda: observe(panel, display, Eye((at, 2.0, 200.0 * at)), window, 2, seed=seed)),
+            "lens": programs_of(lambda: observe(panel, display, Eye((at, 2.0, 500.0), at, -at), window, 2, seed=seed)),
+        }
+
+    found = work(1.5, 7)
+    assert all(found.values())
+    assert work(2.5, 8) == found
 
 
 # --- furnace --------------------------------------------------------------------------------------
@@ -152,6 +184,17 @@ def test_more_samples_average_the_pixel(mi, spheres):
     # An outline through a pixel: 256 points of either pattern find the area to about 1 / 64.
     assert np.abs(seen - total).max() < 0.05
     assert np.abs(seen.mean(axis=0) - total.mean(axis=0)).max() < 0.002
+
+
+def test_the_times_of_a_render_are_parts_of_the_whole(mi, spheres):
+    began, cpu = time.perf_counter(), time.process_time()
+    rendered = render_integral(spheres, display_for("hex", width_px=24, height_px=16), "exact", Settings())
+    whole, cpu = time.perf_counter() - began, time.process_time() - cpu
+    assert rendered.prepare_seconds > 0.0
+    assert rendered.seconds > 0.0
+    assert rendered.prepare_seconds + rendered.seconds < whole
+    assert 0.0 <= rendered.cpu_seconds <= cpu
+    assert rendered.samples_per_second == pytest.approx(24 * 16 / rendered.seconds)
 
 
 def test_samples_spread_evenly(mi):

@@ -2,11 +2,13 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from lippmann.cli import run
 from lippmann.measure.figures import read_stored
+from lippmann.measure.plan import QUICK
 from lippmann.report.compare import compare
 from lippmann.report.run import TABLES
 from lippmann.sim.tools import repository
@@ -23,11 +25,12 @@ def report(folder, *options):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """The folder of a quick run, and what it said."""
+    """The folder of a quick run, whose peaks of memory are measured once, and what it said."""
     folder = tmp_path_factory.mktemp("report") / "new" / "folder"
     with pytest.MonkeyPatch.context() as patch:
         said = []
         patch.setattr("lippmann.cli.report.emit", lambda result, text: said.append(result))
+        patch.setattr("lippmann.measure.plan.QUICK", replace(QUICK, memory_rounds=1))
         assert report(folder, "--quick", "--seed", "3") == 0
     return folder, json.loads(json.dumps(said[0]))
 

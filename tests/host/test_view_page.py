@@ -200,37 +200,39 @@ def test_templates_refuse_wrong_values():
 # --- sliders --------------------------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
 def displays():
+    """Displays, random and shipped, each with its properties and its groups of sliders."""
     rng = generator(SEED, "displays")
     drawn = [random_display(rng, grid, side) for grid in GRIDS for side in SIDES for _ in range(25)]
-    return [*drawn, *map(load_display, SHIPPED)]
+    found = [(display, display_properties(display)) for display in (*drawn, *map(load_display, SHIPPED))]
+    return [(display, derived, sliders(display, derived)) for display, derived in found]
 
 
-def test_sliders_start_on_one_of_their_steps():
+def test_sliders_start_on_one_of_their_steps(displays):
     """A browser moves a value that lies between two steps, counted from the low end."""
-    for display in displays():
-        for slider in (one for group in sliders(display).values() for one in group):
+    for _, _, groups in displays:
+        for slider in (one for group in groups.values() for one in group):
             assert slider.low <= slider.value <= slider.high, slider
             steps = (slider.value - slider.low) / slider.step
             assert abs(steps - round(steps)) < 1e-6, slider
             assert '"-0"' not in slider.html()
 
 
-def test_sliders_stay_within_what_can_be_built():
-    for display in displays():
-        built = {slider.id: slider for slider in sliders(display)["The array as built"]}
+def test_sliders_stay_within_what_can_be_built(displays):
+    for display, _, groups in displays:
+        built = {slider.id: slider for slider in groups["The array as built"]}
         for end in ("low", "high"):
             at = {key: getattr(slider, end) for key, slider in built.items()}
             display.misaligned(at["rotation"], (at["offset-x"], at["offset-y"]), at["gap"], at["pitch-scale"])
 
 
-def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye():
-    for display in displays():
-        derived = display_properties(display)
+def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye(displays):
+    for display, derived, groups in displays:
         # |C - ex| D / 600 > p / 2 at the panel's far edge, C = -w / 2, too: all lenslets show neighbours' images.
         least = 0.5 * display.panel.width_mm + 600.0 * math.tan(math.radians(derived.crosstalk_angle_deg))
         assert eye_reach_mm(display, derived) >= least * (1.0 - 1e-12)
-        nearest = next(s.low for s in sliders(display)["Eye"] if s.id == "eye-z")
+        nearest = next(s.low for s in groups["Eye"] if s.id == "eye-z")
         assert 0.0 < focus_reach_mm(display, derived) < nearest
 
 

@@ -21,8 +21,10 @@ TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
 #: Verilator's options for a bench.
 OPTIONS = (
-    "--vpi", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
+    "-Wno-fatal", "-Wno-lint", "-Wno-style", "--x-initial", "unique", "--assert", "--timescale", "1ns/1ps",
 )  # fmt: skip
+#: Where asserts say what differed. By itself cocotb has pytest rewrite every module, numpy's too: a second each run.
+ASSERTS = "cocotb_*.py *_frames.py packets*.py streams.py neighbours.py"
 
 
 def seed() -> int:
@@ -43,28 +45,43 @@ class Compiled(Verilator):
         return [[str(self._program), *self.test_args, *self.plusargs]]
 
 
-def compiled(top: str, parameters: Mapping[str, int] | None = None, bench: str = "", name: str | None = None) -> Path:
+def compiled(
+    top: str,
+    parameters: Mapping[str, int] | None = None,
+    bench: str = "",
+    name: str | None = None,
+    main: Path | None = None,
+) -> Path:
     """Compile a top with its parameters, unless that was done; return the program.
 
-    `bench` is the text of SystemVerilog modules beside those of rtl/.
+    `bench` is the text of SystemVerilog modules beside those of rtl/. `main` is the C++ that drives the top where
+    cocotb does not.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
     sources = needed(bench or top, rtl_sources(TOP, *RTL_FOLDERS))
-    cpp = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"
-    libraries = cocotb_tools.config.libs_dir
-    link = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
+    options, link = list(OPTIONS), []
+    if main is None:
+        main = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"
+        libraries = cocotb_tools.config.libs_dir
+        options.append("--vpi")
+        link = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
+    ports = f'`verilator_config\npublic_flat_rw -module "{top}" -var "*"\n' if link else ""
 
     def make(program: Path) -> None:
-        ports = program.with_name("ports.vlt")
-        ports.write_text(f'`verilator_config\npublic_flat_rw -module "{top}" -var "*"\n')
-        beside = program.with_name("bench.sv")
-        beside.write_text(bench)
-        files = [*sources, beside, ports]
-        verilated(program, top, files, [cpp], parameters, options=OPTIONS, flags=SHORT, link=link)
+        beside = {"bench.sv": bench, "ports.vlt": ports}
+        for file, text in beside.items():
+            program.with_name(file).write_text(text)
+        files = [*sources, *(program.with_name(file) for file, text in beside.items() if text)]
+        verilated(program, top, files, [main], parameters, options=options, flags=SHORT, link=link)
 
-    inputs = [*sources, cpp, bench, *map(repr, (top, parameters, OPTIONS)), *link, version("cocotb")]
+    inputs = [*sources, main, bench, *map(repr, (top, parameters, options)), *link, version("cocotb")]
     return kept(BUILD / name, inputs, make)
+
+
+def seed_options(seed: int) -> list[str]:
+    """The options with which a compiled bench draws what its registers hold at first."""
+    return [f"+verilator+seed+{seed % (1 << 31) or 1}", "+verilator+rand+reset+2"]
 
 
 def simulate(
@@ -97,10 +114,16 @@ def simulate(
             test_dir=work,
             results_xml=str(results),
             seed=seed,
-            test_args=[f"+verilator+seed+{seed % (1 << 31) or 1}", "+verilator+rand+reset+2"],
+            test_args=seed_options(seed),
             plusargs=[f"+{key}={value}" for key, value in (plusargs or {}).items()],
             log_file=log,
-            extra_env={**(environment or {}), "LIPPMANN_SEED": str(seed), "COCOTB_ANSI_OUTPUT": "0"},
+            extra_env={
+                **(environment or {}),
+                "LIPPMANN_SEED": str(seed),
+                "COCOTB_ANSI_OUTPUT": "0",
+                "COCOTB_REWRITE_ASSERTION_FILES": ASSERTS,
+                "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+            },
         )
     except (SystemExit, RuntimeError) as error:
         raise AssertionError(f"cocotb: {error}, seed {seed}\n{_tail(log)}") from None

@@ -3,8 +3,10 @@
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
+from lippmann.sim import compilation
 from lippmann.sim.compilation import RtlError, kept, verilated
 from lippmann.sim.tools import needed, rtl_sources
 from runner import TOP
@@ -51,6 +53,30 @@ def test_what_decides_a_build_decides_its_name(tmp_path):
     changed = kept(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("3"))
     assert len({first, other, changed}) == 3
     assert first.read_text() == "1"
+
+
+def test_models_share_headers_and_runtime_whatever_macros_they_have(tmp_path, monkeypatch):
+    asked = []
+
+    def run(command):
+        if command[0] == "verilator_bin":
+            makefile = Path(command[command.index("-Mdir") + 1], "Vtop_classes.mk")
+            makefile.write_text("VM_TRACE = 0\nVM_GLOBAL_FAST += \\\n verilated \\\n")
+
+    def known(path, inputs, make, suffix=""):
+        asked.append((path.name, *map(str, inputs)))
+        return path
+
+    monkeypatch.setattr(compilation, "_run", run)
+    monkeypatch.setattr(compilation, "kept", known)
+    for macros in ([], ["-DWIDTH=7", "-DTRACE"]):
+        verilated(tmp_path / "program", "top", [], [], flags=["-O1", *macros])
+    verilated(tmp_path / "program", "top", [], [], flags=["-O3"])
+    assert [name for name, *_ in asked] == 3 * ["headers", "verilated"]
+    assert asked[:2] == asked[2:4]
+    # The headers are of one optimisation, the runtime is of none.
+    assert asked[4] != asked[0]
+    assert asked[5] == asked[1]
 
 
 def test_a_build_that_fails_leaves_nothing_and_says_why(tmp_path):

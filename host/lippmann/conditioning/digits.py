@@ -42,7 +42,21 @@ Digits = Any
 #: Relative step of the differences for a ray's condition: far below a float64's last place, far above 50 digits'.
 STEP = mp.mpf(10) ** -24
 
-_number = np.frompyfunc(mp.mpf, 1, 1)
+_convert_number = mp.npconvert
+
+
+def _convert(value: Any) -> Digits:
+    """Return a numpy number as an mpf; refuse an array at once.
+
+    mpmath tries to convert it for every product of an mpf with an array, and writes the whole array into its error.
+    """
+    if isinstance(value, np.ndarray) and value.ndim:
+        raise TypeError("an array is not a number")
+    return _convert_number(value)
+
+
+mp.npconvert = _convert
+_number = np.frompyfunc(mp.convert, 1, 1)
 _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 

@@ -1,9 +1,9 @@
 """`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
 
 A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops
-a statement. It is made in a copy of the checkout. The tests nearest to the faulty file, by name and by imports, run
-first and stop at the first failure; then the other tests of tests/host run, and last the tests of `LAST`, which
-simulate the RTL. A fault is caught when a test fails that passes without the fault.
+a statement. It is made in a copy of the checkout. The tests of tests/host that execute the faulty line run, up to the
+first failure; then those of `LAST`, which simulate the RTL. A fault is caught when a test fails that passes without it.
+Tests that execute the line in another process alone do not run: a fault that only they see counts as a survivor.
 
 Docstrings, annotations, decorators and the texts of errors stay as they are.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import pairwise
@@ -20,12 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
+import coverage
 from asttokens import ASTText
-from scipy.sparse.csgraph import shortest_path
 
 from lippmann.cli import run
-from lippmann.dev.faults import Fault, Scratch, options, report_faults
+from lippmann.cli.output import log
+from lippmann.dev.faults import FEW, Fault, Scratch, options, report_faults
 from lippmann.sim.tools import repository
 
 PACKAGE = Path("host/lippmann")
@@ -37,11 +38,14 @@ LAST = {
     "link": ("tests/system",),
     "board": ("tests/system",),
 }
-#: Test files of a fault's first stage, and those that never run: this program's own.
-FIRST, OWN = 8, ("test_host_mutation",)
+#: The tests that run first, but for this program's own, and how they are measured.
+TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
+MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 
 #: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
-SAME: dict[tuple[str, str], str] = {}
+SAME = {
+    ("display.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
+}
 
 #: Operators, and the wrong one in place of each.
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
@@ -142,56 +146,46 @@ def _below(node: ast.AST) -> Iterable[ast.AST]:
     return ast.iter_child_nodes(node)
 
 
-# ---- which tests reach a file ----
+# ---- which tests execute a line ----
 
 
-def _imports(path: Path, modules: dict[str, Path]) -> set[str]:
-    """Return the modules that a file imports, those inside functions and those named in texts included."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found.add(node.value)
-        elif isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant):
-            prefix = str(node.values[0].value)
-            if prefix.startswith("lippmann."):
-                found |= {name for name in modules if name.startswith(prefix)}
-    return found & modules.keys()
+class Reach:
+    """The tests that execute each line of the package, from one run of them without a fault."""
+
+    def __init__(self, scratch: Scratch) -> None:
+        log("running the tests once, to see which of them execute each line")
+        scratch.run([*MEASURED, *TESTS], scratch.jobs)
+        self._data = coverage.CoverageData(str(scratch.folder / ".coverage"))
+        self._data.read()
+        self._folder = scratch.folder
+        # A test that executes little of the package is quick, and says most about what it executes.
+        self._lines = Counter(
+            test
+            for file in self._data.measured_files()
+            for contexts in self._data.contexts_by_lineno(file).values()
+            for test in map(_test_of, contexts)
+        )
+
+    def tests(self, fault: Fault) -> list[str]:
+        """Return the tests that execute a line of a fault, those that execute least of the package first.
+
+        Of a line that runs when its file is imported, a constant: those that execute any line of the file.
+        """
+        contexts = self._data.contexts_by_lineno(str(self._folder / fault.file))
+        lines = range(fault.line, fault.line + fault.was.count("\n") + 1)
+        found = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
+        found = found or {_test_of(context) for each in contexts.values() for context in each} - {""}
+        return sorted(found, key=lambda test: (self._lines[test], test))
 
 
 @cache
-def _distances(top: Path) -> tuple[dict[str, Path], Any]:
-    """Return the modules of tests/host and of the package, and over how many imports each (row) reaches each."""
-    modules = {path.stem: path for path in (top / "tests" / "host").glob("*.py")}
-    for path in (top / PACKAGE).rglob("*.py"):
-        parts = path.relative_to(top / "host").with_suffix("").parts
-        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    imports = [_imports(path, modules) for path in modules.values()]
-    direct = np.array([[name in some for name in modules] for some in imports])
-    return modules, shortest_path(direct, unweighted=True)
+def _reach(scratch: Scratch) -> Reach:
+    return Reach(scratch)
 
 
-def order_tests(top: Path, file: str) -> tuple[list[str], list[str], list[str]]:
-    """Return the test files of tests/host: the `FIRST` nearest to a file, others that import it, and the others.
-
-    Near are those with the file's name in theirs, then those that import it over the fewest other files, then those
-    that import least.
-    """
-    modules, distances = _distances(top)
-    target, name = next((k, name) for k, (name, path) in enumerate(modules.items()) if path == top / file)
-    words = {word[:6] for word in name.split(".")[-1].split("_") if len(word) > 3}
-    ranked = []
-    for test, steps in zip(modules, distances, strict=True):
-        if test.startswith("test_") and test not in OWN:
-            named = words & {word[:6] for word in test.split("_")} and steps[target] < np.inf
-            ranked.append((not named, steps[target], sum(steps < np.inf), test))
-    files = [f"tests/host/{test}.py" for *_, test in sorted(ranked)]
-    connected = sum(steps < np.inf for _, steps, *_ in ranked)
-    first = min(FIRST, connected)
-    return files[:first], files[first:connected], files[connected:]
+def _test_of(context: str) -> str:
+    """Return the test of a context such as "tests/host/test_glass.py::test_index|run"."""
+    return context.rpartition("|")[0]
 
 
 def _last(file: str) -> list[str]:
@@ -208,8 +202,8 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
-    *near, others = order_tests(scratch.folder, fault.file)
-    return scratch.fate(fault, near, [others, _last(fault.file)])
+    near = _reach(scratch).tests(fault)
+    return scratch.fate(fault, [near[:FEW], near[FEW:]], [_last(fault.file)])
 
 
 def groups(top: Path) -> dict[str, list[Fault]]:

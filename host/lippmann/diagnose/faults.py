@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -45,14 +45,14 @@ Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault: the step that it is in, its name, and the rays that it gives.
+    """A fault: the step that it is in, its name, and the rays that it gives, from the inputs and golden's rays.
 
     `silent` are arrays that it does not predict.
     """
 
     stage: str
     name: str
-    predict: Callable[[Out], Arrays]
+    predict: Callable[[Out, Arrays], Arrays]
     silent: tuple[str, ...] = ()
 
 
@@ -72,17 +72,12 @@ def golden(given: Out) -> Arrays:
 
 def _before(stage: str, name: str, change: Callable[[Out], Out], *silent: str) -> Variant:
     """Return the variant that traces changed inputs."""
-    return Variant(stage, name, lambda given: golden(change(given)), silent)
+    return Variant(stage, name, lambda given, _: golden(change(given)), silent)
 
 
 def _after(stage: str, name: str, change: Callable[[Arrays], Arrays]) -> Variant:
     """Return the variant that changes some arrays of golden's rays."""
-
-    def predict(given: Out) -> Arrays:
-        rays = golden(given)
-        return rays | change(rays)
-
-    return Variant(stage, name, predict)
+    return Variant(stage, name, lambda _, rays: rays | change(rays))
 
 
 def _with(stage: str, name: str, number: str, value: Any) -> Variant:
@@ -212,11 +207,10 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
-def _through_neighbour(step: Floats, given: Out) -> Arrays:
+def _through_neighbour(step: Floats, given: Out, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
     system = System.of(given.display)
     frame, b = system.frame, NumpyBackend()
-    rays = golden(given)
     cx, cy = system.lattice.centre(step[0], step[1])
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
@@ -237,7 +231,7 @@ def _through_neighbour(step: Floats, given: Out) -> Arrays:
 def _other_ties(given: Out) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
     array = given.display.array
-    x, y = golden(given)["start_mm"].T
+    x, y = given.steps()["start_mm"].T
     sides = np.stack([x - array.shear * y, y], axis=1)
     tie = np.isclose(sides, -0.5 * np.array(array.pitches_mm), rtol=1e-12, atol=0.0)
     nudge = 1e-9 * array.finest_mm / np.array(given.display.panel.pitches_mm) * (-1.0, 1.0)
@@ -407,13 +401,14 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     # Offsets repeat after a pitch: their size says nothing about their error.
     unit = value if value and "offset" not in name else display.array.coarsest_mm
 
+    @cache
     def loss(tried: float) -> float:
         """Return the median error: rays that change lenslet or status on the way must not weigh."""
         try:
-            rays = golden(_with_number(name, tried, given))
+            rays = _with_number(name, tried, given).traced()
         except (LippmannError, ValueError, ZeroDivisionError):
             return math.inf
-        return float(np.median(np.linalg.norm(rays["direction"] - direction, axis=1)))
+        return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
     looked = [value + share * unit for share in LOOKED]
     if name == "array.rotation_deg":

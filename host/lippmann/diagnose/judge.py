@@ -225,7 +225,7 @@ def _diagnosed(seen: _Comparison) -> _Finding:
     bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     if first == "status":
-        return first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
+        return _best(seen) or (first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0)
     if _wrapped(seen):
         return "exit", "a component of the direction wrapped where it should saturate at 1", 1.0
     if first == "exit":
@@ -321,7 +321,7 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
     as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
-    rays, bad = variant.predict(sample.given), sample.wrong
+    rays, bad = variant.predict(sample.given, sample.golden), sample.wrong
     right, ratios = np.ones(len(bad), bool), []
     for name, values in sample.fields.items():
         if name in variant.silent:

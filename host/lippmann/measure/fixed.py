@@ -26,7 +26,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import WIDEST, Bools, Ints
 from lippmann.measure.figures import Figures, Measured
 from lippmann.measure.plan import Plan
-from lippmann.measure.stages import hybrid, steps_of
+from lippmann.measure.stages import hybrids, steps_of
 from lippmann.optics.rays import Floats, Rays, Status, gets_through
 from lippmann.optics.system import System
 
@@ -213,16 +213,16 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
     ]
     alive = compare(display, build, words).alive
     steps = steps_of(build)
-    for cut in range(len(steps) + 1):
-        point, direction, lenslet = hybrid(build, config, cut, words)
+    for point, direction, lenslet in hybrids(build, config, words):
         runs.append(np.stack([direction * 1e6, point * display.array.radius_mm * 1e6]))
         alive &= (lenslet == golden.lenslet).all(axis=1)
+    runs = [run[:, alive] for run in runs]
 
     def row(step: str, share: Floats, left: Floats) -> dict[str, Any]:
         found: dict[str, Any] = {"configuration": named.name, "display": display.name, "stage": step}
         for prefix, moves in (("", share), ("left_", left)):
             for quantity, move in zip(("direction_urad", "point_nm"), moves, strict=True):
-                length = np.linalg.norm(move[alive], axis=1)
+                length = np.linalg.norm(move, axis=1)
                 found[f"{prefix}max_{quantity}"] = float(length.max())
                 found[f"{prefix}rms_{quantity}"] = float((length**2).mean() ** 0.5)
         return found

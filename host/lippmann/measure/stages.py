@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -84,10 +84,12 @@ def steps_of(build: Build) -> list[str]:
     ]
 
 
-def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple[Floats, Floats, Floats]:
-    """Run the first `cut` steps of an exact build in integers and the others in float64.
+def hybrids(
+    build: Build, config: Configuration, words: Words, first: int = 0
+) -> Iterator[tuple[Floats, Floats, Floats]]:
+    """Run the steps of an exact build, the first ones in integers: `first` of them, then one more each time, to all.
 
-    Returns the exit rays' points (N, 3), in radii from the lenslet's vertex, directions (N, 3), and lenslets (N, 2).
+    Yields the exit rays' points (N, 3), in radii from the lenslet's vertex, directions (N, 3), and lenslets (N, 2).
     """
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
@@ -97,12 +99,20 @@ def hybrid(build: Build, config: Configuration, cut: int, words: Words) -> tuple
     state |= {"lean": config.shear_lean, "g": config.shear_x}
     state |= {"share": config.converge_share, "offset_x": config.converge_x, "offset_y": config.converge_y}
     steps = steps_of(build)
-    for name in steps[:cut]:
-        _take(name, TWIN, state, build)
+    for cut in range(len(steps) + 1):
+        if cut:
+            _take(steps[cut - 1], TWIN, state, build)
+        if cut >= first:
+            yield _finished(build, state, steps[cut:])
+
+
+def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
+    """Take the remaining steps in float64; returns what `hybrids` yields."""
+    state = dict(state)
     for name, bits in _FRACTIONS.items():
         if name in state:
             state[name] = np.ldexp(np.asarray(state[name], np.float64), -(build.fraction_bits + bits))
-    for name in steps[cut:]:
+    for name in steps:
         _take(name, FLOAT, state, build)
     if build.viewer:
         point = [state["out_x"], state["out_y"], np.full_like(state["out_x"], state["exit_z"])]

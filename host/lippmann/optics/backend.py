@@ -59,8 +59,9 @@ class NumpyBackend(Backend):
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
         # Works on the active elements only: they are few, and the others must not change.
-        state = tuple(np.array(x) for x in state)
         index = np.flatnonzero(active(*state))
+        if index.size:
+            state = tuple(np.array(x) for x in state)
         while index.size:
             part = body(*(x[index] for x in state))
             for whole, piece in zip(state, part, strict=True):

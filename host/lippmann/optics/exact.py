@@ -18,12 +18,18 @@ from lippmann.optics.system import Exit, Landing, System
 
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
     """Trace rays from the panel to the world (parameters as in `models.leave_panel`)."""
-    towards_x, towards_y = (-x, -y) if aperture is None else (aperture[0] - x, aperture[1] - y)
-    dx, dy, dz = unit(b, towards_x, towards_y, system.aperture_distance_mm)
-    # Point on the array's near plane: the flat face, or the domes' vertices.
-    share = system.gap_mm / system.aperture_distance_mm
-    near_x, near_y = x + share * towards_x, y + share * towards_y
     zero = 0.0 * x
+    aim_x, aim_y = (zero, zero) if aperture is None else aperture
+    towards_x, towards_y = aim_x - x, aim_y - y
+    depth = system.aperture_distance_mm
+    dx, dy, dz = unit(b, towards_x, towards_y, depth)
+    # Point on the array's near plane: the flat face, or the domes' vertices. From the nearer end, whose last place
+    # counts: a pixel of a display for a near eye may be many lenslets aside.
+    share, rest = system.gap_mm / depth, (depth - system.gap_mm) / depth
+    if share < 0.5:
+        near_x, near_y = x + share * towards_x, y + share * towards_y
+    else:
+        near_x, near_y = aim_x - rest * towards_x, aim_y - rest * towards_y
     # An elemental image that converges on the eye may lie under a neighbour.
     strays = aperture is not None or system.convergence.share > 0.0
     if system.plano_to_panel:

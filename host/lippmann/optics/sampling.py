@@ -26,7 +26,9 @@ def points_in_square(pixel: Any, sample: Any, seed: int, stream: int) -> tuple[A
     below_one = 1.0 - 2.0**-24
 
     def coordinate(axis: int) -> Any:
-        shift = mi.sample_tea_float32(pixel, mi.UInt32(((2 * stream + axis) * 0x9E3779B9 + seed) & 0xFFFFFFFF))
+        # Opaque, so that another seed needs no compilation.
+        key = dr.opaque(mi.UInt32, ((2 * stream + axis) * 0x9E3779B9 + seed) & 0xFFFFFFFF)
+        shift = mi.sample_tea_float32(pixel, key)
         x = shift + mi.Float(sample) * R2_STEPS[axis]
         return dr.minimum(x - dr.floor(x), below_one)
 

@@ -65,7 +65,8 @@ class System:
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
             return i, j, qx, qy
-        return i, j, *self.convergence.on_panel(qx, qy, *self.lattice.centre(i, j))
+        cx, cy = self.lattice.centre(i, j)
+        return i, j, x - cx, y - cy  # not from q: its roundings would grow by 1 / (1 - s)
 
     def owns(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Arr:
         """Tell whether the lenslet at (cx, cy) owns a point of the panel, measured from there; array's axes, mm."""

@@ -250,15 +250,16 @@ def _scene_ray(scene: Scene, lines: Lines) -> Any:
     import drjit as dr
 
     point, direction = lines.point, lines.direction
-    near = scene.placement.near_mm
+    # Opaque, so that a moved scene or another eye needs no compilation.
+    near = dr.opaque(mi.Float, scene.placement.near_mm)
     t = (near - point[2]) / direction[2]
-    start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(near))
+    start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
     back = mi.Vector3f(*(-c for c in direction))
     matrix = scene.placement.scene_from_display
     if not np.array_equal(matrix, np.eye(4)):
-        m = [[float(x) for x in line] for line in matrix]
-        start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m[:3]))
-        back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m[:3])))
+        m = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]]
+        start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m))
+        back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m)))
     ray = mi.RayDifferential3f(start, back)
     ray.wavelengths = []
     return ray

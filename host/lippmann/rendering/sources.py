@@ -121,7 +121,9 @@ def eye_source(eye_mm: tuple[float, float, float], window: Window) -> RaySource:
         import drjit as dr
 
         x, y = (mi.Float(c) for c in window.point(u, v))
-        ray = dr.normalize(mi.Vector3f(eye_mm[0] - x, eye_mm[1] - y, mi.Float(eye_mm[2])))
+        # Opaque, so that another eye needs no compilation.
+        eye = [dr.opaque(mi.Float, c) for c in eye_mm]
+        ray = dr.normalize(mi.Vector3f(eye[0] - x, eye[1] - y, eye[2]))
         return Lines((x, y, mi.Float(0.0)), (ray.x, ray.y, ray.z), mi.Bool(True))
 
     return RaySource(window.width_px, window.height_px, lines)

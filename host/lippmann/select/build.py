@@ -27,7 +27,7 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Floats, Model, Rays
 from lippmann.optics.sampling import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.select.model import (
@@ -139,28 +139,32 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
     """
     try:
         # Pixels rounded to words first, so that rounding moves no pixel over a border.
-        few, many = (
-            away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
-            for pixels in (probe(display, "chief", INSIDE)[0], _spread(display))
-        )
+        probes = {
+            name: away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
+            for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
+        }
     except InputError:  # the panel is larger than the words can hold
         return None, float("inf")
 
-    def error_px(pixels: Floats, model: HardwareModel, bits: int) -> float:
+    @cache
+    def unrounded(name: str, model: Model) -> Rays:
+        return trace(display, probes[name], None, model)
+
+    def error_px(name: str, model: HardwareModel, bits: int) -> float:
         try:
-            rays = trace_fixed(display, pixels, None, model, bits)
+            rays = trace_fixed(display, probes[name], None, model, bits)
         except InputError:  # the registers cannot hold this display
             return float("inf")
-        exact, unrounded = (trace(display, rays.pixel, None, kind) for kind in ("exact", model))
-        rounding = model_error_px(display, unrounded, rays, depth_range_mm)
-        return model_error_px(display, exact, rays, depth_range_mm) + ROUNDING_MARGIN * rounding
+        kinds: set[Model] = {model, "exact"}
+        far = {kind: model_error_px(display, unrounded(name, kind), rays, depth_range_mm) for kind in kinds}
+        return far["exact"] + ROUNDING_MARGIN * far[model]
 
     least = float("inf")
     for model in get_args(HardwareModel):
         for bits in FRACTIONS:
-            error = error_px(few, model, bits)
+            error = error_px("few", model, bits)
             if error <= tolerance:
-                error = max(error, error_px(many, model, bits))
+                error = max(error, error_px("many", model, bits))
             if error <= tolerance:
                 return Build.of(display, model, bits, aims=False), error
             least = min(least, error)

@@ -161,14 +161,18 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
         return float("inf")
     if not there.any():
         return 0.0
-    lines = [(each.local_mm[there], each.direction[there]) for each in (truth, rays)]
+    some = slice(None) if there.all() else there  # a slice copies nothing
+    lines = [(each.local_mm[some], each.direction[some]) for each in (truth, rays)]
+    # Where lines cross z = 0, and how much farther apart they are a millimetre on.
+    place = crossing(*lines[0], 0.0) - crossing(*lines[1], 0.0)
+    slope = np.subtract(*(direction[:, :2] / direction[:, 2:] for _, direction in lines))
     worst = 0.0
     far, near = depth_range_mm
     # From this depth on a pixel spreads beyond the lenslet; between these depths the error has no other peak.
     kink = display.array.finest_mm * display.aperture_distance_mm / min(display.panel.pitches_mm)
     for z in (far, near, *(z for z in (-kink, kink) if far < z < near)):
-        apart = np.linalg.norm(crossing(*lines[0], z) - crossing(*lines[1], z), axis=1)
-        worst = max(worst, float(apart.max()) / reconstructed_pixel_mm(display, z))
+        apart = float(np.linalg.norm(place + z * slope, axis=1).max())
+        worst = max(worst, apart / reconstructed_pixel_mm(display, z))
     return worst
 
 

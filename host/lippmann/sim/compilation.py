@@ -1,8 +1,8 @@
 """Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
 
 Verilator writes C++, which the compiler takes as one file: the headers of a model are far larger than most of its
-parts, and the whole model is in sight of the optimiser. Verilator's own runtime depends on no model and is compiled
-once for each version of it.
+parts, and the whole model is in sight of the optimiser. Verilator's own runtime and headers depend on no model and are
+compiled once for each version of it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
 
 # Libraries that a process loads share no variable of their runtimes.
-_ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique")
-_SETTING = re.compile(r"^(VM_(?:COVERAGE|TIMING|TRACE\w*)) = (\d)$", re.M)
+_ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
 
 
 class RtlError(LippmannError):
@@ -93,17 +92,17 @@ def verilated(
         )  # fmt: skip
         made = sorted(work.glob("Vtop*.cpp"))
         (work / "all.cpp").write_text("".join(map(_include, [*made, *main])))
-        makefile = (work / "Vtop_classes.mk").read_text()
-        defines = ["-DVM_SC=0", *(f"-D{name}={value}" for name, value in _SETTING.findall(makefile))]
-        runtime = re.findall(r"verilated\w*", makefile.partition("VM_GLOBAL_FAST")[2])
+        runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
-        common = [*_ALWAYS, *defines, f"-I{headers}", f"-I{headers / 'vltstd'}"]
+        common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
         places = [f"-I{folder}", *(f"-I{path}" for path in {path.parent for path in main})]
-        prefix = ["-include", str(_precompiled([*common, *flags]))]
+        # Macros of one model's main program are nothing to the headers, which all models share.
+        shared = [flag for flag in flags if not flag.startswith("-D")]
+        prefix = ["-include", str(_precompiled([*common, *shared]))]
         _run(["g++", *common, *flags, *prefix, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
         objects = [str(_runtime(headers / f"{name}.cpp", [*common, "-O1"])) for name in runtime]
         kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
-        libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "-DVM_TRACE_FST=1" in defines else [])]
+        libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "verilated_fst_c" in runtime else [])]
         _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
 
 

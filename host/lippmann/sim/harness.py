@@ -23,11 +23,11 @@ MAIN = Path("sim", "batch", "batch.cpp")
 
 
 class Harness:
-    """A compiled build; `library` names it where it is not the one of the sources. Raises as `verilated`."""
+    """A build, compiled with some of the compiler's flags. Raises as `verilated`."""
 
-    def __init__(self, build: Build, library: Path | None = None) -> None:
+    def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
         self.build = build
-        self._library = ctypes.CDLL(str(library or _compiled(build)))
+        self._library = ctypes.CDLL(str(_compiled(build, flags)))
         self._trace = self._library.lippmann_trace
         self._trace.restype = ctypes.c_int64
         seed_and_chances = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
@@ -57,9 +57,9 @@ class Harness:
 
 
 @cache
-def harness(build: Build) -> Harness:
+def harness(build: Build, flags: Sequence[str] = FAST) -> Harness:
     """Return the harness of a build, compiled at first use and kept under build/sim/."""
-    return Harness(build)
+    return Harness(build, flags)
 
 
 def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
@@ -97,17 +97,14 @@ def parameters(build: Build) -> dict[str, int]:
     }
 
 
-def _compiled(build: Build) -> Path:
+def _compiled(build: Build, flags: Sequence[str]) -> Path:
     """Return the library of a build, compiled unless it is there."""
     top = repository()
     sources = needed("ray_lenslet", optics_sources(top))
-    inputs: list[Path | str] = [*sources, top / MAIN, repr(build), Path(__file__)]
-    path = top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}"
-    return kept(path, inputs, lambda made: compile_library(build, sources, made), ".so")
+    flags = [*flags, f"-DLIPPMANN_NEAR={build.near}"]
 
+    def make(path: Path) -> None:
+        verilated(path, "ray_lenslet", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
 
-def compile_library(build: Build, sources: list[Path], library: Path, flags: Sequence[str] = FAST) -> None:
-    """Compile RTL sources, the packages first, with the harness's C++ into a library. Raises as `verilated`."""
-    main, flags = [repository() / MAIN], [*flags, f"-DLIPPMANN_NEAR={build.near}"]
-    files = needed("ray_lenslet", sources)
-    verilated(library, "ray_lenslet", files, main, parameters(build), options=UNCHECKED, flags=flags)
+    inputs: list[Path | str] = [*sources, top / MAIN, repr(build), *flags, Path(__file__)]
+    return kept(top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}", inputs, make, ".so")

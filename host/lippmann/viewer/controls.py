@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from lippmann.display import Display
-from lippmann.display_properties import DisplayProperties, display_properties
+from lippmann.display_properties import DisplayProperties
 from lippmann.viewer.template import filled
 from lippmann.viewing import middle_eye, viewing_distance
 
@@ -52,9 +52,8 @@ def focus_reach_mm(display: Display, derived: DisplayProperties) -> float:
     return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
-def sliders(display: Display) -> dict[str, list[Slider]]:
+def sliders(display: Display, derived: DisplayProperties) -> dict[str, list[Slider]]:
     """Return the sliders by group."""
-    derived = display_properties(display)
     array = display.array
     reach, focus = eye_reach_mm(display, derived), focus_reach_mm(display, derived)
     x, y, distance = middle_eye(display, viewing_distance(display))
@@ -83,11 +82,11 @@ def sliders(display: Display) -> dict[str, list[Slider]]:
     }
 
 
-def controls_html(display: Display) -> str:
+def controls_html(display: Display, derived: DisplayProperties) -> str:
     """Return the groups of sliders."""
     return "".join(
         f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
-        for group, members in sliders(display).items()
+        for group, members in sliders(display, derived).items()
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.display_properties import display_properties
+from lippmann.display_properties import DisplayProperties, display_properties
 from lippmann.errors import InputError, input_error
 from lippmann.images import png_bytes
 from lippmann.optics.lattice import Lattice
@@ -84,6 +84,7 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
+    derived = display_properties(display)
     return filled(
         "page.html",
         title=html.escape(title),
@@ -91,8 +92,8 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         style=read("style.css"),
         aspect=aspect,
         direct=filled("direct.html", aspect=aspect) if directs else "",
-        controls=controls_html(display),
-        depth=_depth_drawing(display),
+        controls=controls_html(display, derived),
+        depth=_depth_drawing(display, derived),
         display=script_json(described),
         shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
         directs=script_json(shown),
@@ -157,8 +158,7 @@ def _defines(display: Display) -> dict[str, str]:
     return defines
 
 
-def _depth_drawing(display: Display) -> str:
-    derived = display_properties(display)
+def _depth_drawing(display: Display, derived: DisplayProperties) -> str:
     focus = focus_reach_mm(display, derived)
     scale = focus / DRAWN
     return filled(

@@ -9,15 +9,20 @@ from runner import seed
 from steps import GRIDS
 from words import mixed, signed
 
+INSTANCES = {
+    grid: Instance(
+        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "optics_pkg::extent_latency()", {"Grid": number},
+        {"along_i": 14, "across_i": 13},
+    )
+    for number, grid in enumerate(GRIDS)
+}  # fmt: skip
+
 
 @pytest.mark.parametrize("grid", GRIDS)
 def test_equals_twin(grid):
     s = seed()
     rng = np.random.default_rng(s)
-    one = Instance(
-        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "optics_pkg::extent_latency()", {"Grid": GRIDS.index(grid)},
-        {"along_i": 14, "across_i": 13},
-    )  # fmt: skip
+    one = INSTANCES[grid]
     seen = Coverage("extent", grid)
     batch = []
     limits = [w.tolist() for w in mixed(rng, 30, signed(14), signed(13))]
@@ -40,5 +45,5 @@ def test_equals_twin(grid):
         seen.point("no lenslet", missing.all())
         seen.point("the last along the row", ~missing & (2 * abs(place) == along))
         seen.point("the last row", ~missing & (abs(j) == across))
-    stream([one], batch, f"extent-{grid}", s)
+    stream(list(INSTANCES.values()), batch, "extent", s)
     seen.close()

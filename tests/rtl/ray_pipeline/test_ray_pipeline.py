@@ -60,15 +60,16 @@ def instance(build: Build) -> Instance:
 
 
 def statuses(build: Build) -> set[Status]:
-    """What becomes of a build's rays, over enough displays."""
+    """What becomes of a build's rays, over enough displays.
+
+    Chief rays without an eye pass the middle of the aperture: none misses its dome or leaves through a neighbour's, and
+    hardly one is totally reflected. With an eye those that would miss their dome walk on where a build can.
+    """
     found = {Status.OK, Status.BLOCKED}
-    if build.model != "exact":
-        return found | ({Status.CROSSTALK, Status.MISSED} if build.aims else set())
-    found |= {Status.INTERNAL_REFLECTION}
-    if build.aims or build.viewer:
-        found |= {Status.MISSED}
-    if build.aims or build.max_cell_steps:
-        found |= {Status.CROSSTALK}
+    if build.aims:
+        found |= {Status.MISSED, Status.CROSSTALK}
+    if build.model == "exact" and (build.aims or build.converge):
+        found |= {Status.INTERNAL_REFLECTION, Status.CROSSTALK if build.max_cell_steps else Status.MISSED}
     return found
 
 
@@ -81,11 +82,15 @@ def test_equals_twin(build):
     rng = np.random.default_rng(s)
     one = instance(build)
     seen = Coverage("ray_pipeline", one.name)
-    batch = []
-    for _ in range(12):
+    batch, missing = [], statuses(build)
+    for number in range(200):
         config = random_configuration(rng, build)
         u, v, a, b = ray_words(rng, 250, build, config)
         rays: FixedRays = ray_pipeline(u, v, a, b, config, build)
+        found = {status for status in missing if (rays.status == int(status)).any()}
+        if number >= 12 and not found:  # some fates are rare: a dozen displays, and then those that show one more
+            continue
+        missing -= found
         words = {"u_i": u, "v_i": v, "a_i": a, "b_i": b}
         expected = {f"{k}_o": w for k, w in rays._asdict().items()}
         register = int.from_bytes(packed(config), "little")
@@ -94,5 +99,7 @@ def test_equals_twin(build):
             seen.point(f"status {status.name.lower()}", rays.status == int(status))
         seen.point("towards +x", rays.dx > 0)
         seen.point("towards -y", rays.dy < 0)
+        if number >= 11 and not missing:
+            break
     stream([one], batch, one.name, s)
     seen.close()
