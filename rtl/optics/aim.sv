@@ -9,7 +9,8 @@
 ///
 ///   x' = x - di (hexagonal: x - di - dj/2),   y' = y - dj,   a', b' likewise (all exact).
 ///
-/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2).
+/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2), or an index
+/// wraps.
 /// Latency aim_latency(Grid).
 module aim #(
   parameter int F = 23,
@@ -29,7 +30,7 @@ module aim #(
   output logic signed [F+1:0]                     a_o,      // wide: aperture point relative to it
   output logic signed [F+1:0]                     b_o,
   output logic                                    stray_o,  // lenslet is not the pixel's
-  output logic                                    beyond_o  // x_o or y_o overflows
+  output logic                                    beyond_o  // a word overflows
 );
   import optics_pkg::*;
 
@@ -46,13 +47,16 @@ module aim #(
 
   logic signed [IndexBits-1:0] di, dj, i_late, j_late;
   logic signed [W-1:0] a, b, x_late, y_late;
+  logic unused_beyond;  // aims are far from the ends of the lattice's words
   if (Grid == GridHex) begin : gen_hex
     lenslet_hex #(.F(F)) i_lenslet (
-      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b)
+      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b),
+      .beyond_o(unused_beyond)
     );
   end else begin : gen_square
     lenslet_square #(.F(F)) i_lenslet (
-      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b)
+      .clk_i, .x_i(L'(a_i)), .y_i(L'(b_i)), .i_o(di), .j_o(dj), .x_o(a), .y_o(b),
+      .beyond_o(unused_beyond)
     );
   end
   delay #(.Width(2 * IndexBits + 2 * W), .Cycles(Wait)) i_match (
@@ -67,16 +71,20 @@ module aim #(
   assign step_x = (Ws'(di) <<< F) + (Grid == GridHex ? Ws'(dj) <<< (F - 1) : '0);
   assign x_d = Ws'(x_late) - step_x;
   assign y_d = Ws'(y_late) - step_y;
+  logic signed [IndexBits:0] i_d, j_d;
+  assign i_d = (IndexBits + 1)'(i_late) + (IndexBits + 1)'(di);
+  assign j_d = (IndexBits + 1)'(j_late) + (IndexBits + 1)'(dj);
 
   always_ff @(posedge clk_i) begin
-    i_o <= i_late + di;
-    j_o <= j_late + dj;
+    i_o <= IndexBits'(i_d);
+    j_o <= IndexBits'(j_d);
     x_o <= W'(x_d);
     y_o <= W'(y_d);
     a_o <= a;
     b_o <= b;
     stray_o <= di != '0 || dj != '0;
-    beyond_o <= x_d != Ws'($signed(x_d[W-1:0])) || y_d != Ws'($signed(y_d[W-1:0]));
+    beyond_o <= x_d != Ws'($signed(x_d[W-1:0])) || y_d != Ws'($signed(y_d[W-1:0]))
+        || i_d[IndexBits] != i_d[IndexBits-1] || j_d[IndexBits] != j_d[IndexBits-1];
   end
 
 endmodule

@@ -13,6 +13,7 @@
 ///   d'_x = saturate(((e_x i >> F-2) - (k N_x >> F-3) + 4) >> 3),  d'_y likewise
 ///
 /// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, i is 1/n and i2 is 1/n^2.
+/// beyond_o: C' below 0 or above 1, or the direction outside [-1, 1], by more than roundings.
 /// Latency dome_latency(F).
 module enter_dome #(
   parameter int F = 23,
@@ -28,7 +29,8 @@ module enter_dome #(
   input  logic signed [F+1:0] index_inverse_i,         // 1/n, near
   input  logic signed [F+3:0] index_inverse_square_i,  // 1/n^2, F fraction bits
   output logic signed [F+1:0] dx_o,  // near
-  output logic signed [F+1:0] dy_o
+  output logic signed [F+1:0] dy_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -44,12 +46,15 @@ module enter_dome #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
+  localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic [F+2:0] clamped_q;
+  logic over_q, over;
   multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i(s_i), .b_i(index_inverse_square_i), .p_o(sine)
   );
   always_ff @(posedge clk_i) begin
     c_q <= (Ws'(1) <<< (F + 3)) - sine;
+    over_q <= c_q < 0 || c_q >= OverOne;
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
   end
   logic signed [W-1:0] cos_glass;
@@ -104,12 +109,17 @@ module enter_dome #(
     dx_q2 <= dx_q + Wp'(4);
     dy_q2 <= dy_q + Wp'(4);
   end
+  logic [1:0] out_beyond;
   saturate #(.From(Wp - Guard), .To(W)) i_dx (
-    .clk_i, .d_i((Wp - Guard)'(dx_q2 >>> Guard)), .q_o(dx_o)
+    .clk_i, .d_i((Wp - Guard)'(dx_q2 >>> Guard)), .q_o(dx_o), .beyond_o(out_beyond[0])
   );
   saturate #(.From(Wp - Guard), .To(W)) i_dy (
-    .clk_i, .d_i((Wp - Guard)'(dy_q2 >>> Guard)), .q_o(dy_o)
+    .clk_i, .d_i((Wp - Guard)'(dy_q2 >>> Guard)), .q_o(dy_o), .beyond_o(out_beyond[1])
   );
+  delay #(.Width(1), .Cycles(dome_latency(F) - mul_latency(Wf, Wf) - 2)) i_over (
+    .clk_i, .d_i(over_q), .q_o(over)
+  );
+  assign beyond_o = over || |out_beyond;
 
 endmodule
 

@@ -11,7 +11,7 @@
 ///   dz   = sqrt(M - g)
 ///
 /// i is 1/n; g has F + 3 fraction bits. max() is needed since a cut product may be negative. Words:
-/// near. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4.
+/// near. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4. beyond_o: M - g < 1/4.
 /// Latency enter_flat_latency(F).
 module enter_flat #(
   parameter int F = 23,
@@ -23,7 +23,8 @@ module enter_flat #(
   input  logic signed [F+1:0] index_inverse_i,  // 1/n
   output logic signed [F+1:0] tx_o,
   output logic signed [F+1:0] ty_o,
-  output logic signed [F+1:0] dz_o
+  output logic signed [F+1:0] dz_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -65,6 +66,9 @@ module enter_flat #(
     square_q <= ~(F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
   end
   sqrt #(.F(F), .Normalise(1'b0)) i_sqrt (.clk_i, .x_i(square_q), .y_o(dz_o));
+  delay #(.Width(1), .Cycles(sqrt_latency(1'b0))) i_beyond (
+    .clk_i, .d_i(square_q[F+2:F+1] == '0), .q_o(beyond_o)
+  );
 
   delay #(.Width(2 * W), .Cycles(mul_latency(W, W) + 2 + sqrt_latency(1'b0))) i_t (
     .clk_i, .d_i({tx_q, ty_q}), .q_o({tx_o, ty_o})

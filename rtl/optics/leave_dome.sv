@@ -13,7 +13,9 @@
 ///   d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
 ///
 /// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2, F fraction bits.
-/// Totally reflected (reflected_o) where C' <= 0. The exit direction is a near word.
+/// Totally reflected (reflected_o) where C' <= 0. The exit direction is a near word. beyond_o: C'
+/// above 1 or, unless reflected, k outside its word or the direction outside [-1, 1], by more than
+/// roundings.
 /// Latency dome_latency(F).
 module leave_dome #(
   parameter int F = 23,
@@ -33,7 +35,8 @@ module leave_dome #(
   output logic signed [F+1:0] dx_o,  // near
   output logic signed [F+1:0] dy_o,
   output logic signed [F+1:0] dz_o,
-  output logic                reflected_o
+  output logic                reflected_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -50,13 +53,15 @@ module leave_dome #(
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
   logic [F+2:0] clamped_q;
-  logic reflected_q;
+  localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
+  logic reflected_q, over_q;
   multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i(s_i), .b_i(index_square_i), .p_o(sine)
   );
   always_ff @(posedge clk_i) begin
     c_q <= (Ws'(1) <<< (F + 3)) - sine;
     reflected_q <= c_q <= 0;
+    over_q <= c_q >= OverOne;
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
   end
   logic signed [W-1:0] cos_air;
@@ -67,16 +72,20 @@ module leave_dome #(
   localparam int CosLatency = mul_latency(Wf, Wf) + 2 + sqrt_latency(1'b1);
   localparam int Wc = 2 * W + 1 - CosDrop;
   logic signed [Wc-1:0] cos_glass_early, cos_glass, bend_wide_q;
+  logic signed [Wc-Guard-1:0] bend;
   logic signed [W-1:0] bend_q;
+  logic bend_beyond_q, bend_beyond;
   multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(CosDrop)) i_cos (
     .clk_i, .a_i(cos_i), .b_i(index_i), .p_o(cos_glass_early)
   );
   delay #(.Width(Wc), .Cycles(CosLatency - mul_latency(W, W + 1))) i_cos_match (
     .clk_i, .d_i(cos_glass_early), .q_o(cos_glass)
   );
+  assign bend = (Wc - Guard)'((bend_wide_q + Wc'(4)) >>> Guard);
   always_ff @(posedge clk_i) begin
     bend_wide_q <= (Wc'(cos_air) <<< 2) - cos_glass;
-    bend_q <= W'((bend_wide_q + Wc'(4)) >>> Guard);
+    bend_q <= W'(bend);
+    bend_beyond_q <= bend != (Wc - Guard)'($signed(bend[W-1:0]));
   end
 
   // ---- the direction in the air ----
@@ -127,13 +136,25 @@ module leave_dome #(
     dy_q2 <= dy_r;
     dz_q2 <= dz_r;
   end
-  saturate #(.From(Wp - Guard), .To(W)) i_dx (.clk_i, .d_i(dx_q2), .q_o(dx_o));
-  saturate #(.From(Wp - Guard), .To(W)) i_dy (.clk_i, .d_i(dy_q2), .q_o(dy_o));
-  saturate #(.From(Wp - Guard), .To(W)) i_dz (.clk_i, .d_i(dz_q2), .q_o(dz_o));
+  logic [2:0] out_beyond;
+  saturate #(.From(Wp - Guard), .To(W)) i_dx (
+    .clk_i, .d_i(dx_q2), .q_o(dx_o), .beyond_o(out_beyond[0])
+  );
+  saturate #(.From(Wp - Guard), .To(W)) i_dy (
+    .clk_i, .d_i(dy_q2), .q_o(dy_o), .beyond_o(out_beyond[1])
+  );
+  saturate #(.From(Wp - Guard), .To(W)) i_dz (
+    .clk_i, .d_i(dz_q2), .q_o(dz_o), .beyond_o(out_beyond[2])
+  );
 
-  delay #(
-    .Width(1), .Cycles(dome_latency(F) - mul_latency(Wf, Wf) - 2)
-  ) i_reflected (.clk_i, .d_i(reflected_q), .q_o(reflected_o));
+  logic over;
+  delay #(.Width(2), .Cycles(dome_latency(F) - mul_latency(Wf, Wf) - 2)) i_reflected (
+    .clk_i, .d_i({reflected_q, over_q}), .q_o({reflected_o, over})
+  );
+  delay #(.Width(1), .Cycles(dome_latency(F) - BendLatency)) i_bend_beyond (
+    .clk_i, .d_i(bend_beyond_q), .q_o(bend_beyond)
+  );
+  assign beyond_o = over || (!reflected_o && (bend_beyond || |out_beyond));
 
 endmodule
 

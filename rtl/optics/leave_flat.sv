@@ -20,6 +20,8 @@
 /// g, y and C' have F + 3 fraction bits. rsqrt reads the bits of y as 4 y, so r = 1 / (2 dz). u is
 /// the depth to the flat face, zc = 1 - T/R, l the length, all far words; n2 is n^2, F fraction
 /// bits. Totally reflected (reflected_o) where C' <= 0; that ray keeps its direction in the glass.
+/// beyond_o: g 1 or more, C' above 1 or, unless reflected, y below 1/4, which rsqrt does not take,
+/// u, l, X or Y outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
 /// Latency leave_flat_latency(F).
 module leave_flat #(
   parameter int F = 23,
@@ -39,7 +41,8 @@ module leave_flat #(
   output logic signed [F+1:0] dx_o,  // near
   output logic signed [F+1:0] dy_o,
   output logic signed [F+1:0] dz_o,
-  output logic                reflected_o
+  output logic                reflected_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -55,19 +58,28 @@ module leave_flat #(
   localparam int SquareDrop = F - 3;
   localparam int Wq = 2 * W - SquareDrop;
   localparam int SquareLatency = mul_latency(W, W) + 2;
-  logic signed [Wq-1:0] dx2, dy2, sum_q;
+  localparam int SineLatency = SquareLatency + mul_latency(Wf, Wf) + 2;
+  logic signed [Wq-1:0] dx2, dy2;
+  logic signed [Wq:0] sum_q;
+  logic [Wq-2:0] g_d;
   logic [F+2:0] rest_q, g_q;
+  logic whole_q, whole, steep;
   multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dx2 (
     .clk_i, .a_i(dx_i), .b_i(dx_i), .p_o(dx2)
   );
   multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dy2 (
     .clk_i, .a_i(dy_i), .b_i(dy_i), .p_o(dy2)
   );
+  assign g_d = sum_q[Wq] ? '0 : sum_q[Wq:2];
   always_ff @(posedge clk_i) begin
-    sum_q <= dx2 + dy2;
-    rest_q <= ~(F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
-    g_q <= (F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
+    sum_q <= (Wq + 1)'(dx2) + (Wq + 1)'(dy2);
+    rest_q <= ~(F + 3)'(g_d);
+    g_q <= (F + 3)'(g_d);
+    whole_q <= |g_d[Wq-2:F+3];
   end
+  delay #(.Width(2), .Cycles(SineLatency - SquareLatency)) i_steep (
+    .clk_i, .d_i({whole_q, rest_q[F+2:F+1] == '0}), .q_o({whole, steep})
+  );
 
   // ---- the length to the flat face ----
   localparam int PathDrop = F - 2 + 1;
@@ -76,22 +88,32 @@ module leave_flat #(
   logic signed [W-1:0] half_inverse;  // a near word cannot hold 1
   logic signed [Wf-1:0] depth_early_q, depth, path_q;
   logic signed [Wl-1:0] path;
+  logic signed [Wl-2:0] path_d;
+  logic depth_beyond_q, depth_beyond, depth_beyond_late, path_beyond_q, path_beyond;
   rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(inverse));
   assign half_inverse = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);
   // floor((nz + 1) / 2) - zc = floor((nz + (1 - 2 zc)) / 2)
-  logic signed [Wf:0] half_less_zc_q, depth_d;
-  assign depth_d = (Wf + 1)'(nz_i) + half_less_zc_q;
+  logic signed [Wf+1:0] half_less_zc_q, depth_d;
+  assign depth_d = (Wf + 2)'(nz_i) + half_less_zc_q;
   always_ff @(posedge clk_i) begin
-    half_less_zc_q <= (Wf + 1)'(1) - ((Wf + 1)'(zc_i) <<< 1);
+    half_less_zc_q <= (Wf + 2)'(1) - ((Wf + 2)'(zc_i) <<< 1);
     depth_early_q <= Wf'(depth_d >>> 1);
+    depth_beyond_q <= depth_d != (Wf + 2)'($signed(depth_d[Wf:0]));
   end
-  delay #(.Width(Wf), .Cycles(SquareLatency + rsqrt_latency() - 1)) i_depth (
-    .clk_i, .d_i(depth_early_q), .q_o(depth)
+  delay #(.Width(Wf + 1), .Cycles(SquareLatency + rsqrt_latency() - 1)) i_depth (
+    .clk_i, .d_i({depth_early_q, depth_beyond_q}), .q_o({depth, depth_beyond})
   );
   multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PathDrop)) i_path (
     .clk_i, .a_i(depth), .b_i(half_inverse), .p_o(path)
   );
-  always_ff @(posedge clk_i) path_q <= Wf'((path + Wl'(1)) >>> 1);
+  delay #(.Width(1), .Cycles(mul_latency(Wf, W))) i_depth_beyond (
+    .clk_i, .d_i(depth_beyond), .q_o(depth_beyond_late)
+  );
+  assign path_d = (Wl - 1)'((path + Wl'(1)) >>> 1);
+  always_ff @(posedge clk_i) begin
+    path_q <= Wf'(path_d);
+    path_beyond_q <= depth_beyond_late || path_d != (Wl - 1)'($signed(path_d[Wf-1:0]));
+  end
 
   // ---- the point on the flat face ----
   localparam int PathLatency = SquareLatency + rsqrt_latency() + mul_latency(Wf, W) + 1;
@@ -100,7 +122,9 @@ module leave_flat #(
   localparam int PointLatency = PathLatency + mul_latency(Wf, W) + 2;
   logic signed [W-1:0] dx_late, dy_late, nx_late, ny_late;
   logic signed [Wx-1:0] lx, ly, x_q, y_q;
+  logic signed [Wx-Guard-1:0] x, y;
   logic signed [Wf-1:0] x_q2, y_q2;
+  logic point_beyond_q, point_beyond;
   delay #(.Width(2 * W), .Cycles(PathLatency)) i_d (
     .clk_i, .d_i({dx_i, dy_i}), .q_o({dx_late, dy_late})
   );
@@ -116,11 +140,18 @@ module leave_flat #(
   always_ff @(posedge clk_i) begin
     x_q <= ((Wx'(nx_late) <<< Guard) | Wx'(4)) + lx;
     y_q <= ((Wx'(ny_late) <<< Guard) | Wx'(4)) + ly;
-    x_q2 <= Wf'(x_q >>> Guard);
-    y_q2 <= Wf'(y_q >>> Guard);
+    x_q2 <= Wf'(x);
+    y_q2 <= Wf'(y);
+    point_beyond_q <= path_beyond || x != (Wx - Guard)'($signed(x[Wf-1:0]))
+        || y != (Wx - Guard)'($signed(y[Wf-1:0]));
   end
-  delay #(.Width(2 * Wf), .Cycles(Total - PointLatency)) i_point (
-    .clk_i, .d_i({x_q2, y_q2}), .q_o({x_o, y_o})
+  assign x = (Wx - Guard)'(x_q >>> Guard);
+  assign y = (Wx - Guard)'(y_q >>> Guard);
+  delay #(.Width(1), .Cycles(mul_latency(Wf, W) + 1)) i_path_beyond (
+    .clk_i, .d_i(path_beyond_q), .q_o(path_beyond)
+  );
+  delay #(.Width(2 * Wf + 1), .Cycles(Total - PointLatency)) i_point (
+    .clk_i, .d_i({x_q2, y_q2, point_beyond_q}), .q_o({x_o, y_o, point_beyond})
   );
 
   // ---- the direction in the air ----
@@ -129,7 +160,8 @@ module leave_flat #(
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
   logic [F+2:0] clamped_q;
-  logic reflected_q, reflected;
+  localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
+  logic reflected_q, reflected, over_q, over_late, steep_late;
   logic signed [W-1:0] dz_air_early, dz_air;
   multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wf), .Drop(SineDrop)) i_sine (
     .clk_i, .a_i($signed({1'b0, g_q})), .b_i(index_square_i), .p_o(sine)
@@ -137,6 +169,7 @@ module leave_flat #(
   always_ff @(posedge clk_i) begin
     c_q <= (Ws'(1) <<< (F + 3)) - sine;
     reflected_q <= c_q <= 0;
+    over_q <= c_q >= OverOne;
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
   end
   sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(dz_air_early));
@@ -156,11 +189,12 @@ module leave_flat #(
     ox_q <= ox + Wo'(4);
     oy_q <= oy + Wo'(4);
   end
+  logic dx_beyond, dy_beyond, air_beyond;
   saturate #(.From(Wo - Guard), .To(W)) i_dx (
-    .clk_i, .d_i((Wo - Guard)'(ox_q >>> Guard)), .q_o(dx_air)
+    .clk_i, .d_i((Wo - Guard)'(ox_q >>> Guard)), .q_o(dx_air), .beyond_o(dx_beyond)
   );
   saturate #(.From(Wo - Guard), .To(W)) i_dy (
-    .clk_i, .d_i((Wo - Guard)'(oy_q >>> Guard)), .q_o(dy_air)
+    .clk_i, .d_i((Wo - Guard)'(oy_q >>> Guard)), .q_o(dy_air), .beyond_o(dy_beyond)
   );
 
   // ---- the direction of a reflected ray ----
@@ -184,22 +218,25 @@ module leave_flat #(
   delay #(.Width(2 * W), .Cycles(Last)) i_d_glass (
     .clk_i, .d_i({dx_i, dy_i}), .q_o({dx_glass, dy_glass})
   );
-  delay #(.Width(2 * W), .Cycles(Last - mul_latency(W, W + 1) - 2)) i_d_air (
-    .clk_i, .d_i({dx_air, dy_air}), .q_o({dx_air_late, dy_air_late})
+  delay #(.Width(2 * W + 1), .Cycles(Last - mul_latency(W, W + 1) - 2)) i_d_air (
+    .clk_i, .d_i({dx_air, dy_air, dx_beyond || dy_beyond}),
+    .q_o({dx_air_late, dy_air_late, air_beyond})
   );
-  localparam int SineLatency = SquareLatency + mul_latency(Wf, Wf) + 2;
   delay #(.Width(W), .Cycles(Last - SineLatency - sqrt_latency(1'b1))) i_dz_air (
     .clk_i, .d_i(dz_air_early), .q_o(dz_air)
   );
-  delay #(.Width(1), .Cycles(Last - SineLatency)) i_reflected (
-    .clk_i, .d_i(reflected_q), .q_o(reflected)
+  delay #(.Width(3), .Cycles(Last - SineLatency)) i_reflected (
+    .clk_i, .d_i({reflected_q, over_q || whole, steep}), .q_o({reflected, over_late, steep_late})
   );
+  logic beyond_q;
   always_ff @(posedge clk_i) begin
     dx_o <= reflected ? dx_glass : dx_air_late;
     dy_o <= reflected ? dy_glass : dy_air_late;
     dz_o <= reflected ? dz_glass : dz_air;
     reflected_o <= reflected;
+    beyond_q <= over_late || (!reflected && (steep_late || air_beyond));
   end
+  assign beyond_o = beyond_q || (!reflected_o && point_beyond);
 
 endmodule
 

@@ -13,7 +13,8 @@
 ///                       (0, 1)  elsewhere
 ///   local x = x - i - j/2,  local t = t - j      (both exact)
 ///
-/// Output: indices, and wide words, x_o in pitches, y_o in rows. Latency lenslet_latency(GridHex).
+/// Output: indices, and wide words, x_o in pitches, y_o in rows. beyond_o: an index wraps. Latency
+/// lenslet_latency(GridHex).
 module lenslet_hex #(
   parameter int F = 23
 ) (
@@ -23,7 +24,8 @@ module lenslet_hex #(
   output logic signed [optics_pkg::IndexBits-1:0]   i_o,
   output logic signed [optics_pkg::IndexBits-1:0]   j_o,
   output logic signed [F+1:0]                       x_o,
-  output logic signed [F+1:0]                       y_o
+  output logic signed [F+1:0]                       y_o,
+  output logic                                      beyond_o
 );
   import optics_pkg::*;
 
@@ -34,24 +36,25 @@ module lenslet_hex #(
   end
 
   // ---- oblique coordinates, s with F + 1 fraction bits ----
-  logic [L:0] s_q;
+  logic [L+1:0] s_q;
   logic [L-1:0] t_q;
   always_ff @(posedge clk_i) begin
-    s_q <= {x_i, 1'b0} - (L + 1)'(y_i);
+    s_q <= {x_i[L-1], x_i, 1'b0} - (L + 2)'(y_i);
     t_q <= y_i;
   end
 
   // ---- distances along the cell's axes: q0 in units of 2^-(F + 1), q1 of 2^-(F + 2) ----
   logic [F:0] fs;
   logic [F-1:0] ft, ft_q2;
-  logic signed [IndexBits-1:0] i0_q2, j0_q2;
+  logic signed [IndexBits:0] i0_q2;
+  logic signed [IndexBits-1:0] j0_q2;
   logic [F+1:0] q0_q;
   logic [F+2:0] q1_q;
   logic right_q;
   assign fs = s_q[F:0];
   assign ft = t_q[F-1:0];
   always_ff @(posedge clk_i) begin
-    i0_q2 <= s_q[L:F+1];
+    i0_q2 <= s_q[L+1:F+1];
     j0_q2 <= t_q[L-1:F];
     ft_q2 <= ft;
     q0_q <= (F + 2)'(fs) + (F + 2)'(ft);
@@ -62,7 +65,8 @@ module lenslet_hex #(
   // ---- the corner whose cell contains the point ----
   logic near, far;
   logic di_q, dj_q;
-  logic signed [IndexBits-1:0] i0_q3, j0_q3;
+  logic signed [IndexBits:0] i0_q3, i_q4, j_q4;
+  logic signed [IndexBits-1:0] j0_q3;
   logic [F:0] q0_q3;
   logic [F-1:0] ft_q3;
   assign near = q0_q[F+1:F] == '0 && q1_q[F+2:F+1] == '0;
@@ -80,11 +84,14 @@ module lenslet_hex #(
 
   // ---- the point relative to that corner ----
   always_ff @(posedge clk_i) begin
-    i_o <= i0_q3 + IndexBits'($signed({1'b0, di_q}));
-    j_o <= j0_q3 + IndexBits'($signed({1'b0, dj_q}));
+    i_q4 <= i0_q3 + (IndexBits + 1)'($signed({1'b0, di_q}));
+    j_q4 <= (IndexBits + 1)'(j0_q3) + (IndexBits + 1)'($signed({1'b0, dj_q}));
     x_o <= $signed({1'b0, q0_q3}) - $signed({1'b0, di_q, dj_q, {(F - 1){1'b0}}});
     y_o <= $signed({2'b0, ft_q3}) - $signed({1'b0, dj_q, {F{1'b0}}});
   end
+  assign i_o = IndexBits'(i_q4);
+  assign j_o = IndexBits'(j_q4);
+  assign beyond_o = i_q4[IndexBits] != i_q4[IndexBits-1] || j_q4[IndexBits] != j_q4[IndexBits-1];
 
 endmodule
 

@@ -6,7 +6,7 @@
 ///   i = floor(x + 1/2),   local x = x - i in [-1/2, 1/2), likewise j and y
 ///
 /// Input x_i, y_i: signed, F fraction bits, in pitches. Output: indices, and wide words.
-/// Latency lenslet_latency(GridSquare).
+/// beyond_o: an index wraps. Latency lenslet_latency(GridSquare).
 module lenslet_square #(
   parameter int F = 23
 ) (
@@ -16,7 +16,8 @@ module lenslet_square #(
   output logic signed [optics_pkg::IndexBits-1:0]   i_o,
   output logic signed [optics_pkg::IndexBits-1:0]   j_o,
   output logic signed [F+1:0]                       x_o,
-  output logic signed [F+1:0]                       y_o
+  output logic signed [F+1:0]                       y_o,
+  output logic                                      beyond_o
 );
   import optics_pkg::*;
 
@@ -27,11 +28,12 @@ module lenslet_square #(
     $fatal(1, "lenslet_square: F must be 14 to 23");
   end
 
-  logic [L-1:0] x_q, y_q;
+  logic [L:0] x_q, y_q;
   always_ff @(posedge clk_i) begin
-    x_q <= x_i + Half;
-    y_q <= y_i + Half;
+    x_q <= {x_i[L-1], x_i} + {1'b0, Half};
+    y_q <= {y_i[L-1], y_i} + {1'b0, Half};
   end
+  assign beyond_o = x_q[L] != x_q[L-1] || y_q[L] != y_q[L-1];
 
   // Subtracting the half again inverts the fraction's top bit, which becomes the sign.
   assign i_o = x_q[L-1:F];

@@ -12,12 +12,15 @@
 ///   b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
 ///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
 ///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-///   l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2
+///   l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2, missed (2^(F+1) - b + 2) >> 2
 ///   N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
 ///   N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 ///
-/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. Downward, V is in the
-/// plane of the vertices (zc = 1) and dz = -dz_i: the products of dz_i are cut, then subtracted.
+/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. beyond_o: b or l outside
+/// its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1], by more than roundings.
+/// Downward, V is in the plane of the vertices (zc = 1) and dz = -dz_i: the products of dz_i are
+/// cut, then subtracted. A ray that passes the sphere by downward goes on for half a radius from
+/// its point nearest to the centre; a step from there leads to the dome that it meets next.
 /// Latency meet_dome_latency(F).
 module meet_dome #(
   parameter int F = 23,
@@ -37,7 +40,8 @@ module meet_dome #(
   output logic signed [F+1:0] nz_o,
   output logic signed [F+1:0] cos_o,
   output logic signed [F+3:0] s_o,   // 1 - cos^2, F + 3 fraction bits
-  output logic                missed_o
+  output logic                missed_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -56,7 +60,9 @@ module meet_dome #(
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
+  logic signed [Wd-2:0] b_d;
   logic signed [Wb-1:0] b_q;
+  logic b_beyond_q;
   multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
     .clk_i, .a_i(hx_i), .b_i(dx_i), .p_o(bx_early)
   );
@@ -79,10 +85,12 @@ module meet_dome #(
     logic unused_bz;
     assign unused_bz = ^{bz, zc_i, oz_i};
   end
+  assign b_d = (Wd - 1)'((b_sum_q + Wd'(1)) >>> (Guard - 2));
   always_ff @(posedge clk_i) begin
     bxy_q <= bx + by;
     b_sum_q <= bxy_q + bz_late;
-    b_q <= Wb'((b_sum_q + Wd'(1)) >>> (Guard - 2));
+    b_q <= Wb'(b_d);
+    b_beyond_q <= b_d != (Wd - 1)'($signed(b_d[Wb-1:0]));
   end
 
   // ---- C, the squared cosine ----
@@ -114,10 +122,13 @@ module meet_dome #(
   // ---- cosine and squared sine ----
   localparam logic [F+2:0] Most = '1;
   logic [F+2:0] clamped_q, minus_q, s_q;
-  logic above_q, missed_q, missed_q2;
+  localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
+  logic above_q, missed_q, missed_q2, over_q, over_q2;
   always_ff @(posedge clk_i) begin
     missed_q <= c_q < 0;
     above_q <= c_q > Ws'(Most);
+    over_q <= c_q >= OverOne;
+    over_q2 <= over_q;
     clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
     // 1 - C, modulo 1; where the cosine is 0 the sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
@@ -132,11 +143,30 @@ module meet_dome #(
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
   logic signed [Wl-1:0] twice_cos, length_d;
+  logic signed [Wl-3:0] length;
   logic signed [Wf-1:0] length_q;
-  delay #(.Width(Wb), .Cycles(LengthLatency)) i_b (.clk_i, .d_i(b_q), .q_o(b_late));
+  logic signed [W-1:0] cos_q;
+  logic b_beyond_late, length_beyond_q;
+  delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
+    .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
+  );
   assign twice_cos = Wl'(cos) <<< 1;
   assign length_d = (Upward ? twice_cos : -twice_cos) - Wl'(b_late);
-  always_ff @(posedge clk_i) length_q <= Wf'((length_d + Wl'(2)) >>> 2);
+  // The cosine of a ray that missed is 0.
+  logic missed_late;
+  if (Upward) begin : gen_stay
+    assign missed_late = 1'b0;
+  end else begin : gen_go_on
+    delay #(.Width(1), .Cycles(sqrt_latency(1'b1))) i_missed (
+      .clk_i, .d_i(missed_q), .q_o(missed_late)
+    );
+  end
+  assign length = (Wl - 2)'((length_d + (Wl'(2) | (Wl'(missed_late) <<< (F + 1)))) >>> 2);
+  always_ff @(posedge clk_i) begin
+    length_q <= Wf'(length);
+    length_beyond_q <= b_beyond_late || length != (Wl - 2)'($signed(length[Wf-1:0]));
+    cos_q <= cos;
+  end
 
   // ---- the point there, which is the normal ----
   localparam int PointDrop = F - Guard;
@@ -167,24 +197,29 @@ module meet_dome #(
     ny_q <= ((Wn'(hy_late) <<< 4) | Wn'(4)) + ly;
     nz_q <= Upward ? ((Wn'(zc_i) <<< 4) | Wn'(4)) + lz : (One | Wn'(4)) - lz;
   end
-  saturate #(
-    .From(Wn - Guard), .To(W)
-  ) i_nx (.clk_i, .d_i((Wn - Guard)'(nx_q >>> Guard)), .q_o(nx_o));
-  saturate #(
-    .From(Wn - Guard), .To(W)
-  ) i_ny (.clk_i, .d_i((Wn - Guard)'(ny_q >>> Guard)), .q_o(ny_o));
-  saturate #(
-    .From(Wn - Guard), .To(W)
-  ) i_nz (.clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o));
+  logic [2:0] point_beyond;
+  saturate #(.From(Wn - Guard), .To(W)) i_nx (
+    .clk_i, .d_i((Wn - Guard)'(nx_q >>> Guard)), .q_o(nx_o), .beyond_o(point_beyond[0])
+  );
+  saturate #(.From(Wn - Guard), .To(W)) i_ny (
+    .clk_i, .d_i((Wn - Guard)'(ny_q >>> Guard)), .q_o(ny_o), .beyond_o(point_beyond[1])
+  );
+  saturate #(.From(Wn - Guard), .To(W)) i_nz (
+    .clk_i, .d_i((Wn - Guard)'(nz_q >>> Guard)), .q_o(nz_o), .beyond_o(point_beyond[2])
+  );
 
   // ---- delays of earlier results ----
-  localparam int PointLatency = 1 + mul_latency(Wf, W) + 2;
-  delay #(.Width(W), .Cycles(PointLatency)) i_cos (.clk_i, .d_i(cos), .q_o(cos_o));
+  localparam int PointLatency = mul_latency(Wf, W) + 2;
+  logic length_beyond, over;
+  delay #(.Width(W + 1), .Cycles(PointLatency)) i_cos (
+    .clk_i, .d_i({cos_q, length_beyond_q}), .q_o({cos_o, length_beyond})
+  );
   logic [F+2:0] s_late;
   assign s_o = $signed({1'b0, s_late});
-  delay #(.Width(F + 4), .Cycles(sqrt_latency(1'b1) + PointLatency - 1)) i_s (
-    .clk_i, .d_i({s_q, missed_q2}), .q_o({s_late, missed_o})
+  delay #(.Width(F + 5), .Cycles(sqrt_latency(1'b1) + PointLatency)) i_s (
+    .clk_i, .d_i({s_q, missed_q2, over_q2}), .q_o({s_late, missed_o, over})
   );
+  assign beyond_o = length_beyond || over || (!missed_o && |point_beyond);
 
 endmodule
 

@@ -55,6 +55,11 @@ package optics_pkg;
   /// Bits kept below the last place until the final rounding of a step.
   localparam int Guard = 3;
 
+  /// Roundings may bring a saturated word, or a clamped square (F + 3 fraction bits), so many units
+  /// beyond its range, as powers of two.
+  localparam int Slack = 6;
+  localparam int SquareSlack = 9;
+
   /// The parameters of the optics, in words with F fraction bits. The host computes them from a
   /// display file (`lippmann.fixed.configuration`). Fields of 32 bits hold narrower signed words.
   typedef struct packed {
@@ -120,6 +125,11 @@ package optics_pkg;
     logic signed [3:0]  dv;  // position on the pixel, 4 fraction bits, upward
     logic signed [3:0]  du;  // to the right
   } jitter_t;
+
+  /// Tells whether a register's word is outside the range of so many bits.
+  function automatic bit beyond_bits(logic signed [31:0] word, int bits);
+    return word >>> (bits - 1) != word >>> 31;
+  endfunction
 
   /// Number of an operand's bits beyond the width of a hardware multiplier.
   function automatic int low_bits(int width);

@@ -9,7 +9,8 @@
 /// which makes that floor a rounding. Input u_i, v_i: signed, 4 fraction bits, columns to the right
 /// and rows *upward* from the panel's centre. Coefficients: signed, 36 fraction bits. Offsets:
 /// signed, 40 fraction bits. Output x_o, y_o: signed, IndexBits + F bits, F fraction bits, in
-/// pitches (hexagonal: y in rows). Latency pixel_latency().
+/// pitches (hexagonal: y in rows). beyond_o: x or y is outside [-2048, 2048). Latency
+/// pixel_latency().
 module pixel_to_panel #(
   parameter int F = 23
 ) (
@@ -23,17 +24,21 @@ module pixel_to_panel #(
   input  logic signed [optics_pkg::SlopeBits-1:0]            y_from_v_i,
   input  logic signed [optics_pkg::OffsetBits-1:0]           y_offset_i,
   output logic signed [optics_pkg::IndexBits+F-1:0]          x_o,
-  output logic signed [optics_pkg::IndexBits+F-1:0]          y_o
+  output logic signed [optics_pkg::IndexBits+F-1:0]          y_o,
+  output logic                                               beyond_o
 );
   import optics_pkg::*;
 
   localparam int LowBits = SlopeBits - MulBits;  // 17: with a sign bit it is an operand of 18 bits
-  localparam int Whi = OffsetBits - LowBits;
+  localparam int Wo = OffsetBits - LowBits;
+  localparam int Whi = Wo + 2;  // three words' sum
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "pixel_to_panel: F must be 14 to 23");
   end
 
+  logic [1:0] beyond;
+  assign beyond_o = |beyond;
   for (genvar k = 0; k < 2; k++) begin : gen_axis
     logic signed [SlopeBits-1:0] from_u, from_v;
     logic signed [OffsetBits-1:0] offset;
@@ -58,17 +63,16 @@ module pixel_to_panel #(
 
     // ---- their sum, with the carry of the lower half into the upper ----
     logic signed [2*MulBits:0] lo_q, lo_sum_q;
-    logic unused_top;  // |u| and |v| are 2^17 at most; (-2^17) (-2^17) does not occur
-    assign unused_top = hi_u[2*MulBits-1] ^ hi_v[2*MulBits-1];
     logic signed [Whi-1:0] hi_q, hi_sum_q, sum_q;
     always_ff @(posedge clk_i) begin
       lo_q <= (2 * MulBits + 1)'(lo_u) + (2 * MulBits + 1)'(lo_v);
       hi_q <= Whi'(hi_u) + Whi'(hi_v);
       lo_sum_q <= lo_q + (2 * MulBits + 1)'($signed({1'b0, offset[LowBits-1:0]}));
-      hi_sum_q <= hi_q + offset[OffsetBits-1:LowBits];
+      hi_sum_q <= hi_q + Whi'($signed(offset[OffsetBits-1:LowBits]));
       sum_q <= hi_sum_q + Whi'(lo_sum_q >>> LowBits);
     end
 
+    assign beyond[k] = sum_q != Whi'($signed(sum_q[Wo-1:0]));
     if (k == 0) begin : gen_x
       assign x_o = (IndexBits + F)'(sum_q >>> (23 - F));
     end else begin : gen_y

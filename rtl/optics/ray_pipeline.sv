@@ -14,7 +14,9 @@
 /// Output: lens-local origin in radii, F + 1 fraction bits, measured from the centre of lenslet
 /// (i, j); unit direction, near words; all along the array's axes, +z to the viewer. Status as in
 /// `status_e`: missed takes precedence over total internal reflection, blocked and crosstalk. The
-/// origin of a missed ray is undefined.
+/// origin of a missed ray is undefined. A ray is missed, too, where any word on its way wraps or
+/// saturates, by more than roundings: flags `beyond` travel with it. So are all rays where a
+/// register holds more than the word that is read of it.
 /// Logic that a Model or an orientation does not use is not built. Walk is the number of further
 /// domes tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
 /// A ray that leaves the dome downward is blocked; neighbouring domes are not checked again.
@@ -79,19 +81,59 @@ module ray_pipeline #(
     $fatal(1, "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
   end
 
-  // Each build uses only some of the fields, and only their lower bits.
+  // ---- words of the registers ----
+  // The optics stand still while rays are in the pipeline, far longer than these clocks.
+  localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
+  localparam bit Exact = Model == ModelExact;
+  localparam bit Cells = Exact && Strays;
+  logic [24:0] unfit_d, unfit_q;
+  logic unfit_q2;
+  assign unfit_d = {
+    beyond_bits(config_i.slope_x, W), beyond_bits(config_i.slope_y, W),
+    SlopeAims && beyond_bits(config_i.slope_aim_x, W),
+    SlopeAims && beyond_bits(config_i.slope_aim_y, W),
+    Model != ModelPinhole && beyond_bits(config_i.point_x, W),
+    Model != ModelPinhole && beyond_bits(config_i.point_y, W),
+    Aims && beyond_bits(config_i.point_aim_x, W), Aims && beyond_bits(config_i.point_aim_y, W),
+    Exact && beyond_bits(config_i.index, W + 1), Exact && beyond_bits(config_i.index_square, Wf),
+    Exact && beyond_bits(config_i.index_inverse, W),
+    Viewer && beyond_bits(config_i.index_inverse_square, Wf),
+    Exact && beyond_bits(config_i.depth, Wf),
+    (Viewer || !Exact) && beyond_bits(config_i.exit_z, Wf),
+    Exact && !Viewer && beyond_bits(config_i.depth_rest, F + 9),
+    Cells && beyond_bits(config_i.cell_half, W),
+    Cells && Grid == GridSquare && beyond_bits(config_i.cell_half_y, W),
+    Cells && Grid == GridHex && beyond_bits(config_i.cell_rise, Wf),
+    Cells && Shear && beyond_bits(config_i.shear_lean, W),
+    Walk > 0 && (beyond_bits(config_i.cell_pitch_x, W) || beyond_bits(config_i.cell_pitch_y, W)),
+    Walk > 0 && Shear && beyond_bits(config_i.shear_row, W),
+    Converge && beyond_bits(config_i.converge_share, F + 9),
+    Converge && (beyond_bits(config_i.converge_x, F + 9) || beyond_bits(config_i.converge_y, F + 9)),
+    Shear && beyond_bits(config_i.shear_x, Wf),
+    beyond_bits(config_i.extent_i, IndexBits + 2) || beyond_bits(config_i.extent_j, IndexBits + 1)
+  };
+  always_ff @(posedge clk_i) begin
+    unfit_q <= unfit_d;
+    unfit_q2 <= |unfit_q;
+  end
+  // Each build uses only some of the fields.
   logic unused_config;
   assign unused_config = ^config_i;
 
   // ---- pixel, panel, lenslet ----
   logic signed [L-1:0] lattice_x, lattice_y;
+  logic lattice_beyond, lattice_beyond_late, index_beyond, own_beyond;
+  delay #(.Width(1), .Cycles(lenslet_latency(Grid))) i_lattice_beyond (
+    .clk_i, .d_i(lattice_beyond), .q_o(lattice_beyond_late)
+  );
+  assign own_beyond = lattice_beyond_late || index_beyond;
   pixel_to_panel #(.F(F)) i_pixel_to_panel (
     .clk_i, .u_i, .v_i,
     .x_from_u_i(config_i.x_from_u), .x_from_v_i(config_i.x_from_v),
     .x_offset_i(config_i.x_offset),
     .y_from_u_i(config_i.y_from_u), .y_from_v_i(config_i.y_from_v),
     .y_offset_i(config_i.y_offset),
-    .x_o(lattice_x), .y_o(lattice_y)
+    .x_o(lattice_x), .y_o(lattice_y), .beyond_o(lattice_beyond)
   );
 
   logic signed [IndexBits-1:0] own_i, own_j;
@@ -99,12 +141,12 @@ module ray_pipeline #(
   if (Grid == GridHex) begin : gen_hex
     lenslet_hex #(.F(F)) i_lenslet (
       .clk_i, .x_i(lattice_x), .y_i(lattice_y),
-      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y)
+      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y), .beyond_o(index_beyond)
     );
   end else begin : gen_square
     lenslet_square #(.F(F)) i_lenslet (
       .clk_i, .x_i(lattice_x), .y_i(lattice_y),
-      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y)
+      .i_o(own_i), .j_o(own_j), .x_o(own_x), .y_o(own_y), .beyond_o(index_beyond)
     );
   end
 
@@ -115,20 +157,25 @@ module ray_pipeline #(
   logic aim_stray, aim_beyond;
   if (Aims) begin : gen_aim
     logic signed [W-1:0] a_late, b_late;
+    logic own_beyond_late, outside;
+    delay #(.Width(1), .Cycles(aim_latency(Grid))) i_beyond_match (
+      .clk_i, .d_i(own_beyond), .q_o(own_beyond_late)
+    );
+    assign aim_beyond = own_beyond_late || outside;
     delay #(.Width(2 * W), .Cycles(pixel_latency() + lenslet_latency(Grid))) i_aim_match (
       .clk_i, .d_i({a_i, b_i}), .q_o({a_late, b_late})
     );
     aim #(.F(F), .Grid(Grid)) i_aim (
       .clk_i, .i_i(own_i), .j_i(own_j), .x_i(own_x), .y_i(own_y), .a_i(a_late), .b_i(b_late),
       .i_o(aim_i), .j_o(aim_j), .x_o(aim_x), .y_o(aim_y), .a_o(aim_a), .b_o(aim_b),
-      .stray_o(aim_stray), .beyond_o(aim_beyond)
+      .stray_o(aim_stray), .beyond_o(outside)
     );
   end else begin : gen_chief
     assign {aim_i, aim_j, aim_x, aim_y} = {own_i, own_j, own_x, own_y};
     assign aim_a = '0;
     assign aim_b = '0;
     assign aim_stray = 1'b0;
-    assign aim_beyond = 1'b0;
+    assign aim_beyond = own_beyond;
     logic unused_aim;
     assign unused_aim = ^{a_i, b_i};
   end
@@ -232,43 +279,48 @@ module ray_pipeline #(
     {x_q, y_q, a_q, b_q, stray_q} <= {x, y, a, b, stray};
     from_x_q <= Difference ? Wx'(towards_x_d) : x;
     from_y_q <= Difference ? Wx'(towards_y_d) : y;
-    beyond_q <= beyond || (!Converge && (towards_x_d[Wx] != towards_x_d[Wx-1]
+    beyond_q <= beyond || unfit_q2 || (!Converge && (towards_x_d[Wx] != towards_x_d[Wx-1]
         || towards_y_d[Wx] != towards_y_d[Wx-1]));
   end
 
-  localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
-  logic signed [Wh-1:0] mx, my, hx, hy;
+  logic signed [W-1:0] mx, my;
+  logic signed [Wh-1:0] hx, hy;
+  logic [3:0] blend_beyond;
   blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_mx (
     .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
-    .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx)
+    .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx), .beyond_o(blend_beyond[0])
   );
   blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_my (
     .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
-    .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my)
+    .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my), .beyond_o(blend_beyond[1])
   );
   if (Model == ModelPinhole) begin : gen_centre
     assign hx = '0;
     assign hy = '0;
+    assign blend_beyond[3:2] = '0;
     logic unused_point;
     assign unused_point = ^{x_q, y_q};
   end else begin : gen_point
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa)) i_hx (
+    blend #(
+      .F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa), .Wy(Wh)
+    ) i_hx (
       .clk_i, .k_i(config_i.point_x[W-1:0]), .x_i(x_q),
-      .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx)
+      .l_i(config_i.point_aim_x[W-1:0]), .a_i(a_q), .y_o(hx), .beyond_o(blend_beyond[2])
     );
-    blend #(.F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa)) i_hy (
+    blend #(
+      .F(F), .CrossCells(CrossCells), .Second(Aims), .Wx(Wx), .Wa(Wa), .Wy(Wh)
+    ) i_hy (
       .clk_i, .k_i(config_i.point_y[W-1:0]), .x_i(y_q),
-      .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy)
+      .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy), .beyond_o(blend_beyond[3])
     );
   end
 
   localparam int UnitAt = SlopeAt + unit_latency(F);
   logic signed [W-1:0] ex, ey, ez;
+  logic steep;
   unit_slope #(.F(F), .CrossCells(CrossCells)) i_unit_slope (
-    .clk_i, .mx_i(W'(mx)), .my_i(W'(my)), .ex_o(ex), .ey_o(ey), .ez_o(ez)
+    .clk_i, .mx_i(mx), .my_i(my), .ex_o(ex), .ey_o(ey), .ez_o(ez), .beyond_o(steep)
   );
-  logic unused_slope;  // slopes stay below sqrt(3)
-  assign unused_slope = mx[Wh-1] ^ my[Wh-1];
 
   // ---- delays to the end of the pipeline ----
   localparam int OutAt = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) - 2;
@@ -286,33 +338,36 @@ module ray_pipeline #(
   logic signed [IndexBits-1:0] early_i, early_j, out_i, out_j;  // the former before the others
   logic signed [Wf-1:0] out_x, out_y, out_z;
   logic signed [W-1:0] out_dx, out_dy, out_dz;
-  logic out_missed, out_reflected, out_crosstalk;
+  logic out_missed, out_beyond, out_reflected, out_crosstalk;
 
   if (Model != ModelExact) begin : gen_ideal
     delay #(.Width(2 * IndexBits), .Cycles(OutAt - LensAt - Early)) i_lens (
       .clk_i, .d_i({lens_i, lens_j}), .q_o({early_i, early_j})
     );
     logic signed [Wh-1:0] hx_late, hy_late;
-    delay #(.Width(2 * Wh), .Cycles(unit_latency(F))) i_h (
-      .clk_i, .d_i({hx, hy}), .q_o({hx_late, hy_late})
+    logic blend_beyond_late;
+    delay #(.Width(2 * Wh + 1), .Cycles(unit_latency(F))) i_h (
+      .clk_i, .d_i({hx, hy, |blend_beyond}), .q_o({hx_late, hy_late, blend_beyond_late})
     );
     assign out_x = Wf'(hx_late) <<< 1;
     assign out_y = Wf'(hy_late) <<< 1;
     assign out_z = config_i.exit_z[Wf-1:0];
     assign {out_dx, out_dy, out_dz} = {ex, ey, ez};
-    assign out_missed = (Aims || Converge) && beyond_late;
+    assign out_missed = 1'b0;
+    assign out_beyond = blend_beyond_late || steep;
     assign out_reflected = 1'b0;
     assign out_crosstalk = stray_late && Model != ModelPinhole;
   end else begin : gen_exact
     // Direction at the dome, and the tangential part of n d.
     localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
     logic signed [W-1:0] first_dx, first_dy, first_dz;
+    logic first_beyond;
     if (Viewer) begin : gen_air
-      assign {first_dx, first_dy, first_dz} = {ex, ey, ez};
+      assign {first_dx, first_dy, first_dz, first_beyond} = {ex, ey, ez, 1'b0};
     end else begin : gen_glass
       enter_flat #(.F(F), .CrossCells(CrossCells)) i_enter_flat (
         .clk_i, .ex_i(ex), .ey_i(ey), .index_inverse_i(config_i.index_inverse[W-1:0]),
-        .tx_o(first_dx), .ty_o(first_dy), .dz_o(first_dz)
+        .tx_o(first_dx), .ty_o(first_dy), .dz_o(first_dz), .beyond_o(first_beyond)
       );
       logic unused_ez;
       assign unused_ez = ^ez;
@@ -327,10 +382,12 @@ module ray_pipeline #(
     logic [Walk:0][W-1:0] walk_dx, walk_dy, walk_dz, walk_nx, walk_ny, walk_nz, walk_cos;
     logic [Walk:0][IndexBits-1:0] walk_i, walk_j;
     logic [Walk:0][Wf-1:0] walk_s;
-    logic [Walk:0] walk_missed;
-    delay #(.Width(2 * Wh), .Cycles(FirstAt - SlopeAt)) i_h (
-      .clk_i, .d_i({hx, hy}), .q_o({walk_hx[0], walk_hy[0]})
+    logic [Walk:0] walk_missed, walk_beyond, meet_beyond;  // before the dome, and there
+    logic blend_beyond_late;
+    delay #(.Width(2 * Wh + 1), .Cycles(FirstAt - SlopeAt)) i_h (
+      .clk_i, .d_i({hx, hy, |blend_beyond}), .q_o({walk_hx[0], walk_hy[0], blend_beyond_late})
     );
+    assign walk_beyond[0] = blend_beyond_late || first_beyond;
     delay #(.Width(2 * IndexBits), .Cycles(FirstAt - LensAt)) i_lens (
       .clk_i, .d_i({lens_i, lens_j}), .q_o({walk_i[0], walk_j[0]})
     );
@@ -342,12 +399,14 @@ module ray_pipeline #(
         .dx_i(walk_dx[k]), .dy_i(walk_dy[k]), .dz_i(walk_dz[k]),
         .zc_i(config_i.depth[Wf-1:0]), .oz_i(config_i.depth_rest[F+8:0]),
         .nx_o(walk_nx[k]), .ny_o(walk_ny[k]), .nz_o(walk_nz[k]),
-        .cos_o(walk_cos[k]), .s_o(walk_s[k]), .missed_o(walk_missed[k])
+        .cos_o(walk_cos[k]), .s_o(walk_s[k]), .missed_o(walk_missed[k]),
+        .beyond_o(meet_beyond[k])
       );
       if (k < Walk) begin : gen_next
         logic signed [1:0] di, dj;
         logic signed [Wh-1:0] hx_late, hy_late;
         logic signed [IndexBits-1:0] i_late, j_late;
+        logic met_beyond, beyond_before, moved_beyond, before_q;
         logic unused_inside;
         cell_step #(.F(F), .CrossCells(CrossCells), .Grid(Grid), .Shear(Shear)) i_cell_step (
           .clk_i, .nx_i(walk_nx[k]), .ny_i(walk_ny[k]), .half_i(config_i.cell_half[W-1:0]),
@@ -362,18 +421,26 @@ module ray_pipeline #(
           .clk_i, .hx_i(hx_late), .hy_i(hy_late), .di_i(di), .dj_i(dj),
           .cx_i(config_i.cell_pitch_x[W-1:0]), .cy_i(config_i.cell_pitch_y[W-1:0]),
           .rx_i(config_i.shear_row[W-1:0]),
-          .hx_o(walk_hx[k+1]), .hy_o(walk_hy[k+1])
+          .hx_o(walk_hx[k+1]), .hy_o(walk_hy[k+1]), .beyond_o(moved_beyond)
         );
-        delay #(.Width(2 * IndexBits), .Cycles(MeetLatency + StepLatency)) i_lens_late (
-          .clk_i, .d_i({walk_i[k], walk_j[k]}), .q_o({i_late, j_late})
+        delay #(.Width(2 * IndexBits + 1), .Cycles(MeetLatency + StepLatency)) i_lens_late (
+          .clk_i, .d_i({walk_i[k], walk_j[k], walk_beyond[k]}), .q_o({i_late, j_late, beyond_before})
         );
-        logic signed [IndexBits-1:0] i_q, j_q;
+        delay #(.Width(1), .Cycles(StepLatency)) i_met_beyond (
+          .clk_i, .d_i(meet_beyond[k]), .q_o(met_beyond)
+        );
+        logic signed [IndexBits:0] i_q, j_q;
+        logic index_beyond_q;
         always_ff @(posedge clk_i) begin
-          i_q <= i_late + IndexBits'(di);
-          j_q <= j_late + IndexBits'(dj);
-          walk_i[k+1] <= i_q;
-          walk_j[k+1] <= j_q;
+          i_q <= (IndexBits + 1)'(i_late) + (IndexBits + 1)'(di);
+          j_q <= (IndexBits + 1)'(j_late) + (IndexBits + 1)'(dj);
+          before_q <= beyond_before || met_beyond;
+          walk_i[k+1] <= IndexBits'(i_q);
+          walk_j[k+1] <= IndexBits'(j_q);
+          index_beyond_q <= before_q || i_q[IndexBits] != i_q[IndexBits-1]
+              || j_q[IndexBits] != j_q[IndexBits-1];
         end
+        assign walk_beyond[k+1] = index_beyond_q || moved_beyond;
         delay #(.Width(3 * W), .Cycles(WalkLatency)) i_d (
           .clk_i, .d_i({walk_dx[k], walk_dy[k], walk_dz[k]}),
           .q_o({walk_dx[k+1], walk_dy[k+1], walk_dz[k+1]})
@@ -386,11 +453,12 @@ module ray_pipeline #(
     // ---- the dome that the ray meets ----
     localparam int DomeAt = LastAt + MeetLatency;
     logic signed [W-1:0] nx, ny, nz, dome_ex, dome_ey;
+    logic dome_steep;
     assign {nx, ny, nz} = {walk_nx[Walk], walk_ny[Walk], walk_nz[Walk]};
-    delay #(.Width(2 * W), .Cycles(DomeAt - UnitAt)) i_e (
-      .clk_i, .d_i({ex, ey}), .q_o({dome_ex, dome_ey})
+    delay #(.Width(2 * W + 1), .Cycles(DomeAt - UnitAt)) i_e (
+      .clk_i, .d_i({ex, ey, steep}), .q_o({dome_ex, dome_ey, dome_steep})
     );
-    logic inside_late, missed_late, reflected;
+    logic inside_late, missed_late, reflected, walk_beyond_late, dome_beyond_late, leave_beyond;
     if (Strays) begin : gen_inside
       logic settled;
       logic [1:0] unused_di, unused_dj;
@@ -407,24 +475,34 @@ module ray_pipeline #(
       // A chief ray through the flat face stays in its lenslet.
       assign inside_late = 1'b1;
     end
-    logic missed_early;
-    delay #(.Width(1), .Cycles(OutAt - DomeAt - 1)) i_missed (
-      .clk_i, .d_i(walk_missed[Walk]), .q_o(missed_early)
+    logic missed_early, dome_beyond_early, walk_beyond_early;
+    delay #(.Width(2), .Cycles(OutAt - DomeAt - 1)) i_missed (
+      .clk_i, .d_i({walk_missed[Walk], meet_beyond[Walk] || dome_steep}),
+      .q_o({missed_early, dome_beyond_early})
     );
-    always_ff @(posedge clk_i) missed_late <= missed_early;
-    delay #(.Width(2 * IndexBits), .Cycles(OutAt - LastAt - Early)) i_lens_out (
-      .clk_i, .d_i({walk_i[Walk], walk_j[Walk]}), .q_o({early_i, early_j})
+    always_ff @(posedge clk_i) {missed_late, dome_beyond_late} <= {missed_early, dome_beyond_early};
+    delay #(.Width(2 * IndexBits + 1), .Cycles(OutAt - LastAt - Early)) i_lens_out (
+      .clk_i, .d_i({walk_i[Walk], walk_j[Walk], walk_beyond[Walk]}),
+      .q_o({early_i, early_j, walk_beyond_early})
+    );
+    delay #(.Width(1), .Cycles(Early)) i_walk_beyond (
+      .clk_i, .d_i(walk_beyond_early), .q_o(walk_beyond_late)
     );
 
     if (Viewer) begin : gen_viewer
       localparam int GlassAt = DomeAt + dome_latency(F);
       logic signed [W-1:0] glass_dx, glass_dy, glass_nx, glass_ny, glass_nz;
+      logic enter_beyond, enter_beyond_late, flat_beyond;
+      assign leave_beyond = enter_beyond_late || flat_beyond;
+      delay #(.Width(1), .Cycles(OutAt - GlassAt)) i_enter_beyond (
+        .clk_i, .d_i(enter_beyond), .q_o(enter_beyond_late)
+      );
       enter_dome #(.F(F), .CrossCells(CrossCells)) i_enter_dome (
         .clk_i, .nx_i(nx), .ny_i(ny), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
         .ex_i(dome_ex), .ey_i(dome_ey),
         .index_inverse_i(config_i.index_inverse[W-1:0]),
         .index_inverse_square_i(config_i.index_inverse_square[Wf-1:0]),
-        .dx_o(glass_dx), .dy_o(glass_dy)
+        .dx_o(glass_dx), .dy_o(glass_dy), .beyond_o(enter_beyond)
       );
       delay #(.Width(3 * W), .Cycles(GlassAt - DomeAt)) i_n (
         .clk_i, .d_i({nx, ny, nz}), .q_o({glass_nx, glass_ny, glass_nz})
@@ -434,14 +512,14 @@ module ray_pipeline #(
         .dx_i(glass_dx), .dy_i(glass_dy), .zc_i(config_i.depth[Wf-1:0]),
         .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
         .x_o(out_x), .y_o(out_y), .dx_o(out_dx), .dy_o(out_dy), .dz_o(out_dz),
-        .reflected_o(reflected)
+        .reflected_o(reflected), .beyond_o(flat_beyond)
       );
       assign out_z = config_i.exit_z[Wf-1:0];
       logic unused_dz;
       assign unused_dz = ^walk_dz[Walk];
     end else begin : gen_panel
       logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
-      logic reflected_early, keep_q;
+      logic reflected_early, beyond_early, keep_q;
       logic signed [W-1:0] late_nx, late_ny, late_nz, glass_dx, glass_dy, glass_dz;
       delay #(.Width(W), .Cycles(DomeAt - LastAt)) i_dz (
         .clk_i, .d_i(walk_dz[Walk]), .q_o(dome_dz)
@@ -450,7 +528,8 @@ module ray_pipeline #(
         .clk_i, .nx_i(nx), .ny_i(ny), .nz_i(nz), .cos_i(walk_cos[Walk]), .s_i(walk_s[Walk]),
         .ex_i(dome_ex), .ey_i(dome_ey), .dz_i(dome_dz),
         .index_i(config_i.index[W:0]), .index_square_i(config_i.index_square[Wf-1:0]),
-        .dx_o(air_dx), .dy_o(air_dy), .dz_o(air_dz), .reflected_o(reflected_early)
+        .dx_o(air_dx), .dy_o(air_dy), .dz_o(air_dz), .reflected_o(reflected_early),
+        .beyond_o(beyond_early)
       );
       delay #(.Width(3 * W), .Cycles(OutAt - DomeAt)) i_n (
         .clk_i, .d_i({nx, ny, nz}), .q_o({late_nx, late_ny, late_nz})
@@ -466,6 +545,7 @@ module ray_pipeline #(
       always_ff @(posedge clk_i) begin
         keep_q <= reflected_early || missed_early;
         reflected <= reflected_early;
+        leave_beyond <= beyond_early;
         {air_dx_q, air_dy_q, air_dz_q} <= {air_dx, air_dy, air_dz};
       end
       assign {out_dx, out_dy, out_dz} =
@@ -483,11 +563,12 @@ module ray_pipeline #(
     end else begin : gen_aimed
       assign {own_i_late, own_j_late} = '0;
     end
-    assign out_missed = missed_late || !inside_late || ((Aims || Converge) && beyond_late);
+    assign out_missed = missed_late || !inside_late;
+    assign out_beyond = walk_beyond_late || dome_beyond_late || leave_beyond;
     assign out_reflected = reflected;
     assign out_crosstalk = Walk > 0 ? out_i != own_i_late || out_j != own_j_late : stray_late;
     logic unused_late;
-    assign unused_late = stray_late ^ beyond_late ^ (^{own_i_late, own_j_late});
+    assign unused_late = stray_late ^ (^{own_i_late, own_j_late});
   end
 
   // ---- lenslets that the array has: the exit's ----
@@ -504,9 +585,10 @@ module ray_pipeline #(
   logic signed [IndexBits-1:0] i_q, j_q;
   logic signed [Wf-1:0] x_q2, y_q2, z_q2;
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
-  logic missed_q, reflected_q, blocked_q, crosstalk_q;
+  logic missed_q, beyond_q2, reflected_q, blocked_q, crosstalk_q;
   always_ff @(posedge clk_i) begin
     own_missing_q <= own_missing_late;
+    beyond_q2 <= out_beyond || beyond_late;
     {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2} <=
         {out_i, out_j, out_x, out_y, out_z, out_dx, out_dy, out_dz};
     {missed_q, reflected_q, blocked_q, crosstalk_q} <=
@@ -514,7 +596,7 @@ module ray_pipeline #(
     {i_o, j_o, x_o, y_o, z_o, dx_o, dy_o, dz_o} <=
         {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2};
     if (own_missing_q || exit_missing) status_o <= StatusBlocked;
-    else if (missed_q) status_o <= StatusMissed;
+    else if (missed_q || beyond_q2) status_o <= StatusMissed;
     else if (reflected_q) status_o <= StatusInternalReflection;
     else if (blocked_q || dz_q2 == '0) status_o <= StatusBlocked;
     else if (crosstalk_q) status_o <= StatusCrosstalk;

@@ -8,8 +8,8 @@
 ///   e_z  = min(rsqrt(x), 2^(F+1) - 1)
 ///   e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
 ///
-/// x, in [1, 4), has F + 1 fraction bits. Input: wide words, m_x^2 + m_y^2 < 3. Output: near words.
-/// Latency unit_latency(F).
+/// x, in [1, 4), has F + 1 fraction bits. Input: wide words. Output: near words. beyond_o: x is 4 or
+/// more, a slope of 60 degrees or more. Latency unit_latency(F).
 module unit_slope #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
@@ -19,7 +19,8 @@ module unit_slope #(
   input  logic signed [F+1:0] my_i,
   output logic signed [F+1:0] ex_o,
   output logic signed [F+1:0] ey_o,
-  output logic signed [F+1:0] ez_o
+  output logic signed [F+1:0] ez_o,
+  output logic                beyond_o
 );
   import optics_pkg::*;
 
@@ -33,8 +34,9 @@ module unit_slope #(
   // ---- 1 + m^2 ----
   localparam int SquareDrop = F - 4;
   localparam int Wq = 2 * W - SquareDrop;
-  logic signed [Wq-1:0] mx2, my2, sum_q;
-  logic [F+2:0] square_q;
+  logic signed [Wq-1:0] mx2, my2;
+  logic signed [Wq:0] sum_q;
+  logic [F+5:0] square_q;
   multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_mx2 (
     .clk_i, .a_i(mx_i), .b_i(mx_i), .p_o(mx2)
   );
@@ -42,14 +44,15 @@ module unit_slope #(
     .clk_i, .a_i(my_i), .b_i(my_i), .p_o(my2)
   );
   always_ff @(posedge clk_i) begin
-    sum_q <= mx2 + my2;
-    square_q <= (F + 3)'((sum_q + ((Wq'(1) << (F + 4)) + Wq'(4))) >>> Guard);
+    sum_q <= (Wq + 1)'(mx2) + (Wq + 1)'(my2);
+    square_q <= (F + 6)'((sum_q + (((Wq + 1)'(1) << (F + 4)) + (Wq + 1)'(4))) >>> Guard);
   end
 
   // ---- 1 / sqrt(1 + m^2) ----
+  logic steep;
   logic [F+1:0] inverse;
   logic signed [W-1:0] ez;
-  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q), .y_o(inverse));
+  rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
   assign ez = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);  // 1 overflows
 
   // ---- the direction ----
@@ -70,7 +73,12 @@ module unit_slope #(
     ex_o <= W'((ex + Wp'(4)) >>> Guard);
     ey_o <= W'((ey + Wp'(4)) >>> Guard);
   end
-  delay #(.Width(W), .Cycles(MulLatency + 1)) i_ez (.clk_i, .d_i(ez), .q_o(ez_o));
+  delay #(.Width(1), .Cycles(rsqrt_latency())) i_steep (
+    .clk_i, .d_i(|square_q[F+5:F+3]), .q_o(steep)
+  );
+  delay #(.Width(W + 1), .Cycles(MulLatency + 1)) i_ez (
+    .clk_i, .d_i({ez, steep}), .q_o({ez_o, beyond_o})
+  );
 
 endmodule
 

@@ -61,23 +61,27 @@ module test_pattern #(
   end
 
   logic signed [IndexBits+F-1:0] lattice_x, lattice_y;
+  logic lattice_beyond, index_beyond, unused_beyond;  // of the rays' words: a pattern has none
+  assign unused_beyond = lattice_beyond ^ index_beyond;
   pixel_to_panel #(.F(F)) i_pixel_to_panel (
     .clk_i, .u_i(u_q), .v_i(v_q),
     .x_from_u_i(optics_i.x_from_u), .x_from_v_i(optics_i.x_from_v), .x_offset_i(optics_i.x_offset),
     .y_from_u_i(optics_i.y_from_u), .y_from_v_i(optics_i.y_from_v), .y_offset_i(optics_i.y_offset),
-    .x_o(lattice_x), .y_o(lattice_y)
+    .x_o(lattice_x), .y_o(lattice_y), .beyond_o(lattice_beyond)
   );
 
   logic signed [IndexBits-1:0] i, j;
   logic signed [F+1:0] x, y, side_y;
   if (Grid == GridHex) begin : gen_hex
     lenslet_hex #(.F(F)) i_lenslet (
-      .clk_i, .x_i(lattice_x), .y_i(lattice_y), .i_o(i), .j_o(j), .x_o(x), .y_o(y)
+      .clk_i, .x_i(lattice_x), .y_i(lattice_y), .i_o(i), .j_o(j), .x_o(x), .y_o(y),
+      .beyond_o(index_beyond)
     );
     assign side_y = y - (y >>> 2);
   end else begin : gen_square
     lenslet_square #(.F(F)) i_lenslet (
-      .clk_i, .x_i(lattice_x), .y_i(lattice_y), .i_o(i), .j_o(j), .x_o(x), .y_o(y)
+      .clk_i, .x_i(lattice_x), .y_i(lattice_y), .i_o(i), .j_o(j), .x_o(x), .y_o(y),
+      .beyond_o(index_beyond)
     );
     assign side_y = y;
   end

@@ -96,12 +96,12 @@ def within(u: Ints, v: Ints, a: Ints, b: Ints, build: Build, config: Configurati
     f = build.fraction_bits
     locate = lenslet_hex if build.grid == "hex" else lenslet_square
     lattice = [
-        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)
+        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)[0]
         for axis in "xy"
     ]
-    own_i, own_j, *own = locate(*lattice, f)
+    own_i, own_j, *own, _ = locate(*lattice, f)
     aimed = (a, b) if build.aims else (np.zeros_like(a), np.zeros_like(b))
-    step_i, step_j, *local = locate(*aimed, f)
+    step_i, step_j, *local, _ = locate(*aimed, f)
     shift = (step_i + (step_j / 2 if build.grid == "hex" else 0), step_j)
     unit = float(1 << f)
     slope, point, inside = [], [], np.ones(len(u), bool)

@@ -13,7 +13,7 @@ LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (
 DELAYS = [(w, c) for c in (0, 1, 2, 3, 4, 16, 17, 18, 19, 20, 34, 35, 40) for w in (1, 7, 65)]
 RINGS = [(9, c) for c in (2, 3, 4, 5, 8, 9, 10, 16, 17)] + [(1, 3), (70, 17)]
 BLOCK_RINGS = [(9, c) for c in (5, 6, 8, 9, 18, 33, 64, 65)] + [(70, 40)]
-SATURATES = [(20, 18), (19, 18), (18, 18), (36, 5), (5, 1), (3, 2)]
+SATURATES = [(20, 18, 6), (19, 18, 17), (18, 18, 6), (36, 5, 2), (5, 1, 0), (3, 2, 0), (29, 25, 6)]
 
 
 def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance:
@@ -40,8 +40,9 @@ def delay(module: str, width: int, cycles: int) -> Instance:
     return Instance(module, {"d_i": width}, {"q_o": width}, str(cycles), {"Width": width, "Cycles": cycles})
 
 
-def saturate(width: int, to: int) -> Instance:
-    return Instance("saturate", {"d_i": width}, {"q_o": to}, "1", {"From": width, "To": to})
+def saturate(width: int, to: int, slack: int) -> Instance:
+    parameters = {"From": width, "To": to, "Slack": slack}
+    return Instance("saturate", {"d_i": width}, {"q_o": to, "beyond_o": 1}, "1", parameters)
 
 
 MULT18 = Instance("mult18", {"a_i": 18, "b_i": 18}, {"p_o": 36}, "3")

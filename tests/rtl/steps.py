@@ -34,13 +34,17 @@ def steps(f: int) -> dict[str, Instance]:
         latency = f"sqrt_latency(1'b{normalise})"
         add(f"sqrt-{normalise}", "sqrt", {"x_i": f + 3}, {"y_o": near}, latency, Normalise=normalise)
     add(
-        "pixel_to_panel", "pixel_to_panel", each("u_i v_i", 18), each("x_o y_o", lattice), "pixel_latency()",
+        "pixel_to_panel", "pixel_to_panel", each("u_i v_i", 18), {**each("x_o y_o", lattice), "beyond_o": 1},
+        "pixel_latency()",
         {**each("x_from_u_i x_from_v_i", 35), "x_offset_i": 52, **each("y_from_u_i y_from_v_i", 35), "y_offset_i": 52},
     )  # fmt: skip
     for grid in GRIDS:
         number = GRIDS.index(grid)
         local = {**each("i_o j_o", index), **each("x_o y_o", near)}
-        add(f"lenslet_{grid}", f"lenslet_{grid}", each("x_i y_i", lattice), local, f"lenslet_latency({number})")
+        add(
+            f"lenslet_{grid}", f"lenslet_{grid}", each("x_i y_i", lattice), {**local, "beyond_o": 1},
+            f"lenslet_latency({number})",
+        )  # fmt: skip
         add(
             f"aim-{grid}", "aim", {**each("i_i j_i", index), **each("x_i y_i a_i b_i", near)},
             {**local, **each("a_o b_o", near), **each("stray_o beyond_o", 1)}, f"aim_latency({number})", Grid=number,
@@ -58,50 +62,53 @@ def steps(f: int) -> dict[str, Instance]:
             )  # fmt: skip
             add(
                 f"move_lenslet-{of}", "move_lenslet", {**each("hx_i hy_i", point), **each("di_i dj_i", 2)},
-                each("hx_o hy_o", point), "2", each("cx_i cy_i rx_i", near), Grid=number, Shear=shear,
+                {**each("hx_o hy_o", point), "beyond_o": 1}, "2", each("cx_i cy_i rx_i", near), Grid=number,
+                Shear=shear,
             )  # fmt: skip
     for second in (0, 1):
         add(
-            f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": point}, f"blend_latency({f}, {near})",
-            each("k_i l_i", near), Second=second, **cells,
+            f"blend-{second}", "blend", each("x_i a_i", near), {"y_o": near, "beyond_o": 1},
+            f"blend_latency({f}, {near})", each("k_i l_i", near), Second=second, **cells,
         )  # fmt: skip
         add(
-            f"blend-{second}-far", "blend", {"x_i": far, "a_i": near}, {"y_o": point}, f"blend_latency({f}, {far})",
-            each("k_i l_i", near), Second=second, Wx=far, **cells,
+            f"blend-{second}-far", "blend", {"x_i": far, "a_i": near}, {"y_o": point, "beyond_o": 1},
+            f"blend_latency({f}, {far})", each("k_i l_i", near), Second=second, Wx=far, Wy=point, **cells,
         )  # fmt: skip
     add(
-        "blend-1-upright", "blend", each("x_i a_i", far), {"y_o": point}, f"blend_latency({f}, {far})",
-        each("k_i l_i", near), Second=1, Wx=far, Wa=far, **cells,
+        "blend-1-upright", "blend", each("x_i a_i", far), {"y_o": point, "beyond_o": 1}, f"blend_latency({f}, {far})",
+        each("k_i l_i", near), Second=1, Wx=far, Wa=far, Wy=point, **cells,
     )  # fmt: skip
     for name, bits in (("shear", near), ("shear-far", far)):
         add(
             name, "shear", each("x_i y_i", bits), {"x_o": far, "beyond_o": 1}, f"shear_latency({f})",
             {"g_i": far}, Wx=bits, **cells,
         )  # fmt: skip
-    add("unit_slope", "unit_slope", each("mx_i my_i", near), each("ex_o ey_o ez_o", near), f"unit_latency({f})",
-        **cells)  # fmt: skip
+    add("unit_slope", "unit_slope", each("mx_i my_i", near), {**each("ex_o ey_o ez_o", near), "beyond_o": 1},
+        f"unit_latency({f})", **cells)  # fmt: skip
     add(
-        "enter_flat", "enter_flat", each("ex_i ey_i", near), each("tx_o ty_o dz_o", near),
+        "enter_flat", "enter_flat", each("ex_i ey_i", near), {**each("tx_o ty_o dz_o", near), "beyond_o": 1},
         f"enter_flat_latency({f})", {"index_inverse_i": near}, **cells,
     )  # fmt: skip
     for upward in (0, 1):
         add(
             f"meet_dome-{upward}", "meet_dome", {**each("hx_i hy_i", point), **each("dx_i dy_i dz_i", near)},
-            {**each("nx_o ny_o nz_o cos_o", near), "s_o": far, "missed_o": 1}, f"meet_dome_latency({f})",
-            {"zc_i": far, "oz_i": f + 9}, Upward=upward, **cells,
+            {**each("nx_o ny_o nz_o cos_o", near), "s_o": far, **each("missed_o beyond_o", 1)},
+            f"meet_dome_latency({f})", {"zc_i": far, "oz_i": f + 9}, Upward=upward, **cells,
         )  # fmt: skip
     add(
         "leave_dome", "leave_dome", {**each("nx_i ny_i nz_i cos_i ex_i ey_i dz_i", near), "s_i": far},
-        {**each("dx_o dy_o dz_o", near), "reflected_o": 1}, f"dome_latency({f})",
+        {**each("dx_o dy_o dz_o", near), **each("reflected_o beyond_o", 1)}, f"dome_latency({f})",
         {"index_i": point, "index_square_i": far}, **cells,
     )  # fmt: skip
     add(
-        "enter_dome", "enter_dome", {**each("nx_i ny_i cos_i ex_i ey_i", near), "s_i": far}, each("dx_o dy_o", near),
-        f"dome_latency({f})", {"index_inverse_i": near, "index_inverse_square_i": far}, **cells,
+        "enter_dome", "enter_dome", {**each("nx_i ny_i cos_i ex_i ey_i", near), "s_i": far},
+        {**each("dx_o dy_o", near), "beyond_o": 1}, f"dome_latency({f})",
+        {"index_inverse_i": near, "index_inverse_square_i": far}, **cells,
     )  # fmt: skip
     add(
         "leave_flat", "leave_flat", each("nx_i ny_i nz_i dx_i dy_i", near),
-        {**each("x_o y_o", far), **each("dx_o dy_o dz_o", near), "reflected_o": 1}, f"leave_flat_latency({f})",
+        {**each("x_o y_o", far), **each("dx_o dy_o dz_o", near), **each("reflected_o beyond_o", 1)},
+        f"leave_flat_latency({f})",
         {"zc_i": far, "index_i": point, "index_square_i": far}, **cells,
     )  # fmt: skip
     return made

@@ -18,11 +18,13 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
+from lippmann.optics.rays import gets_through
 from lippmann.sim.compilation import SHORT
 from lippmann.sim.harness import harness
 from lippmann.sim.tools import repository
 from random_cases import configured_display, random_rays
 from test_batch import BUILDS, SEED, assert_equal, name
+from wild_registers import any_rays, any_registers
 
 #: Builds of the batch test whose rays have aims; they are compiled already.
 AIMED = [build for build in BUILDS if build.aims and build.model == "exact"]
@@ -80,3 +82,19 @@ def test_rtl_equals_twin_with_registers_at_their_ends(build):
         registers = extremes(random, registers, build)
         words = random_rays(random, display, build, 100)
         assert_equal(harness(build, SHORT).trace(*words, registers), ray_pipeline(*words, registers, build))
+
+
+@pytest.mark.parametrize("build", BUILDS, ids=name)
+def test_rtl_equals_twin_with_any_words_in_the_registers(build):
+    """tests/host/test_fixed_wraps.py tells which of these rays the twin may call good."""
+    print(f"seed {SEED}")
+    random = np.random.default_rng([SEED, 7, *name(build).encode()])
+    sets = dataclasses.asdict(any_registers(random, build, 300, 10))
+    through = 0
+    for k in range(300):
+        registers = Configuration(**{field: int(values[k]) for field, values in sets.items()})
+        words = any_rays(random, build, 30)
+        twin = ray_pipeline(*words, registers, build)
+        assert_equal(harness(build, SHORT).trace(*words, registers), twin)
+        through += int(gets_through(twin.status).sum())
+    assert 300 < through < 8900

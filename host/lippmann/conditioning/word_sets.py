@@ -154,9 +154,9 @@ def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) ->
 def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
     """Return the lenslet in whose cell the twin sees a pixel."""
     c, f = configuration(display, build, build.model), build.fraction_bits
-    x = pixel_to_panel(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
-    y = pixel_to_panel(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
-    i, j, _, _ = (lenslet_hex if build.grid == "hex" else lenslet_square)(x, y, f)
+    x, _ = pixel_to_panel(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
+    y, _ = pixel_to_panel(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
+    i, j, *_ = (lenslet_hex if build.grid == "hex" else lenslet_square)(x, y, f)
     return i, j
 
 

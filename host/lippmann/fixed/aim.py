@@ -26,20 +26,22 @@ class Aimed(NamedTuple):
 def aim(i: Ints, j: Ints, x: Ints, y: Ints, a: Ints, b: Ints, grid: Grid, f: int) -> Aimed:
     """Make rays local to the lenslet whose cell their aperture point is in, all words wide.
 
-    x' = x - di (hexagonal: x - di - dj/2), y' = y - dj; `beyond` where they leave [-2, 2).
+    x' = x - di (hexagonal: x - di - dj/2), y' = y - dj; `beyond` where they leave [-2, 2), or an index
+    wraps.
     """
     locate = lenslet_hex if grid == "hex" else lenslet_square
-    di, dj, a, b = locate(a, b, f)
+    di, dj, a, b, _ = locate(a, b, f)
+    i, j = i + di, j + dj
     x = x - (di << f) - ((dj << (f - 1)) if grid == "hex" else 0)
     y = y - (dj << f)
     word = f + 2
     return Aimed(
-        wrapped(i + di, INDEX_BITS),
-        wrapped(j + dj, INDEX_BITS),
+        wrapped(i, INDEX_BITS),
+        wrapped(j, INDEX_BITS),
         wrapped(x, word),
         wrapped(y, word),
         a,
         b,
         (di != 0) | (dj != 0),
-        ~fits(x, word) | ~fits(y, word),
+        ~fits(x, word) | ~fits(y, word) | ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS),
     )

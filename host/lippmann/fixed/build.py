@@ -100,6 +100,11 @@ class Build:
         """Bits of an aperture point measured from its lenslet's centre."""
         return self.fraction_bits + (4 if self.shear else 2)
 
+    @property
+    def slope_aims(self) -> bool:
+        """Whether the slope takes a factor for the aperture point."""
+        return self.aims and (self.converge or self.model == "paraxial")
+
     def as_dict(self) -> dict[str, Any]:
         """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}

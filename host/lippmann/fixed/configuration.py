@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -87,6 +87,48 @@ class Configuration:
     shear_x: int
     shear_lean: int
     shear_row: int
+
+
+def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
+    """Return registers cut to the words that a build reads of their 32 bits, and whether a word that it reads is more.
+
+    The wider registers, of pixel_to_panel, hold their words exactly.
+    """
+    f, exact = build.fraction_bits, build.model == "exact"
+    near, far = f + 2, f + 4
+    strays = exact and (build.aims or build.viewer or build.converge)
+    walks, square = build.max_cell_steps > 0, build.grid == "square"
+    read = {
+        near: {
+            "slope_x": True, "slope_y": True,
+            "slope_aim_x": build.slope_aims, "slope_aim_y": build.slope_aims,
+            "point_x": build.model != "pinhole", "point_y": build.model != "pinhole",
+            "point_aim_x": build.aims, "point_aim_y": build.aims,
+            "index_inverse": exact,
+            "cell_half": strays, "cell_half_y": strays and square, "shear_lean": strays and build.shear,
+            "cell_pitch_x": walks, "cell_pitch_y": walks, "shear_row": walks and build.shear,
+        },
+        near + 1: {"index": exact},
+        far: {
+            "index_square": exact, "index_inverse_square": build.viewer, "depth": exact,
+            "exit_z": build.viewer or not exact, "cell_rise": strays and not square, "shear_x": build.shear,
+        },
+        f + 9: {
+            "depth_rest": exact and not build.viewer,
+            "converge_share": build.converge, "converge_x": build.converge, "converge_y": build.converge,
+        },
+        words.INDEX_BITS + 2: {"extent_i": True},
+        words.INDEX_BITS + 1: {"extent_j": True},
+    }  # fmt: skip
+    cut: dict[str, Any] = {}
+    beyond: words.Bools | np.bool_ = np.False_
+    for bits, registers in read.items():
+        for name, is_read in registers.items():
+            value = getattr(config, name)
+            cut[name] = words.wrapped(value, bits)
+            if is_read:
+                beyond = beyond | ~np.asarray(words.fits(value, bits))
+    return dataclasses.replace(config, **cut), beyond
 
 
 class _Format(NamedTuple):

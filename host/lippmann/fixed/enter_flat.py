@@ -6,11 +6,13 @@ import numpy as np
 
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Ints, guarded
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded
 
 
-def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints]:
+def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, Ints, Ints, Bools]:
     """Return the direction in the glass from the direction (e_x, e_y) in the air, near words.
+
+    The mask tells where it is steeper than 60 degrees: M - g < 1/4, which `sqrt` does not take.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 
@@ -23,13 +25,19 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
     word = f + 2
     tx = guarded(multiplier(ex, index_inverse, word, word, f + 1 - GUARD))
     ty = guarded(multiplier(ey, index_inverse, word, word, f + 1 - GUARD))
-    return tx, ty, sqrt(left_of_unit(tx, ty, f), f, normalise=False)
+    rest, _ = left_of_unit(tx, ty, f)
+    return tx, ty, sqrt(rest, f, normalise=False), below_quarter(rest, f)
 
 
-def left_of_unit(dx: Ints, dy: Ints, f: int) -> Ints:
-    """Return M - g, M and g as in `enter_flat` and `leave_flat`, F + 3 fraction bits."""
+def left_of_unit(dx: Ints, dy: Ints, f: int) -> tuple[Ints, Bools]:
+    """Return M - g, M and g as in `enter_flat` and `leave_flat`, F + 3 fraction bits, and where g is 1 or more."""
     word = f + 2
     total = multiplier(dx, dx, word, word, f - 3) + multiplier(dy, dy, word, word, f - 3)
+    g = np.maximum(total, 0) >> 2
     most = (1 << (f + 3)) - 1
-    rest: Ints = (most - (np.maximum(total, 0) >> 2)) & most
-    return rest
+    return (most - g) & most, g > most
+
+
+def below_quarter(rest: Ints, f: int) -> Bools:
+    """Tell which squares, F + 3 fraction bits, are below 1/4."""
+    return rest < 1 << (f + 1)

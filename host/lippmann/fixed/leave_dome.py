@@ -6,15 +6,15 @@ import numpy as np
 
 from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.saturate import saturate
+from lippmann.fixed.saturate import beyond, saturate
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, above_one, fits, guarded, wrapped
 
 
 def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
-) -> tuple[Ints, Ints, Ints, Bools]:
-    """Return the direction in the air (near words), and a mask of the rays that are totally reflected.
+) -> tuple[Ints, Ints, Ints, Bools, Bools]:
+    """Return the direction in the air (near words), and masks of the rays that are totally reflected, and of overflow.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 
@@ -24,18 +24,23 @@ def leave_dome(
         d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
 
-    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0.
+    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow:
+    C' above 1, or, unless reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
     glass = multiplier(met.cos, index, near, near + 1, f - 2)
-    bend = wrapped(guarded((cos_air << 2) - glass), near)
+    bend = guarded((cos_air << 2) - glass)
+    over = ~fits(bend, near)
+    bend = wrapped(bend, near)
     drop = f - GUARD
     kx, ky, kz = (multiplier(bend, n, near, near, drop) for n in (met.nx, met.ny, met.nz))
     axial = multiplier(dz, index, near, near + 1, drop)
-    dx = saturate(guarded((ex << GUARD) + kx), near)
-    dy = saturate(guarded((ey << GUARD) + ky), near)
-    return dx, dy, saturate(guarded(axial + kz), near), c <= 0
+    out = [guarded(d) for d in ((ex << GUARD) + kx, (ey << GUARD) + ky, axial + kz)]
+    reflected = c <= 0
+    over = above_one(c, f) | (~reflected & (over | np.any([beyond(d, near) for d in out], axis=0)))
+    dx, dy, dz = (saturate(d, near) for d in out)
+    return dx, dy, dz, reflected, over
 
 
 def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:

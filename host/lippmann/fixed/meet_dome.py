@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.saturate import saturate
+from lippmann.fixed.saturate import beyond, saturate
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Bools, Ints, guarded, halved, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, above_one, fits, guarded, halved, wrapped
 
 
 class Meeting(NamedTuple):
-    """Unit normal N at the point met (near words), cosine to it, squared sine (F + 3 fraction bits), missed."""
+    """Unit normal N at the point met (near words), cosine to it, squared sine (F + 3 fraction bits).
+
+    `missed` where the ray passes the sphere by, `beyond` where a word wraps or saturates.
+    """
 
     nx: Ints
     ny: Ints
@@ -21,6 +24,7 @@ class Meeting(NamedTuple):
     cos: Ints
     s: Ints
     missed: Bools
+    beyond: Bools
 
 
 def meet_dome(
@@ -33,21 +37,25 @@ def meet_dome(
         b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
         C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
         cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-        l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2
+        l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2, missed (2^(F+1) - b + 2) >> 2
         N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
         N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
 
-    b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Upward zc is `depth` and `depth_rest`
+    b has F + 2 fraction bits, C and s have F + 3, l has F. Missed: C < 0. Beyond: b or l outside its word, C above 1
+    or, unless missed, a coordinate of N outside [-1, 1], by more than roundings. Upward zc is `depth` and `depth_rest`
     is 1 - zc^2. Downward zc = 1, and `dz` is |dz|: its products are cut, then subtracted.
+    A ray that passes the sphere by downward goes on for half a radius from its point nearest to the centre.
     """
-    near, point, far, foot = f + 2, f + 3, f + 4, f + 6
+    near, wide, far, foot = f + 2, f + 3, f + 4, f + 6
     drop = f + 1 - GUARD
-    total = multiplier(hx, dx, point, near, drop) + multiplier(hy, dy, point, near, drop)
+    total = multiplier(hx, dx, wide, near, drop) + multiplier(hy, dy, wide, near, drop)
     along = multiplier(np.int64(depth) + 0 * dz, dz, far, near, drop) if upward else -(dz << (GUARD - 1))
-    b = wrapped(halved(total + along), foot)
+    b = halved(total + along)
+    over = ~fits(b, foot)
+    b = wrapped(b, foot)
 
     drop = f - 3
-    h2 = multiplier(hx, hx, point, point, drop) + multiplier(hy, hy, point, point, drop)
+    h2 = multiplier(hx, hx, wide, wide, drop) + multiplier(hy, hy, wide, wide, drop)
     rest = (depth_rest if upward else 0) - h2
     c = wrapped(rest + multiplier(b, b, foot, foot, drop + 4), 2 * far - drop)
     most = (1 << (f + 3)) - 1
@@ -55,10 +63,14 @@ def meet_dome(
     s = np.clip((1 << (f + 3)) - c, 0, most)
     s = np.where(c > most, 0, s)
 
-    length = wrapped(((2 * cos if upward else -2 * cos) - b + 2) >> 2, far)
+    missed = c < 0
+    length = ((2 * cos if upward else np.where(missed, 1 << (f + 1), -2 * cos)) - b + 2) >> 2
+    over = over | ~fits(length, far) | above_one(c, f)
+    length = wrapped(length, far)
     drop = f - GUARD
     lx, ly, lz = (multiplier(length, d, far, near, drop) for d in (dx, dy, dz))
-    nx = saturate(guarded((hx << (GUARD + 1)) + lx), near)
-    ny = saturate(guarded((hy << (GUARD + 1)) + ly), near)
     z = (np.int64(depth) << (GUARD + 1)) + lz if upward else (1 << (f + 1 + GUARD)) - lz
-    return Meeting(nx, ny, saturate(guarded(z), near), cos, s, c < 0)
+    point = [guarded(n) for n in ((hx << (GUARD + 1)) + lx, (hy << (GUARD + 1)) + ly, z)]
+    over = over | (~missed & np.any([beyond(n, near) for n in point], axis=0))
+    nx, ny, nz = (saturate(n, near) for n in point)
+    return Meeting(nx, ny, nz, cos, s, missed, over)

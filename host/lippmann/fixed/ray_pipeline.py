@@ -10,7 +10,7 @@ from lippmann.fixed.aim import aim
 from lippmann.fixed.blend import blend
 from lippmann.fixed.build import Build
 from lippmann.fixed.cell_step import cell_step
-from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.configuration import Configuration, in_words
 from lippmann.fixed.converge import converge
 from lippmann.fixed.enter_dome import enter_dome
 from lippmann.fixed.enter_flat import enter_flat
@@ -43,17 +43,23 @@ class FixedRays(NamedTuple):
 
 
 def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
-    """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words."""
+    """Trace pixels (u, v), 4 fraction bits from the panel's centre, to aperture points (a, b), wide words.
+
+    A ray counts as missed where any word on its way wraps or saturates, registers included.
+    """
     f, grid = build.fraction_bits, build.grid
+    config, unfit = in_words(config, build)
     near, local = build.near, build.local
-    lattice_x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    lattice_y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    lattice_x, beyond_x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    lattice_y, beyond_y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
     locate = lenslet_hex if grid == "hex" else lenslet_square
-    own_i, own_j, x, y = locate(lattice_x, lattice_y, f)
+    own_i, own_j, x, y, beyond = locate(lattice_x, lattice_y, f)
+    beyond = beyond | beyond_x | beyond_y | unfit
     i, j = own_i, own_j
-    none = stray = beyond = np.zeros(x.shape, np.bool_)
+    none = stray = np.zeros(x.shape, np.bool_)
     if build.aims:
-        i, j, x, y, a, b, stray, beyond = aim(i, j, x, y, a, b, grid, f)
+        i, j, x, y, a, b, stray, outside = aim(i, j, x, y, a, b, grid, f)
+        beyond = beyond | outside
     else:
         a = b = np.zeros_like(x)
 
@@ -72,26 +78,20 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     if not build.converge:
         beyond = beyond | ~fits(a - x, local) | ~fits(b - y, local)
         from_x, from_y = wrapped(from_x, local), wrapped(from_y, local)
-    slope_aims = build.aims and (build.converge or build.model == "paraxial")
-    to_a, to_b = (a, b) if slope_aims else (None, None)
-    mx = wrapped(blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, local, build.aim), near)
-    my = wrapped(blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, local, build.aim), near)
-    hx = hy = np.zeros_like(x)
-    if build.model != "pinhole":
-        to_a, to_b = (a, b) if build.aims else (None, None)
-        hx = blend(config.point_x, x, config.point_aim_x, to_a, f, local, build.aim)
-        hy = blend(config.point_y, y, config.point_aim_y, to_b, f, local, build.aim)
-    ex, ey, ez = unit_slope(mx, my, f)
+    mx, my, hx, hy, outside = _sums(x, y, from_x, from_y, a, b, config, build)
+    beyond = beyond | outside
+    ex, ey, ez, too_steep = unit_slope(mx, my, f)
+    beyond = beyond | too_steep
 
     if exact:
-        rays, missed, reflected = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
+        rays, missed, reflected, over = _through_lenslet(i, j, hx, hy, (ex, ey, ez), config, build)
+        missed = missed | over
         blocked = rays.dz <= 0
         crosstalk = (rays.i != own_i) | (rays.j != own_j) if build.max_cell_steps else stray
     else:
         rays = FixedRays(i, j, hx << 1, hy << 1, np.full_like(x, config.exit_z), ex, ey, ez, np.zeros_like(x))
         missed, reflected, blocked, crosstalk = none, none, none, stray
-    if build.aims or build.converge:
-        missed = missed | beyond
+    missed = missed | beyond
     fates = (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED, Status.CROSSTALK)
     status = np.select([missed, reflected, blocked, crosstalk], [int(fate) for fate in fates], int(Status.OK))
     for at in ((own_i, own_j), (rays.i, rays.j)):
@@ -99,16 +99,35 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     return rays._replace(status=status)
 
 
+def _sums(
+    x: Ints, y: Ints, from_x: Ints, from_y: Ints, a: Ints, b: Ints, config: Configuration, build: Build
+) -> tuple[Ints, Ints, Ints, Ints, Bools]:
+    """Return the slope of rays, their points on the first face, and where a word does not hold one of them."""
+    f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
+    to_a, to_b = (a, b) if build.slope_aims else (None, None)
+    mx, beyond_x = blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, near, *bits)
+    my, beyond_y = blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, near, *bits)
+    beyond = beyond_x | beyond_y
+    if build.model == "pinhole":
+        return mx, my, np.zeros_like(x), np.zeros_like(y), beyond
+    to_a, to_b = (a, b) if build.aims else (None, None)
+    hx, beyond_x = blend(config.point_x, x, config.point_aim_x, to_a, f, near + 1, *bits)
+    hy, beyond_y = blend(config.point_y, y, config.point_aim_y, to_b, f, near + 1, *bits)
+    return mx, my, hx, hy, beyond | beyond_x | beyond_y
+
+
 def _through_lenslet(
     i: Ints, j: Ints, hx: Ints, hy: Ints, air: tuple[Ints, Ints, Ints], config: Configuration, build: Build
-) -> tuple[FixedRays, Bools, Bools]:
+) -> tuple[FixedRays, Bools, Bools, Bools]:
     """Trace rays of the exact model through both faces: from their lenslet, point (radii) and direction in the air.
 
-    Return them, with the status left at ok, and masks of those that missed and those that are reflected.
+    Return them, with the status left at ok, and masks of those that missed, that are reflected, and whose words
+    overflow.
     """
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air
-    dx, dy, dz = (ex, ey, ez) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
+    beyond = np.zeros(ex.shape, np.bool_)
+    dx, dy, dz, beyond = (ex, ey, ez, beyond) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
 
     def meet(hx: Ints, hy: Ints) -> Meeting:
         return meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
@@ -121,21 +140,25 @@ def _through_lenslet(
     for _ in range(build.max_cell_steps):
         di, dj, _ = step(met)
         way = config.cell_pitch_x, config.cell_pitch_y, config.shear_row
-        hx, hy = move_lenslet(hx, hy, di, dj, *way, grid, f, build.shear)
-        i, j = wrapped(i + di, INDEX_BITS), wrapped(j + dj, INDEX_BITS)
+        hx, hy, outside = move_lenslet(hx, hy, di, dj, *way, grid, f, build.shear)
+        i, j = i + di, j + dj
+        beyond = beyond | met.beyond | outside | ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
+        i, j = wrapped(i, INDEX_BITS), wrapped(j, INDEX_BITS)
         met = meet(hx, hy)
     missed = met.missed
+    beyond = beyond | met.beyond
     if build.aims or build.viewer or build.converge:
         missed = missed | ~step(met)[2]
 
     if build.viewer:
-        glass_dx, glass_dy = enter_dome(met, ex, ey, config.index_inverse, config.index_inverse_square, f)
-        out = leave_flat(met, glass_dx, glass_dy, config.depth, config.index, config.index_square, f)
-        x, y, dx, dy, dz, reflected = out
+        inner = enter_dome(met, ex, ey, config.index_inverse, config.index_inverse_square, f)
+        out = leave_flat(met, *inner[:2], config.depth, config.index, config.index_square, f)
+        x, y, dx, dy, dz, reflected, over = out
+        over = over | inner[2]
         z = np.full_like(x, config.exit_z)
     else:
-        air_dx, air_dy, air_dz, reflected = leave_dome(met, ex, ey, dz, config.index, config.index_square, f)
+        air_dx, air_dy, air_dz, reflected, over = leave_dome(met, ex, ey, dz, config.index, config.index_square, f)
         keeps = reflected | met.missed
         dx, dy, dz = np.where(keeps, dx, air_dx), np.where(keeps, dy, air_dy), np.where(keeps, dz, air_dz)
         x, y, z = met.nx, met.ny, met.nz - (1 << (f + 1))
-    return FixedRays(i, j, x, y, z, dx, dy, dz, np.zeros_like(i)), missed, reflected
+    return FixedRays(i, j, x, y, z, dx, dy, dz, np.zeros_like(i)), missed, reflected, beyond | over

@@ -17,9 +17,10 @@ def located(
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Return lenslets i, j of pixels, and the points x (pitches), y (rows) from their centres, F fraction bits."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
-    x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
-    return (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
+    x, _ = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    y, _ = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    i, j, x, y, _ = (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
+    return i, j, x, y
 
 
 def centres(config: Configuration, f: int, x: Ints, y: Ints) -> Bools:

@@ -6,11 +6,11 @@ import numpy as np
 
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.rsqrt import rsqrt
-from lippmann.fixed.words import GUARD, Ints, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
 
 
-def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints]:
-    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words with m^2 < 3.
+def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints, Bools]:
+    """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words, and where m^2 >= 3.
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places:
 
@@ -18,12 +18,13 @@ def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints]:
         e_z  = min(rsqrt(x), 2^(F+1) - 1)
         e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
 
-    Steeper slopes, which the host refuses, overflow: x and e_x keep their lowest bits, as the registers do.
+    Those slopes, 60 degrees and more, overflow: x and e_x keep their lowest bits, as the registers do.
     """
     word = f + 2
     square = multiplier(mx, mx, word, word, f - 4) + multiplier(my, my, word, word, f - 4)
-    x = (guarded(square) + (1 << (f + 1))) & ((1 << (f + 3)) - 1)
-    ez = np.minimum(rsqrt(x, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
+    x = guarded(square) + (1 << (f + 1))
+    beyond = x >= 1 << (f + 3)
+    ez = np.minimum(rsqrt(x & ((1 << (f + 3)) - 1), f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
     ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD)), word)
     ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD)), word)
-    return ex, ey, ez
+    return ex, ey, ez, beyond

@@ -27,6 +27,8 @@ INDEX_BITS = 12
 MUL_BITS = 18
 #: Bits kept below the last place until the final rounding of a step.
 GUARD = 3
+#: Roundings may bring a saturated word, or a clamped square (F + 3 fraction bits), this many units beyond its range.
+SLACK, SQUARE_SLACK = 1 << 6, 1 << 9
 #: Fraction bits that the RTL can be built with.
 FRACTIONS = range(14, 24)
 #: Fraction bits of the configurations named widest and compact.
@@ -52,6 +54,11 @@ def wrapped(x: Ints, bits: int) -> Ints:
     """Keep the lowest bits of a word as a signed number, as a register does."""
     half = 1 << (bits - 1)
     return ((x + half) & ((1 << bits) - 1)) - half
+
+
+def above_one(square: Ints, f: int) -> Bools:
+    """Tell which squared cosines, F + 3 fraction bits, are above 1 by more than roundings."""
+    return square >= (1 << (f + 3)) + SQUARE_SLACK
 
 
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:

@@ -133,7 +133,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
     if name == "pixel_to_panel":
         for axis in "xy":
             registers = (state[f"{axis}_{register}"] for register in ("from_u", "from_v", "offset"))
-            state[axis] = steps[name](state["u"], state["v"], *registers, state["f"])
+            state[axis] = steps[name](state["u"], state["v"], *registers, state["f"])[0]
     elif name == "shear":
         wide = build.fraction_bits + (4 if build.converge else 2)
         x, a = (steps[name](state[at], state[up], state["g"], state["f"], wide) for at, up in ("xy", "ab"))
@@ -142,11 +142,10 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
         for axis, towards in zip("xy", "ab", strict=True):
             at, to, f = state[axis], state[towards], state["f"]
             slope, aimed, bits = state[f"slope_{axis}"], state[f"slope_aim_{axis}"], (build.local, build.aim)
-            if build.converge:
-                state[f"m{axis}"] = steps[name](slope, at, aimed, to, f, *bits)
-            else:
-                state[f"m{axis}"] = steps[name](slope, to - at, 0, None, f, *bits)
-            state[f"h{axis}"] = steps[name](state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to, f, *bits)
+            sum_ = (slope, at, aimed, to) if build.converge else (slope, to - at, 0, None)
+            point = state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to
+            state[f"m{axis}"] = steps[name](*sum_, f, build.near, *bits)[0]
+            state[f"h{axis}"] = steps[name](*point, f, build.near + 1, *bits)[0]
     elif name == "meet_dome":
         if not state["upward"]:
             state |= {f"d{axis}": state[f"e{axis}"] for axis in "xyz"}
@@ -164,11 +163,11 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
 # ---- the steps in float64: lengths in radii, the lattice in pitches and rows ----
 
 
-def _pixel_to_panel(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> Floats:
+def _pixel_to_panel(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
     # The offset's word carries the half of the rounding to F bits.
     half = 1 << (OFFSET_FRACTION - 1 - f)
     lattice: Floats = np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION)
-    return lattice
+    return (lattice,)
 
 
 def _lenslet(grid: Grid, x: Floats, y: Floats) -> tuple[Floats, ...]:
@@ -193,8 +192,8 @@ def _shear(x: Floats, y: Floats, g: float, f: int, bits: int) -> tuple[Floats]:
     return (x + g * y,)
 
 
-def _blend(k: float, x: Floats, l: float, a: Floats | None, f: int, x_bits: int, a_bits: int) -> Floats:  # noqa: E741
-    return k * x if a is None else k * x + l * a
+def _blend(k: float, x: Floats, l: float, a: Floats | None, *_: int) -> tuple[Floats]:  # noqa: E741
+    return (k * x if a is None else k * x + l * a,)
 
 
 def _unit_slope(mx: Floats, my: Floats) -> tuple[Floats, ...]:
@@ -214,7 +213,7 @@ def _meet_dome(
     along = hx * dx + hy * dy + zc * dz
     square = rest - hx**2 - hy**2 + along**2
     cos = np.sqrt(np.maximum(square, 0.0))
-    length = (cos if upward else -cos) - along
+    length = (cos if upward else np.where(square < 0.0, 0.5, -cos)) - along
     return hx + length * dx, hy + length * dy, zc + length * dz, cos, 1.0 - square
 
 

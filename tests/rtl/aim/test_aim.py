@@ -34,4 +34,6 @@ def test_equals_twin(f, grid):
     seen.point("beyond", out.beyond)
     seen.point("not beyond, another lenslet", ~out.beyond & out.stray)
     seen.point("index wraps", np.abs(out.i - i) > 4)
+    wraps = (np.abs(out.i - i) > 4) | (np.abs(out.j - j) > 4)
+    assert out.beyond[wraps].all()
     seen.close()

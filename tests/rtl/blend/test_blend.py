@@ -23,12 +23,18 @@ def test_equals_twin(f, more, aim, second):
     segments = []
     for k, m in zip(*(w.tolist()[:35] for w in mixed(rng, 10, near, near)), strict=True):
         x, a = mixed(rng, 100, signed(f + 2 + more), signed(f + 2 + aim))
-        y = blend(k, x, m, a if second else None, f, f + 2 + more, f + 2 + aim)
+        bits = f + 2 + (more > 0)
+        y, beyond = blend(k, x, m, a if second else None, f, bits, f + 2 + more, f + 2 + aim)
         whole = x.astype(object) * k + (a.astype(object) * m if second else 0)
         seen.point("rounded up", (y << f) > whole)
         seen.point("rounded down", (y << f) < whole)
-        seen.point("beyond the word", np.abs(whole) >> (2 * f) >= 4)
-        segments.append(Segment({"k_i": k, "l_i": m}, {"x_i": x, "a_i": a}, {"y_o": y}))
+        outside = np.abs(whole) >> f >= (1 << (bits - 1))
+        # The sum is rounded to F fraction bits.
+        sure = np.abs(np.abs(whole) - (1 << (bits - 1 + f))) > 2 << f
+        assert (beyond == outside)[sure].all()
+        seen.point("beyond the word", beyond)
+        seen.point("not beyond the word", ~beyond)
+        segments.append(Segment({"k_i": k, "l_i": m}, {"x_i": x, "a_i": a}, {"y_o": y, "beyond_o": beyond.astype(int)}))
     name = "-upright" if aim else "-far" if more else ""
     stream_step(f"blend-{second}{name}", f, segments, s)
     seen.close()

@@ -91,7 +91,7 @@ PARAMETERS = {
     "reset_sync": [{"Stages": s} for s in (2, 4)],
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],
     "rsqrt": F_SETS,
-    "saturate": [{"From": a, "To": b} for a, b in ((20, 18), (18, 18), (5, 1))],
+    "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
     "scan_out": [{**panel, **grid} for panel, grid in zip(PANELS, GRID_SETS, strict=True)],
     "shear": [*F_SETS, *CELLS, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
@@ -171,6 +171,9 @@ REFUSED = [
     ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
     ("ring", {"Cycles": 1}, "ring: Width must be 1 or more and Cycles 2 or more"),
     ("saturate", {"From": 3, "To": 5}, "saturate: To must be 1 or more and From no less"),
+    ("saturate", {"Slack": 18}, "saturate: Slack must be 0 or more and less than To"),
+    ("saturate", {"Slack": -1}, "saturate: Slack must be 0 or more and less than To"),
+    *(("blend", {"F": 16, "Wy": y}, "blend: Wy must be F + 2 to F + 4") for y in (17, 21)),
     ("saturate", {"To": 0}, "saturate: To must be 1 or more and From no less"),
 ]
 

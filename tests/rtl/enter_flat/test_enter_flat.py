@@ -7,7 +7,7 @@ from lippmann.fixed.enter_flat import enter_flat
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step
-from words import mixed, word
+from words import mixed, signed, word
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
@@ -17,23 +17,24 @@ def test_equals_twin(f):
     seen = Coverage("enter_flat", f"F{f}")
     segments = []
     most = int(np.sqrt(0.75) * (2 << f))
-    for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3)):
-        inverse = int(word(1 / n, f + 1))
+    for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3), 1.01, -1.0):
+        inverse = int(np.clip(word(1 / n, f + 1), *signed(f + 2)))
         ex, ey = mixed(rng, 700, (-most, most), (-most, most))
         angle = rng.random(200) * 2 * np.pi
         ex = np.concatenate([ex, word(0.866 * np.cos(angle), f + 1)])
         ey = np.concatenate([ey, word(0.866 * np.sin(angle), f + 1)])
-        within = ex * ex + ey * ey <= most * most
+        within = (ex * ex + ey * ey <= most * most) | (n < 1.1)
         ex, ey = ex[within], ey[within]
-        tx, ty, dz = enter_flat(ex, ey, inverse, f)
-        segments.append(
-            Segment({"index_inverse_i": inverse}, {"ex_i": ex, "ey_i": ey}, {"tx_o": tx, "ty_o": ty, "dz_o": dz})
-        )
+        tx, ty, dz, beyond = enter_flat(ex, ey, inverse, f)
+        out = {"tx_o": tx, "ty_o": ty, "dz_o": dz, "beyond_o": beyond.astype(np.int64)}
+        segments.append(Segment({"index_inverse_i": inverse}, {"ex_i": ex, "ey_i": ey}, out))
         sine = ((ex / n) ** 2 + (ey / n) ** 2) / 4.0 ** (f + 1)
         seen.point("along the axis, dz the largest word", (ex == 0) & (ey == 0) & (dz == (2 << f) - 1))
         seen.point("squares cut to less than 0", (ex <= 0) & (ey <= 0) & (ex >= -2) & (ey >= -2))
         seen.point("root in the lower octave", sine > 0.5)
         seen.point("root in the upper octave", sine < 0.5)
+        assert (beyond == (sine > 0.75))[np.abs(sine - 0.75) > 2.0**-f].all()
+        seen.point("beyond 60 degrees", beyond)
         seen.point("steepest", sine > 0.99 * 0.75 / 1.16**2)
         for name, e in (("x", ex), ("y", ey)):
             seen.point(f"{name} negative", e < 0)

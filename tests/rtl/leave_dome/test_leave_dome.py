@@ -53,12 +53,18 @@ def test_equals_twin(f):
     streams = []
     for index, square, words in segments:
         given = dict(zip(PORTS, words, strict=True))
-        met = Meeting(*(given[k] for k in ("nx", "ny", "nz", "cos", "s")), missed=np.zeros(len(words[0]), bool))
-        dx, dy, dz, reflected = leave_dome(met, given["ex"], given["ey"], given["dz"], index, square, f)
+        met = Meeting(*(given[k] for k in ("nx", "ny", "nz", "cos", "s")), *np.zeros((2, len(words[0])), bool))
+        dx, dy, dz, reflected, beyond = leave_dome(met, given["ex"], given["ey"], given["dz"], index, square, f)
         expected = {"dx_o": dx, "dy_o": dy, "dz_o": dz, "reflected_o": reflected.astype(np.int64)}
+        expected["beyond_o"] = beyond.astype(np.int64)
         inputs = {f"{k}_i": w for k, w in given.items()}
         streams.append(Segment({"index_i": index, "index_square_i": square}, inputs, expected))
         c = one - (given["s"].astype(object) * square >> f)
+        assert (beyond & reflected).sum() == 0
+        assert beyond[c > one + 1024].all()
+        seen.point("beyond", beyond)
+        seen.point("neither beyond nor reflected", ~beyond & ~reflected)
+        seen.point("cosine behind above 1", c > one + 1024)
         seen.point("totally reflected", reflected)
         seen.point("last before total reflection", (c > 0) & (c <= 8) & ~reflected)
         seen.point("first beyond it", (c <= 0) & (c > -8) & reflected)

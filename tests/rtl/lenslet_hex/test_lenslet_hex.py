@@ -31,11 +31,15 @@ def test_equals_twin(f):
     border_x, border_y = borders(rng, f)
     x, y = mixed(rng, 3000, signed(12 + f), signed(12 + f))
     x, y = np.concatenate([x, border_x]), np.concatenate([y, border_y])
-    i, j, local_x, local_y = lenslet_hex(x, y, f)
-    out = {"i_o": i, "j_o": j, "x_o": local_x, "y_o": local_y}
+    i, j, local_x, local_y, beyond = lenslet_hex(x, y, f)
+    out = {"i_o": i, "j_o": j, "x_o": local_x, "y_o": local_y, "beyond_o": beyond.astype(np.int64)}
     stream_step("lenslet_hex", f, [Segment({}, {"x_i": x, "y_i": y}, out)], s)
 
     seen = Coverage("lenslet_hex", f"F{f}")
+    # The indices are right where they do not wrap, and 4096 off where they do.
+    off = np.stack([(x - local_x) / (1 << f) - (y - local_y) / (2 << f) - i, (y - local_y) / (1 << f) - j])
+    assert (beyond == (np.abs(off) > 1).any(axis=0)).all()
+    seen.point("an index wraps", beyond)
     di = (i - ((2 * x - y) >> (f + 1))) & 1
     dj = (j - (y >> f)) & 1
     seen.values("corner", 2 * di + dj, range(4))

@@ -56,6 +56,8 @@ def test_equals_twin(f, upward):
         streams.append(Segment({"zc_i": zc, "oz_i": rest}, inputs, expected))
         square, one = (met.cos / (2 << f)) ** 2, 1 << (f + 3)
         seen.point("missed", met.missed)
+        seen.point("beyond", met.beyond)
+        seen.point("neither missed nor beyond", ~met.missed & ~met.beyond)
         seen.point("grazed, cosine below 0.05", ~met.missed & (square < 0.0025) & (square > 0))
         seen.point("straight, sine 0", met.s == 0)
         seen.point("sine held at the largest word", met.s == one - 1)

@@ -22,9 +22,13 @@ def test_equals_twin(f, grid, sheared):
     for cx, cy in [(1, 1), (2, 3), (top, top), (top - 1, top), *rng.integers(1, top, (4, 2)).tolist()]:
         hx, hy, di, dj = mixed(rng, 500, signed(f + 3), signed(f + 3), (-1, 1), (-1, 1))
         rx = int(rng.choice([low, top, 0, *rng.integers(low, top, 3)]))
-        x, y = move_lenslet(hx, hy, di, dj, cx, cy, rx, grid, f, sheared)
+        x, y, beyond = move_lenslet(hx, hy, di, dj, cx, cy, rx, grid, f, sheared)
         words = {"hx_i": hx, "hy_i": hy, "di_i": di, "dj_i": dj}
-        segments.append(Segment({"cx_i": cx, "cy_i": cy, "rx_i": rx}, words, {"hx_o": x, "hy_o": y}))
+        segments.append(
+            Segment({"cx_i": cx, "cy_i": cy, "rx_i": rx}, words, {"hx_o": x, "hy_o": y, "beyond_o": beyond.astype(int)})
+        )
+        seen.point("beyond", beyond)
+        seen.point("not beyond", ~beyond)
         steps = [f"{p} {q}" for p, q in zip(di, dj, strict=True)]
         seen.values("step", steps, [f"{i} {j}" for i in (-1, 0, 1) for j in (-1, 0, 1)])
         seen.point("odd pitch", cx % 2)

@@ -26,17 +26,21 @@ def test_equals_twin(f):
         config = dict(zip(NAMES, column, strict=True))
         u, v = mixed(rng, 400, signed(18), signed(18))
         out = {}
+        wraps = np.zeros(len(u), bool)
         for axis in "xy":
             names = (f"{axis}_from_u", f"{axis}_from_v", f"{axis}_offset")
             k_u, k_v, offset = (config[name] for name in names)
-            out[f"{axis}_o"] = pixel_to_panel(u, v, k_u, k_v, offset, f)
+            out[f"{axis}_o"], beyond = pixel_to_panel(u, v, k_u, k_v, offset, f)
             # The whole sum at once: 40 fraction bits, cut to F, the index wrapped to 12 bits.
             whole = (u.astype(object) * k_u + v.astype(object) * k_v + offset) >> (40 - f)
             half = 1 << (11 + f)
             assert (((whole + half) % (2 * half)) - half == out[f"{axis}_o"]).all(), config
             seen.point("lower half carries", ((u * (k_u & 0x1FFFF) + v * (k_v & 0x1FFFF)) >> 17) > 0)
             seen.point("lower half borrows", ((u * (k_u & 0x1FFFF) + v * (k_v & 0x1FFFF)) >> 17) < 0)
-            seen.point("index wraps", (whole >= half) | (whole < -half))
+            assert (beyond == (whole >= half) | (whole < -half)).all()
+            wraps |= beyond
+            seen.point("index wraps", beyond)
+        out["beyond_o"] = wraps.astype(np.int64)
         seen.point("largest u", u == (1 << 17) - 1)
         seen.point("smallest v", v == -(1 << 17))
         segments.append(Segment({f"{k}_i": w for k, w in config.items()}, {"u_i": u, "v_i": v}, out))

@@ -25,8 +25,13 @@ def test_equals_twin(f):
     steep_x, steep_y = mixed(rng, 1000, (-(2 << f), (2 << f) - 1), (-(2 << f), (2 << f) - 1))
     mx, my = np.concatenate([mx[within], steep_x]), np.concatenate([my[within], steep_y])
     square = mx * mx + my * my
-    ex, ey, ez = unit_slope(mx, my, f)
-    stream_step("unit_slope", f, [Segment({}, {"mx_i": mx, "my_i": my}, {"ex_o": ex, "ey_o": ey, "ez_o": ez})], s)
+    ex, ey, ez, beyond = unit_slope(mx, my, f)
+    out = {"ex_o": ex, "ey_o": ey, "ez_o": ez, "beyond_o": beyond.astype(np.int64)}
+    stream_step("unit_slope", f, [Segment({}, {"mx_i": mx, "my_i": my}, out)], s)
+    # The sum of squares is rounded to F + 1 fraction bits.
+    assert (
+        beyond[np.abs(square - (3 << 2 * f)) > 1 << f] == (square > 3 << 2 * f)[np.abs(square - (3 << 2 * f)) > 1 << f]
+    ).all()
 
     seen = Coverage("unit_slope", f"F{f}")
     seen.point("along the axis", (mx == 0) & (my == 0))
