@@ -20,7 +20,7 @@ def test_equals_twin_for_all_parameters():
         (d,) = mixed(rng, 300, signed(width))
         edges = [low - (1 << slack), high + (1 << slack)]
         d = np.concatenate([d, around(edges, 2, *signed(width))])
-        over = beyond(d, to, slack)
+        over = beyond(d, to, 1 << slack)
         q = twin(d, to)
         batch.append(
             (saturate(width, to, slack), Segment({}, {"d_i": d}, {"q_o": q, "beyond_o": over.astype(np.int64)}))
