@@ -22,5 +22,7 @@ def sqrt(x: Ints, f: int, normalise: bool = True) -> Ints:
             clear = (x >> (f + 3 - 2 * step)) == 0
             x = np.where(clear, (x << 2 * step) & ((1 << (f + 3)) - 1), x)
             k = k + np.where(clear, step, 0)
-    root = np.where(x == 0, 0, quadratic(x, "square", f) >> k)
+    root = quadratic(x, "square", f) >> k
+    if normalise:
+        root = np.where(x == 0, 0, root)
     return np.minimum(guarded(root), (1 << (f + 1)) - 1)
