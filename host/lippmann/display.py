@@ -293,12 +293,13 @@ class Display:
 
         Raises InputError when the result cannot be built, for example when the gap becomes negative.
         """
-        array = self.array
+        array, extent = self.array, self.array.extent_mm
         moved = replace(
             array,
             rotation_deg=array.rotation_deg + rotation_deg,
             offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
             pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
+            extent_mm=None if extent is None else tuple(side * pitch_scale for side in extent),
         )
         if pitch_scale > 1.0:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.

@@ -668,6 +668,16 @@ def test_misaligned_stretches_both_pitches():
     assert display.misaligned(pitch_scale=1.25).array.pitch_mm == (1.25, 1.875)
 
 
+@pytest.mark.parametrize("scale", [0.97, 0.9999, 1.0001, 1.003, 1.02])
+@pytest.mark.parametrize("extent", [[12.0, 8.0], [11.9, 8.7], [4.0, 2.0]])
+def test_misaligned_stretches_the_extent(extent, scale):
+    """A stretched array has as many lenslets as before."""
+    display = parse_display(toml(array=but(ARRAY, extent_mm=extent, radius_mm=2.0)))
+    stretched = display.misaligned(pitch_scale=scale).array
+    assert stretched.extent_mm == pytest.approx([side * scale for side in extent])
+    assert stretched.half_steps == display.array.half_steps
+
+
 def test_misaligned_keeps_the_eye_and_its_zone():
     """The eye belongs to the pixels: a moved array leaves it where it is."""
     display = parse_display(toml(viewing_distance_mm=20.0, viewing_axis_mm=[3.0, -4.0]))
