@@ -432,8 +432,18 @@ def _check(display: Display, where: str) -> None:
         return
     nearest = display.nearest_eye_mm
     if not display.viewing_distance_mm >= nearest:
-        what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, which ends at {nearest:.4g} mm"
-        raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
+        eye, gap = display.viewing_distance_mm, display.gap_mm
+        inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
+        farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
+        in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
+        # In focus, the eye would be outside: the gap is the mistake.
+        if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
+            what, remedy = (
+                f"{gap:g} mm puts the eye at {eye:g} mm {inside}",
+                f"give {in_focus:.4g}, in focus, or {farther}",
+            )
+            raise input_error(f"{where}gap_mm", what, remedy)
+        raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
 
 
 def _check_extent(display: Display, where: str) -> None:
