@@ -47,9 +47,7 @@ class DisplayProperties:
     index: float
     aperture_distance_mm: float
     back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
-    lenslets: Annotated[
-        Lenslets, key("(across, down, total): equation 5, rounded up; a hexagonal array has closer rows")
-    ]
+    lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; with an extent, those within it")]
     elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
     viewing_angle_deg: Annotated[float, key("full angle of a lenslet's own elemental image: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
@@ -112,10 +110,6 @@ def display_properties(display: Display) -> DisplayProperties:
     """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
     pitch, distance = array.finest_mm, display.aperture_distance_mm
-    extent = array.extent_mm or (math.inf, math.inf)
-    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
-    across = math.ceil(min(panel.width_mm, extent[0]) / array.pitches_mm[0] - 1e-9)
-    down = math.ceil(min(panel.height_mm, extent[1]) / array.row_pitch_mm - 1e-9)
     image = pitch * (1.0 + display.convergence)
     half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
     (zone,) = zones(display, [viewing_distance(display)])
@@ -130,7 +124,7 @@ def display_properties(display: Display) -> DisplayProperties:
         f_number=array.focal_length_mm / pitch,
         aperture_distance_mm=distance,
         back_focal_length_mm=array.focal_length_mm - in_glass,
-        lenslets=(across, down, across * down),
+        lenslets=_lenslets(display),
         elemental_image_px=image / panel.coarsest_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
@@ -142,6 +136,22 @@ def display_properties(display: Display) -> DisplayProperties:
         views=math.floor(image / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
+
+
+def _lenslets(display: Display) -> Lenslets:
+    """Return the number of lenslets across, down and in all: before the panel, and within the array's extent."""
+    panel, array = display.panel, display.array
+    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
+    across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
+    down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
+    if array.half_steps is None:
+        return across, down, across * down
+    along, rows = array.half_steps
+    down = min(down, 2 * (rows // 2) + 1)
+    # The middle row has a lenslet in the middle; on a hexagonal lattice the next rows have two beside the middle.
+    own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
+    others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
+    return max(own, other) if others else own, down, own * (down - others) + other * others
 
 
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:

@@ -102,9 +102,9 @@ def gap(samples: int, sides: Pair) -> float:
 
     One sample is in the centre. Several are the first points of the R2 sequence, shifted at random and modulo 1. The
     worst shift leaves a corner of the rectangle at the radius of the largest empty quarter of a disk from all of them.
-    Each of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k depends
-    on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters that open
-    to the left equal those to the right, turned by 180 degrees with the points.
+    Each of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k
+    depends on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters
+    that open to the left equal those to the right, turned by 180 degrees with the points.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
