@@ -25,6 +25,7 @@ PARALLEL_DEG = 0.05
 
 Lenslets = tuple[int, int, int]
 _ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
+_MIDDLE = "with a viewing distance that of the lenslet at the viewing axis"
 _DEPTHS = (
     "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
 )
@@ -49,7 +50,7 @@ class DisplayProperties:
     back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
     lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; with an extent, those within it")]
     elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
-    viewing_angle_deg: Annotated[float, key("full angle of a lenslet's own elemental image: 2 atan(pitch / 2D)")]
+    viewing_angle_deg: Annotated[float, key(f"full angle of an elemental image, {_MIDDLE}: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
         float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
     ]
@@ -94,6 +95,14 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
         arcmin, moire = 60.0 * math.degrees(display.array.coarsest_mm / z), visible_moire(display, z)
         views.append(EyeView(eye, share, zone, depths, z * step, arcmin, moire))
     return views
+
+
+def axis_text(display: Display) -> str:
+    """Return whose axis the angles of viewing and of crosstalk are measured from."""
+    if display.viewing_distance_mm is None:
+        return "a lenslet's axis"
+    x, y = display.viewing_axis_mm
+    return f"the axis of the lenslet at ({x:g}, {y:g}) mm"
 
 
 def percent(share: float) -> str:
@@ -214,7 +223,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
         found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
     if half_field_deg < 5.0:
         found.append(
-            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "
+            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
             "elemental image; shorten the focal length and the gap"
         )
     if zone is None:

@@ -327,6 +327,27 @@ def test_inspect_tells_what_an_eye_sees(inspected):
     assert result["elemental_image_px"] == pytest.approx(1.005 / 0.08964)
 
 
+@pytest.mark.parametrize("axis", [(0.0, 0.0), (80.0, -30.0)])
+def test_the_crosstalk_angle_is_that_of_the_lenslet_it_names(tmp_path, capsys, axis):
+    """Chief rays back from the two sides of the angle: own image within, the neighbour's beyond."""
+    display = changed(ZONED["15.6 inch"], {}, {"rotation_deg": 0.0, "offset_mm": axis}, viewing_axis_mm=axis)
+    (tmp_path / "it.toml").write_text(display_text(display))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("crosstalk")]
+    found = re.search(r"beyond ([\d.]+) deg off the axis of the lenslet at \((.+), (.+)\) mm", line)
+    angle, x, y = (float(number) for number in found.groups())
+    assert (x, y) == axis
+    for share, status in ((-1.001, 4), (-0.999, 0), (0.999, 0), (1.001, 4)):
+        slope = math.tan(math.radians(share * angle))
+        eye, place = np.array([[x + 600.0 * slope, y, 600.0]]), np.array([[x, y, 0.0]])
+        ray = (place - eye) / np.linalg.norm(place - eye)
+        assert trace_to_panel(display, eye, ray, "pinhole").status.tolist() == [status], share
+    changed_back = dataclasses.replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+    (tmp_path / "it.toml").write_text(display_text(changed_back))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    assert "deg off a lenslet's axis" in capsys.readouterr().out
+
+
 def texts(path):
     """The words in an SVG."""
     return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]

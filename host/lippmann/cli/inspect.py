@@ -20,6 +20,7 @@ from lippmann.display import Display, load_display
 from lippmann.display_properties import (
     DisplayProperties,
     EyeView,
+    axis_text,
     display_properties,
     eye_views,
     percent,
@@ -159,7 +160,7 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     yield "lenslets", f"{across} x {down}{alternate} = {total}"
     yield "elemental image", f"{derived.elemental_image_px:.6g} px across"
     yield "viewing angle", f"{derived.viewing_angle_deg:.5g} deg"
-    yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"
+    yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off {axis_text(display)}"
     zone = f"{derived.viewing_zone_mm:.4g} mm to both sides" if derived.viewing_zone_mm else "none"
     yield "viewing zone", f"{zone}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
     yield "central depth plane", place
