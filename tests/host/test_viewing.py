@@ -348,6 +348,17 @@ def test_the_crosstalk_angle_is_that_of_the_lenslet_it_names(tmp_path, capsys, a
     assert "deg off a lenslet's axis" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("name", ["15.6 inch, off the axis", "small, eye far away"])
+def test_the_printed_zone_ends_where_the_searched_one_does(tmp_path, capsys, name):
+    display = ZONED[name]
+    (zone,) = zones(display, [600.0])
+    (tmp_path / "it.toml").write_text(display_text(display))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("viewing zone")]
+    ends = [float(end) for end in re.search(r"x = (\S+) to (\S+) mm, for eyes at 600 mm", line).groups()]
+    assert ends == pytest.approx([zone.left_mm, zone.right_mm], rel=1e-3)
+
+
 def texts(path):
     """The words in an SVG."""
     return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]

@@ -18,6 +18,7 @@ from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.display_properties import (
+    DISTANCES,
     DisplayProperties,
     EyeView,
     axis_text,
@@ -29,7 +30,7 @@ from lippmann.display_properties import (
 from lippmann.images import check_output
 from lippmann.toml import schema
 from lippmann.tones import transfer_name
-from lippmann.viewing import viewing_distance
+from lippmann.viewing import Zone, viewing_distance
 
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
@@ -74,6 +75,7 @@ def command(
     display = load_display(display_path)
     derived = display_properties(display)
     views = table_of_views(display)
+    at_usual = views[DISTANCES.index(1.0)]
     seen = None if eye is None else eye_views(display, [eye])[0]
     panel, array = display.panel, display.array
     result = {
@@ -92,7 +94,7 @@ def command(
         drawing.draw_zones(display, Path(zones), eye)
     if draw is not None:
         drawing.draw_display(display, Path(draw))
-    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived)]
+    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if seen is not None:
         x, y, z = seen.eye_mm
         lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm", *_table(display, [seen])]
@@ -123,7 +125,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         )
 
 
-def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:
+def _rows(display: Display, derived: DisplayProperties, zone: Zone | None) -> Iterator[tuple[str, str]]:
     """Yield the names and values that the command prints."""
     panel, array = display.panel, display.array
     across, down, total = derived.lenslets
@@ -161,8 +163,8 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     yield "elemental image", f"{derived.elemental_image_px:.6g} px across"
     yield "viewing angle", f"{derived.viewing_angle_deg:.5g} deg"
     yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off {axis_text(display)}"
-    zone = f"{derived.viewing_zone_mm:.4g} mm to both sides" if derived.viewing_zone_mm else "none"
-    yield "viewing zone", f"{zone}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
+    ends = "none" if zone is None else f"x = {zone.left_mm:+.4g} to {zone.right_mm:+.4g} mm"
+    yield "viewing zone", f"{ends}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
     yield "central depth plane", place
     yield "depth range", f"z = {far:+.4g} to {near:+.4g} mm"
     yield "angular resolution", f"{derived.angular_resolution_deg:.4g} deg ({derived.views} views across)"
