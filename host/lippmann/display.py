@@ -126,7 +126,10 @@ class Array:
     grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
     pitch_mm: Annotated[
         Length | LengthPair,
-        key("lenslet pitch, at least a pixel; hexagonal: across the flats; [x, y] where they differ"),
+        key(
+            "lenslet pitch, at least a pixel; hexagonal: across the flats; "
+            "[x, y] where they differ, hexagonal rows are 0.866 y apart"
+        ),
     ]
     radius_mm: Annotated[Length, key("radius of the dome (the curved face); at least the cell's half diagonal")]
     index: Index
@@ -403,7 +406,9 @@ def check_pitch(array: Array, where: str) -> None:
     if array.coarsest_mm > MAX_PITCH_RATIO * array.finest_mm:
         px, py = array.pitches_mm
         what = f"[{px:g}, {py:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
-        raise input_error(where, what, "give [pitch along a row, pitch of the rows] in mm")
+        raise input_error(
+            where, what, "give [px, py]: lenslets px mm apart along a row, rows py mm apart, hexagonal 0.866 py"
+        )
 
 
 def check_radius(array: Array, where: str) -> None:

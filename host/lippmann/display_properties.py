@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann.display import Display, Pair
+from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.system import System
 from lippmann.toml import documented, key
@@ -105,9 +106,9 @@ def axis_text(display: Display) -> str:
     return f"the axis of the lenslet at ({x:g}, {y:g}) mm"
 
 
-def percent(share: float) -> str:
-    """Return a share in per cent; one that is not 0 does not look like 0."""
-    return "< 0.1 %" if 0.0 < share < 5e-4 else f"{100.0 * share:.1f} %"
+def percent(share: float, sampled: bool = False) -> str:
+    """Return a share in per cent; one that is not 0, or that was `sampled` and may be more, does not look like 0."""
+    return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
 def table_of_views(display: Display) -> list[EyeView]:
@@ -210,6 +211,12 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
             "take a finer panel or a coarser array"
         )
+    px, py = array.pitches_mm
+    if array.grid == "hex" and abs(py / px / HALF_SQRT3 - 1.0) < 0.01:
+        found.append(
+            f"rows are {array.row_pitch_mm:.4g} mm apart, because py of a hexagonal pitch_mm is not their distance; "
+            f"if they are {py:g} mm apart give pitch_mm = [{px:g}, {py / HALF_SQRT3:.6g}]"
+        )
     moire = visible_moire(display)
     if moire is not None:
         found.append(
@@ -230,8 +237,8 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
         distance = viewing_distance(display)
         share = status_share(display, middle_eye(display, distance))["crosstalk"]
         found.append(
-            f"no eye at {distance:g} mm sees the whole panel: {percent(share)} of the view from the middle is "
-            f"crosstalk; {remedy(display)}"
+            f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "
+            f"middle is crosstalk; {remedy(display)}"
         )
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:

@@ -359,6 +359,39 @@ def test_the_printed_zone_ends_where_the_searched_one_does(tmp_path, capsys, nam
     assert ends == pytest.approx([zone.left_mm, zone.right_mm], rel=1e-3)
 
 
+def test_where_no_zone_is_the_printed_crosstalk_is_not_0(capsys):
+    """Of desktop-hex at 450 mm no ray of 8192 is crosstalk, but the corners' lenslets are at the very limit."""
+    assert run(["inspect", str(SHIPPED[0].parent / "desktop-hex.toml")]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    rows = {line[0]: line[1:] for line in lines if line and re.fullmatch(r"\d+", line[0])}
+    assert rows["450"][:4] == ["<", "0.1", "%", "none"]
+    assert rows["600"][:2] == ["0.0", "%"]
+    assert all(row[:3] != ["0.0", "%", "none"] for row in rows.values())
+
+
+@pytest.mark.parametrize(
+    ("grid", "pitch", "rows", "advised"),
+    [
+        ("hex", [1.0, 0.866], "0.749978", "[1, 0.999971]"),
+        ("hex", [1.3, 1.125], "0.974279", "[1.3, 1.29904]"),
+        ("hex", [1.0, 0.99], "0.857365", None),
+        ("square", [1.0, 0.866], "0.866", None),
+        ("hex", 1.0, None, None),
+    ],
+)
+def test_the_distance_of_rows_is_said(tmp_path, capsys, grid, pitch, rows, advised):
+    """py sqrt(3)/2 on a hexagonal lattice; advised: [px, py 2 / sqrt(3)]."""
+    display = changed(display_of(grid, "panel", thickness=2.0))
+    pitch = tuple(pitch) if isinstance(pitch, list) else pitch
+    (tmp_path / "it.toml").write_text(display_text(changed(display, {}, {"pitch_mm": pitch})))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    out = capsys.readouterr().out
+    (line,) = [line for line in out.splitlines() if line.startswith("array ")]
+    assert (f"rows {rows} mm apart" in line) if rows else ("rows" not in line)
+    assert ("if they are" in out) == (advised is not None)
+    assert advised is None or f"give pitch_mm = {advised}\n" in out
+
+
 def texts(path):
     """The words in an SVG."""
     return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]

@@ -116,7 +116,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
         yield form.format(
             f"{view.eye_mm[2]:g}",
-            percent(view.status_share["crosstalk"]),
+            percent(view.status_share["crosstalk"], sampled=zone is None),
             size,
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",
@@ -142,8 +142,9 @@ def _rows(display: Display, derived: DisplayProperties, zone: Zone | None) -> It
         contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
         yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
     pitches = " x ".join(f"{pitch:g}" for pitch in dict.fromkeys(array.pitches_mm))
+    rows = "" if isinstance(array.pitch_mm, float) else f", rows {array.row_pitch_mm:.6g} mm apart"
     shear = f", shear {array.shear:g}" if array.shear else ""
-    yield "array", f"{array.grid}, pitch {pitches} mm{shear}, {side}, rotation {array.rotation_deg:g} deg"
+    yield "array", f"{array.grid}, pitch {pitches} mm{rows}{shear}, {side}, rotation {array.rotation_deg:g} deg"
     if array.extent_mm is not None:
         yield "extent", f"{array.extent_mm[0]:g} x {array.extent_mm[1]:g} mm; no light beside it"
     yield "gap", f"{display.gap_mm:.6g} mm"
