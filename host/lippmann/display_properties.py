@@ -217,11 +217,12 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"rows are {array.row_pitch_mm:.4g} mm apart, because py of a hexagonal pitch_mm is not their distance; "
             f"if they are {py:g} mm apart give pitch_mm = [{px:g}, {py / HALF_SQRT3:.6g}]"
         )
-    moire = visible_moire(display)
+    distance = viewing_distance(display)
+    moire = visible_moire(display, distance)
     if moire is not None:
         found.append(
-            f"moire: pixels and lenslets beat every {moire:.3g} lenslets; change the pitch of either, or the "
-            "angle of the array by some degrees"
+            f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
+            "pitch of either, or the angle of the array by some degrees"
         )
     # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
@@ -234,7 +235,6 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             "elemental image; shorten the focal length and the gap"
         )
     if zone is None:
-        distance = viewing_distance(display)
         share = status_share(display, middle_eye(display, distance))["crosstalk"]
         found.append(
             f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "

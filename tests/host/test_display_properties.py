@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.display import load_display
-from lippmann.display_properties import beats_in_lenslets, display_properties
+from lippmann.display_properties import beats_in_lenslets, display_properties, eye_views
 from lippmann.engines import trace
 from lippmann.optics.rays import Status
 from optics_cases import GRIDS, display_of
@@ -27,9 +27,11 @@ def lattice_vectors(display):
     return basis @ np.array([[c, s], [-s, c]])
 
 
-def nearest_reciprocal(display):
+def nearest_reciprocal(display, distance_mm=math.inf):
     """Distances of the pixels' two fundamental frequencies from the reciprocal lattice, cycles a lenslet: tries all."""
     ratio = display.array.pitches_mm[0] / display.panel.pixel_pitch_mm
+    # An eye sees pixels through neighbouring lenslets (1 + D/z) pitches apart, by similar triangles.
+    ratio *= 1.0 + display.aperture_distance_mm / distance_mm
     reach = math.ceil(1.5 * ratio) + 2
     counts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     reciprocal = counts @ np.linalg.inv(lattice_vectors(display)).T  # b_i . a_j = delta_ij
@@ -49,19 +51,26 @@ def case(rng):
 
 
 def moire_of(display):
-    """The period in the moire warning, lenslets; None without one."""
+    """The eye's distance and the period in the moire warning, mm; None without one."""
     found = [w for w in display_properties(display).warnings if w.startswith("moire: ")]
-    return float(re.search(r"every ([\d.e+]+) lenslets", found[0]).group(1)) if found else None
+    said = r"to an eye at ([\d.e+]+) mm, pixels and lenslets beat every ([\d.e+]+) mm"
+    return tuple(map(float, re.search(said, found[0]).groups())) if found else None
 
 
-@pytest.mark.parametrize("number", range(100))
-def test_moire_follows_from_the_reciprocal_lattice(number):
-    display = case(generator(SEED, number))
-    frequencies = nearest_reciprocal(display)
-    assert [1.0 / beat for beat in beats_in_lenslets(display)] == pytest.approx(frequencies, abs=1e-9)
-    widest = display.panel.width_mm / display.array.pitches_mm[0]
-    visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < widest]
-    assert moire_of(display) == (pytest.approx(max(visible), rel=5e-3) if visible else None)
+@pytest.mark.parametrize("viewing", [None, 300.0, 2000.0])
+@pytest.mark.parametrize("number", range(30))
+def test_moire_follows_from_the_reciprocal_lattice(number, viewing):
+    display = dataclasses.replace(case(generator(SEED, number)), viewing_distance_mm=viewing)
+    distance = viewing or 600.0
+    for z in (math.inf, distance):
+        frequencies = nearest_reciprocal(display, z)
+        assert [1.0 / beat for beat in beats_in_lenslets(display, z)] == pytest.approx(frequencies, abs=1e-9)
+    pitch = display.array.pitches_mm[0]
+    visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < display.panel.width_mm / pitch]
+    # As the table of views has it at that distance.
+    (view,) = eye_views(display, [(0.0, 0.0, distance)])
+    assert view.moire_lenslets == (pytest.approx(max(visible), rel=1e-9) if visible else None)
+    assert moire_of(display) == (pytest.approx((distance, max(visible) * pitch), rel=5e-3) if visible else None)
 
 
 @pytest.mark.parametrize("grid", GRIDS)
