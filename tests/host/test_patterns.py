@@ -158,7 +158,10 @@ def test_ramps_and_checker_by_hand(bits):
     np.testing.assert_allclose(got[0, :, 0] / top, column % 256 / 255, atol=0.5 / (2**bits - 1) + 1e-4)
     # Each band has each level that its columns have room for, in steps of the panel's own.
     got = levels(display, "ramps")
-    wanted = np.rint(column * 2**bits // WIDTH * spread)
+    top_level = 2**bits - 1
+    wanted = column * 2**bits // WIDTH if top_level < WIDTH else column * top_level // (WIDTH - 1)
+    assert (wanted[0], wanted[-1]) == (0, top_level)
+    wanted = np.rint(wanted * spread)
     for band, channels in enumerate([(0, 1, 2), (0,), (1,), (2,)]):
         rows = row * 4 // HEIGHT == band
         assert 27 <= rows.sum() <= 28
