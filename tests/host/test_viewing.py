@@ -416,7 +416,7 @@ def test_the_drawing_shows_every_lenslet_and_the_numbers(inspected, grid, side):
     display = changed(display, viewing_distance_mm=300.0)
     assert inspected(display, "--draw", "d.svg")[0] == 0
     words = texts("d.svg")
-    assert "panel 18.62 x 14.9 mm, one lenslet in 1 x 1" in words
+    assert "panel 18.62 x 14.9 mm, all lenslets" in words
     distance = display.aperture_distance_mm
     assert f"gap 0.5, thickness 2.5, focal length 3, D {distance:.4g} mm" in words
     i, j = np.mgrid[-60:61, -60:61]
