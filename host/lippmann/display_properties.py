@@ -194,7 +194,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
     return period(0, display.panel.pitches_mm[0]), period(1, display.panel.pitches_mm[1])
 
 
-def visible_moire(display: Display, distance_mm: float = math.inf) -> float | None:
+def visible_moire(display: Display, distance_mm: float) -> float | None:
     """Return the longest period of a visible beat in lenslets; None without one."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
