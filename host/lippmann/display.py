@@ -126,7 +126,10 @@ class Array:
     grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
     pitch_mm: Annotated[
         Length | LengthPair,
-        key("lenslet pitch, at least a pixel; hexagonal: across the flats; [x, y] where they differ"),
+        key(
+            "lenslet pitch, at least a pixel; hexagonal: across the flats; "
+            "[x, y] where they differ, hexagonal rows are 0.866 y apart"
+        ),
     ]
     radius_mm: Annotated[Length, key("radius of the dome (the curved face); at least the cell's half diagonal")]
     index: Index
@@ -293,12 +296,13 @@ class Display:
 
         Raises InputError when the result cannot be built, for example when the gap becomes negative.
         """
-        array = self.array
+        array, extent = self.array, self.array.extent_mm
         moved = replace(
             array,
             rotation_deg=array.rotation_deg + rotation_deg,
             offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
             pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
+            extent_mm=None if extent is None else tuple(side * pitch_scale for side in extent),
         )
         if pitch_scale > 1.0:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
@@ -402,7 +406,9 @@ def check_pitch(array: Array, where: str) -> None:
     if array.coarsest_mm > MAX_PITCH_RATIO * array.finest_mm:
         px, py = array.pitches_mm
         what = f"[{px:g}, {py:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
-        raise input_error(where, what, "give [pitch along a row, pitch of the rows] in mm")
+        raise input_error(
+            where, what, "give [px, py]: lenslets px mm apart along a row, rows py mm apart, hexagonal 0.866 py"
+        )
 
 
 def check_radius(array: Array, where: str) -> None:
@@ -431,8 +437,18 @@ def _check(display: Display, where: str) -> None:
         return
     nearest = display.nearest_eye_mm
     if not display.viewing_distance_mm >= nearest:
-        what = f"{display.viewing_distance_mm:g} mm is within the lenslets' focal zone, which ends at {nearest:.4g} mm"
-        raise input_error(f"{where}viewing_distance_mm", what, "give the distance of the eye, such as 600")
+        eye, gap = display.viewing_distance_mm, display.gap_mm
+        inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
+        farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
+        in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
+        # In focus, the eye would be outside: the gap is the mistake.
+        if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
+            what, remedy = (
+                f"{gap:g} mm puts the eye at {eye:g} mm {inside}",
+                f"give {in_focus:.4g}, in focus, or {farther}",
+            )
+            raise input_error(f"{where}gap_mm", what, remedy)
+        raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
 
 
 def _check_extent(display: Display, where: str) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann.display import Display, Pair
+from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.system import System
 from lippmann.toml import documented, key
@@ -25,6 +26,7 @@ PARALLEL_DEG = 0.05
 
 Lenslets = tuple[int, int, int]
 _ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
+_MIDDLE = "with a viewing distance that of the lenslet at the viewing axis"
 _DEPTHS = (
     "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
 )
@@ -47,11 +49,9 @@ class DisplayProperties:
     index: float
     aperture_distance_mm: float
     back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
-    lenslets: Annotated[
-        Lenslets, key("(across, down, total): equation 5, rounded up; a hexagonal array has closer rows")
-    ]
+    lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; with an extent, those within it")]
     elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
-    viewing_angle_deg: Annotated[float, key("full angle of a lenslet's own elemental image: 2 atan(pitch / 2D)")]
+    viewing_angle_deg: Annotated[float, key(f"full angle of an elemental image, {_MIDDLE}: 2 atan(pitch / 2D)")]
     crosstalk_angle_deg: Annotated[
         float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
     ]
@@ -98,9 +98,17 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
     return views
 
 
-def percent(share: float) -> str:
-    """Return a share in per cent; one that is not 0 does not look like 0."""
-    return "< 0.1 %" if 0.0 < share < 5e-4 else f"{100.0 * share:.1f} %"
+def axis_text(display: Display) -> str:
+    """Return whose axis the angles of viewing and of crosstalk are measured from."""
+    if display.viewing_distance_mm is None:
+        return "a lenslet's axis"
+    x, y = display.viewing_axis_mm
+    return f"the axis of the lenslet at ({x:g}, {y:g}) mm"
+
+
+def percent(share: float, sampled: bool = False) -> str:
+    """Return a share in per cent; one that is not 0, or that was `sampled` and may be more, does not look like 0."""
+    return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
 def table_of_views(display: Display) -> list[EyeView]:
@@ -112,10 +120,6 @@ def display_properties(display: Display) -> DisplayProperties:
     """Compute the numbers that follow from a display file."""
     panel, array = display.panel, display.array
     pitch, distance = array.finest_mm, display.aperture_distance_mm
-    extent = array.extent_mm or (math.inf, math.inf)
-    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
-    across = math.ceil(min(panel.width_mm, extent[0]) / array.pitches_mm[0] - 1e-9)
-    down = math.ceil(min(panel.height_mm, extent[1]) / array.row_pitch_mm - 1e-9)
     image = pitch * (1.0 + display.convergence)
     half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
     (zone,) = zones(display, [viewing_distance(display)])
@@ -130,7 +134,7 @@ def display_properties(display: Display) -> DisplayProperties:
         f_number=array.focal_length_mm / pitch,
         aperture_distance_mm=distance,
         back_focal_length_mm=array.focal_length_mm - in_glass,
-        lenslets=(across, down, across * down),
+        lenslets=_lenslets(display),
         elemental_image_px=image / panel.coarsest_mm,
         viewing_angle_deg=2.0 * half_field_deg,
         crosstalk_angle_deg=half_field_deg,
@@ -142,6 +146,22 @@ def display_properties(display: Display) -> DisplayProperties:
         views=math.floor(image / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
+
+
+def _lenslets(display: Display) -> Lenslets:
+    """Return the number of lenslets across, down and in all: before the panel, and within the array's extent."""
+    panel, array = display.panel, display.array
+    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
+    across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
+    down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
+    if array.half_steps is None:
+        return across, down, across * down
+    along, rows = array.half_steps
+    down = min(down, 2 * (rows // 2) + 1)
+    # The middle row has a lenslet in the middle; on a hexagonal lattice the next rows have two beside the middle.
+    own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
+    others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
+    return max(own, other) if others else own, down, own * (down - others) + other * others
 
 
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
@@ -174,7 +194,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
     return period(0, display.panel.pitches_mm[0]), period(1, display.panel.pitches_mm[1])
 
 
-def visible_moire(display: Display, distance_mm: float = math.inf) -> float | None:
+def visible_moire(display: Display, distance_mm: float) -> float | None:
     """Return the longest period of a visible beat in lenslets; None without one."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
@@ -191,11 +211,18 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
             "take a finer panel or a coarser array"
         )
-    moire = visible_moire(display)
+    px, py = array.pitches_mm
+    if array.grid == "hex" and abs(py / px / HALF_SQRT3 - 1.0) < 0.01:
+        found.append(
+            f"rows are {array.row_pitch_mm:.4g} mm apart, because py of a hexagonal pitch_mm is not their distance; "
+            f"if they are {py:g} mm apart give pitch_mm = [{px:g}, {py / HALF_SQRT3:.6g}]"
+        )
+    distance = viewing_distance(display)
+    moire = visible_moire(display, distance)
     if moire is not None:
         found.append(
-            f"moire: pixels and lenslets beat every {moire:.3g} lenslets; change the pitch of either, or the "
-            "angle of the array by some degrees"
+            f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
+            "pitch of either, or the angle of the array by some degrees"
         )
     # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
@@ -204,15 +231,14 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
         found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
     if half_field_deg < 5.0:
         found.append(
-            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off a lenslet's axis see its neighbour's "
+            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
             "elemental image; shorten the focal length and the gap"
         )
     if zone is None:
-        distance = viewing_distance(display)
         share = status_share(display, middle_eye(display, distance))["crosstalk"]
         found.append(
-            f"no eye at {distance:g} mm sees the whole panel: {percent(share)} of the view from the middle is "
-            f"crosstalk; {remedy(display)}"
+            f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "
+            f"middle is crosstalk; {remedy(display)}"
         )
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:

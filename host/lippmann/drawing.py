@@ -99,7 +99,9 @@ def draw_display(display: Display, path: Path) -> None:
         whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
         _edge(whole, half)
         whole.set(
-            title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, one lenslet in {every} x {every}", aspect="equal"
+            title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
+            + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
+            aspect="equal",
         )
         _draw_section(section, display)
         for axis, name, place in (
@@ -206,4 +208,5 @@ def _draw_section(axis: Any, display: Display) -> None:
     focal, distance = array.focal_length_mm, display.aperture_distance_mm
     words = f"gap {gap:.4g}, thickness {thickness:.4g}, focal length {focal:.4g}, D {distance:.4g} mm"
     axis.set(xlabel="along a row of lenslets, mm", ylabel="z, mm", aspect="equal", title=words)
-    axis.legend(loc="upper right")
+    # Below the rays, which fill the chart to its top.
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)

@@ -126,10 +126,14 @@ def ramp(at: Pixels) -> Values:
 
 
 def ramps(at: Pixels) -> Values:
-    """Four bands, grey, red, green, blue from the top; each has all levels of the panel once, from left to right."""
+    """Four bands, grey, red, green, blue from the top; from black to full light, left to right.
+
+    Each has all levels of the panel once; on a panel with fewer columns than levels, as many as columns.
+    """
     panel = at.display.panel
-    levels = 1 << panel.bits
-    value = at.column * levels // panel.width_px / (levels - 1)
+    columns, levels = panel.width_px, 1 << panel.bits
+    whole = columns >= levels
+    value = (at.column * levels // columns if whole else at.column * (levels - 1) // max(1, columns - 1)) / (levels - 1)
     colours = np.array([[1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     return np.asarray(value[..., None] * colours[4 * at.row[:, 0] // panel.height_px][:, None])
 

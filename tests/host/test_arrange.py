@@ -187,6 +187,8 @@ def test_a_scene_without_bounds_has_an_infinite_box(low, high):
             "the camera does not look at the scene",
         ),
         ('<emitter type="constant"/>', "fit", "no bounded extent to fit"),
+        (glowing_sphere((0, 0, 0), 1.0), "from-camera", "arrange: 'from-camera' is unknown; choose from fit, camera"),
+        (glowing_sphere((0, 0, 0), 1.0), True, "arrange: 'True' is unknown"),
     ],
 )
 def test_scenes_that_cannot_be_placed(mi, tmp_path, body, arrange, said):

@@ -559,18 +559,30 @@ def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
 
 
 @pytest.mark.parametrize(
-    ("array", "gap", "zone"),
+    ("array", "gap", "zone", "at_fault"),
     [
         # f = R / (n - 1) = 4 mm; D = gap + sag / n, or the gap.
-        (ARRAY, 0.5, 16.0),
-        (ARRAY, 30.0, 4 * (30.0 + (2.0 - math.sqrt(4.0 - 1 / 3)) / 1.5)),
-        (but(ARRAY, plano_side="viewer"), 30.0, 120.0),
+        (ARRAY, 0.5, 16.0, "viewing_distance_mm"),
+        (ARRAY, 30.0, 4 * (30.0 + (2.0 - math.sqrt(4.0 - 1 / 3)) / 1.5), "gap_mm"),
+        (ARRAY, 292.0, 4 * (292.0 + (2.0 - math.sqrt(4.0 - 1 / 3)) / 1.5), "gap_mm"),
+        (but(ARRAY, plano_side="viewer"), 30.0, 120.0, "gap_mm"),
+        # 30 mm of glass at n = 1.5 are 20 mm of air: no gap is in focus.
+        (but(ARRAY, thickness_mm=30.0), 1.0, 84.0, "viewing_distance_mm"),
     ],
 )
-def test_an_eye_within_the_focal_zone(array, gap, zone):
-    near = toml(array=array, gap_mm=gap, viewing_distance_mm=zone * (1 - 1e-9))
-    line = refused(near, "viewing_distance_mm: ", "focal zone", "such as 600")
+def test_an_eye_within_the_focal_zone(array, gap, zone, at_fault):
+    eye = zone * (1 - 1e-9)
+    near = toml(array=array, gap_mm=gap, viewing_distance_mm=eye)
+    line = refused(near, f"{at_fault}: ", "focal zone")
     assert f"{zone:.4g} mm" in line
+    # What it advises is accepted.
+    farther = float(re.search(r"viewing_distance_mm such as ([\d.]+)", line)[1])
+    assert zone < farther < 1.02 * zone
+    parse_display(toml(array=array, gap_mm=gap, viewing_distance_mm=farther))
+    if at_fault == "gap_mm":
+        better = float(re.search(r"give ([\d.]+), in focus", line)[1])
+        built = parse_display(toml(array=array, gap_mm=better, viewing_distance_mm=eye))
+        assert built.aperture_distance_mm == pytest.approx(4.0, rel=1e-3)
     assert parse_display(toml(array=array, gap_mm=gap, viewing_distance_mm=zone * (1 + 1e-9))).convergence < 0.2501
 
 
@@ -599,9 +611,9 @@ def test_bad_eyes(keys, key, remedy):
         ({"pitch_mm": [1.0]}, "pitch_mm", "[x, y]"),
         ({"pitch_mm": [1.0, 1.0, 1.0]}, "pitch_mm", "[x, y]"),
         ({"pitch_mm": [1.0, 0.0]}, "pitch_mm", "number"),
-        ({"pitch_mm": [1.0, 4.001]}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
-        ({"pitch_mm": [4.001, 1.0]}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
-        ({"pitch_mm": [1.0, 0.04], "radius_mm": 9.0}, "pitch_mm", "[pitch along a row, pitch of the rows]"),
+        ({"pitch_mm": [1.0, 4.001]}, "pitch_mm", "hexagonal 0.866 py"),
+        ({"pitch_mm": [4.001, 1.0]}, "pitch_mm", "hexagonal 0.866 py"),
+        ({"pitch_mm": [1.0, 0.04], "radius_mm": 9.0}, "pitch_mm", "hexagonal 0.866 py"),
         ({"pitch_mm": [0.1, 0.04]}, "pitch_mm", "at least a pixel"),
         ({"shear": 1.0, "radius_mm": 0.7}, "radius_mm", "larger radius_mm"),
         ({"extent_mm": 20.0}, "extent_mm", "[x, y]"),
@@ -668,12 +680,22 @@ def test_misaligned_stretches_both_pitches():
     assert display.misaligned(pitch_scale=1.25).array.pitch_mm == (1.25, 1.875)
 
 
+@pytest.mark.parametrize("scale", [0.97, 0.9999, 1.0001, 1.003, 1.02])
+@pytest.mark.parametrize("extent", [[12.0, 8.0], [11.9, 8.7], [4.0, 2.0]])
+def test_misaligned_stretches_the_extent(extent, scale):
+    """A stretched array has as many lenslets as before."""
+    display = parse_display(toml(array=but(ARRAY, extent_mm=extent, radius_mm=2.0)))
+    stretched = display.misaligned(pitch_scale=scale).array
+    assert stretched.extent_mm == pytest.approx([side * scale for side in extent])
+    assert stretched.half_steps == display.array.half_steps
+
+
 def test_misaligned_keeps_the_eye_and_its_zone():
     """The eye belongs to the pixels: a moved array leaves it where it is."""
     display = parse_display(toml(viewing_distance_mm=20.0, viewing_axis_mm=[3.0, -4.0]))
     moved = display.misaligned(2.0, (0.3, 0.1), 1.0, 1.01)
     assert (moved.viewing_distance_mm, moved.viewing_axis_mm) == (20.0, (3.0, -4.0))
-    with pytest.raises(InputError, match=r"misaligned: viewing_distance_mm.*focal zone"):
+    with pytest.raises(InputError, match=r"misaligned: gap_mm.*focal zone"):
         display.misaligned(gap_mm=5.0)
 
 

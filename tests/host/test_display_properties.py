@@ -3,10 +3,14 @@
 import dataclasses
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.display_properties import beats_in_lenslets, display_properties
+from lippmann.display import load_display
+from lippmann.display_properties import beats_in_lenslets, display_properties, eye_views
+from lippmann.engines import trace
+from lippmann.optics.rays import Status
 from optics_cases import GRIDS, display_of
 from scene_cases import generator
 
@@ -23,9 +27,11 @@ def lattice_vectors(display):
     return basis @ np.array([[c, s], [-s, c]])
 
 
-def nearest_reciprocal(display):
+def nearest_reciprocal(display, distance_mm=math.inf):
     """Distances of the pixels' two fundamental frequencies from the reciprocal lattice, cycles a lenslet: tries all."""
     ratio = display.array.pitches_mm[0] / display.panel.pixel_pitch_mm
+    # An eye sees pixels through neighbouring lenslets (1 + D/z) pitches apart, by similar triangles.
+    ratio *= 1.0 + display.aperture_distance_mm / distance_mm
     reach = math.ceil(1.5 * ratio) + 2
     counts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     reciprocal = counts @ np.linalg.inv(lattice_vectors(display)).T  # b_i . a_j = delta_ij
@@ -45,19 +51,26 @@ def case(rng):
 
 
 def moire_of(display):
-    """The period in the moire warning, lenslets; None without one."""
+    """The eye's distance and the period in the moire warning, mm; None without one."""
     found = [w for w in display_properties(display).warnings if w.startswith("moire: ")]
-    return float(re.search(r"every ([\d.e+]+) lenslets", found[0]).group(1)) if found else None
+    said = r"to an eye at ([\d.e+]+) mm, pixels and lenslets beat every ([\d.e+]+) mm"
+    return tuple(map(float, re.search(said, found[0]).groups())) if found else None
 
 
-@pytest.mark.parametrize("number", range(100))
-def test_moire_follows_from_the_reciprocal_lattice(number):
-    display = case(generator(SEED, number))
-    frequencies = nearest_reciprocal(display)
-    assert [1.0 / beat for beat in beats_in_lenslets(display)] == pytest.approx(frequencies, abs=1e-9)
-    widest = display.panel.width_mm / display.array.pitches_mm[0]
-    visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < widest]
-    assert moire_of(display) == (pytest.approx(max(visible), rel=5e-3) if visible else None)
+@pytest.mark.parametrize("viewing", [None, 300.0, 2000.0])
+@pytest.mark.parametrize("number", range(30))
+def test_moire_follows_from_the_reciprocal_lattice(number, viewing):
+    display = dataclasses.replace(case(generator(SEED, number)), viewing_distance_mm=viewing)
+    distance = viewing or 600.0
+    for z in (math.inf, distance):
+        frequencies = nearest_reciprocal(display, z)
+        assert [1.0 / beat for beat in beats_in_lenslets(display, z)] == pytest.approx(frequencies, abs=1e-9)
+    pitch = display.array.pitches_mm[0]
+    visible = [1.0 / f for f in frequencies if f and 4.0 < 1.0 / f < display.panel.width_mm / pitch]
+    # As the table of views has it at that distance.
+    (view,) = eye_views(display, [(0.0, 0.0, distance)])
+    assert view.moire_lenslets == (pytest.approx(max(visible), rel=1e-9) if visible else None)
+    assert moire_of(display) == (pytest.approx((distance, max(visible) * pitch), rel=5e-3) if visible else None)
 
 
 @pytest.mark.parametrize("grid", GRIDS)
@@ -75,6 +88,34 @@ def test_the_beat_is_the_wave_of_the_pixels_phases(grid, rotation):
         whole = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
         slowest = np.linalg.norm((peak - whole) @ np.linalg.inv(basis).T, axis=1).min()
         assert slowest == pytest.approx(1.0 / beat, abs=3.0 / count)
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_lenslets_within_an_extent_are_those_that_pass_rays(number):
+    """On a panel that is larger than the array: lenslets that own a ray through their centre, counted."""
+    rng = generator(SEED, "extent", number)
+    display = display_of(rng.choice(GRIDS), "panel", width_px=400, height_px=300, pixel_pitch=0.1)
+    pitch = rng.choice([1.0, rng.uniform(0.8, 1.1)]), rng.uniform(0.8, 1.1)
+    extent = tuple((rng.uniform(1.2, 20.0, 2) * rng.choice([1.0, 0.5])).round(int(rng.integers(0, 3))) + 1.0)
+    array = dataclasses.replace(display.array, pitch_mm=pitch, extent_mm=extent, thickness_mm=2.0)
+    display = dataclasses.replace(display, array=array)
+    i, j = np.mgrid[-60:61, -60:61].reshape(2, -1)
+    x = pitch[0] * (i + 0.5 * j if array.grid == "hex" else i)
+    y = pitch[1] * (j * math.sqrt(0.75) if array.grid == "hex" else j)
+    near = (abs(x) < 19.0) & (abs(y) < 14.0)
+    rays = trace(display, np.stack([x[near] / 0.1 + 200.0, 150.0 - y[near] / 0.1], axis=1))
+    passed = rays.status == Status.OK
+    rows = np.round(y[near][passed], 6)
+    across, down, total = display_properties(display).lenslets
+    assert total == passed.sum()
+    assert down == len(set(rows))
+    assert across == max((rows == row).sum() for row in set(rows))
+
+
+def test_lenslets_of_the_measured_display():
+    """23 in the middle row, 24 in the next one, and so on: 11 x 23 + 10 x 24."""
+    display = load_display(Path(__file__).parents[2] / "scenes/displays/measured-hex.toml")
+    assert display_properties(display).lenslets == (24, 21, 493)
 
 
 def test_hexagonal_rows_beat_with_their_own_pitch():

@@ -152,8 +152,12 @@ def fit_of_build(display, depths, tolerance):
     return None if build is None else (build.model, build.fraction_bits)
 
 
+SIDES_PX = [(1.0, 1.0), (0.247, 0.988), (1.0, 0.3)]
+
+
+@pytest.mark.parametrize("sides", SIDES_PX)
 @pytest.mark.parametrize("samples", [1, 2, 3, 7, 16, 49, 200])
-def test_no_light_passes_farther_than_the_gap(samples):
+def test_no_light_passes_farther_than_the_gap(samples, sides):
     """Random shifts of the renderer's samples, and places all over the pixel: the gap bounds them and is reached."""
     rng = generator(SEED, samples)
     base = np.outer(np.arange(samples), [1 / G, 1 / G**2])
@@ -161,29 +165,30 @@ def test_no_light_passes_farther_than_the_gap(samples):
     worst = 0.0
     for shift in rng.uniform(0.0, 1.0, (300, 2)):
         points = (base + shift) % 1.0 if samples > 1 else np.array([[0.5, 0.5]])
-        across, up = np.square(side[:, None] - points.T[:, None])
+        across, up = (one**2 * np.square(side[:, None] - along) for one, along in zip(sides, points.T, strict=True))
         worst = max(worst, math.sqrt((across[:, None] + up).min(axis=2).max()))
-    assert worst <= gap(samples) + 1e-12
-    assert worst > 0.8 * gap(samples)
+    assert worst <= gap(samples, sides) + 1e-12
+    assert worst > 0.8 * gap(samples, sides)
 
 
 @cache
-def largest_quarter(samples):
-    """The largest empty quarter of a disk among the samples, the square repeated: by trying all that cannot grow."""
+def largest_quarter(samples, sides=(1.0, 1.0)):
+    """The largest empty quarter of a disk among the samples, the pixel repeated: by trying all that cannot grow."""
     base = np.outer(np.arange(samples), [1 / G, 1 / G**2])
     worst = 0.0
     for signs in itertools.product((1, -1), repeat=2):
         ahead = signs * (base[None] - base[:, None]) % 1.0  # (from, to, axis)
         ahead[np.arange(samples), np.arange(samples)] = 1.0
-        x, y = np.moveaxis(ahead**2, 2, 0)
+        x, y = np.moveaxis((ahead * sides) ** 2, 2, 0)
         # The sides of the quarter have just passed the points i (row of x) and j (row of y).
         worst = max(worst, *((x[i] + y).min(axis=1).max() for i in range(samples)))
     return math.sqrt(worst)
 
 
+@pytest.mark.parametrize("sides", SIDES_PX)
 @pytest.mark.parametrize("samples", [*range(2, 20), 49, 83, 144])
-def test_the_gap_is_the_largest_empty_quarter(samples):
-    assert gap(samples) == pytest.approx(largest_quarter(samples), rel=1e-9)
+def test_the_gap_is_the_largest_empty_quarter(samples, sides):
+    assert gap(samples, sides) == pytest.approx(largest_quarter(samples, sides), rel=1e-9)
 
 
 def test_samples_follow_from_the_spread():
@@ -191,18 +196,36 @@ def test_samples_follow_from_the_spread():
     display = focused_display("square", focal=2.0, width_px=200, height_px=160, pixel_pitch=0.05)
     assert fit(display, (-10.0, 0.0), 0.25).samples == 1  # sqrt(1/2) / 4 < 0.25
     far = fit(display, (-80.0, 0.0), 0.25)
-    assert far.sample_error_px == gap(far.samples) <= 0.25 < gap(far.samples - 1)
+    square = (1.0, 1.0)
+    assert far.sample_error_px == gap(far.samples, square) <= 0.25 < gap(far.samples - 1, square)
     none = fit(display, (-80.0, 0.0), 1e-3)
     assert none.samples is None
-    assert none.sample_error_px == gap(1024)  # a pixel spreads to one of the view's
+    assert none.sample_error_px == gap(1024, square)  # a pixel spreads to one of the view's
     assert none.choice.error_px[none.choice.model] <= 1e-3
+
+
+@pytest.mark.parametrize("pitch", [(0.05, 0.2), (0.2, 0.05), (0.05, 0.051)])
+@pytest.mark.parametrize("depth", [4.0, 15.0, 60.0])
+def test_samples_of_pixels_that_are_not_square(pitch, depth):
+    """The light of a pixel is a rectangle of |z| q / D; each side is measured in pixels of the view along it."""
+    display = focused_display("square", focal=3.0, width_px=200, height_px=120, pixel_pitch=0.1)
+    display = dataclasses.replace(display, panel=dataclasses.replace(display.panel, pixel_pitch_mm=pitch))
+    found = fit(display, (-depth, 0.5 * depth))
+    light = [depth * side / 3.0 for side in pitch]
+    x, y = (side / max(1.0, side) for side in light)
+    if math.hypot(x, y) / 2.0 <= 0.25:
+        assert (found.samples, found.sample_error_px) == (1, pytest.approx(math.hypot(x, y) / 2.0))
+        return
+    assert found.sample_error_px == pytest.approx(largest_quarter(found.samples, (x, y)))
+    assert found.sample_error_px <= 0.25
+    assert found.samples == 2 or largest_quarter(found.samples - 1, (x, y)) > 0.25
 
 
 @pytest.mark.parametrize("spread", [0.3, 0.6, 1.0])
 @pytest.mark.parametrize("tolerance", [0.1, 0.2, 0.2205, 0.25, 0.5, 1.0])
 def test_no_fewer_samples_would_do(spread, tolerance):
     """At 0.2205 a gap that was bounded from above took 83 samples for 49."""
-    chosen = choose_samples(spread, tolerance)
+    chosen = choose_samples((spread, spread), tolerance)
     if math.sqrt(0.5) * spread <= tolerance:
         assert chosen == 1
         return

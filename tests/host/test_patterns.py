@@ -158,7 +158,10 @@ def test_ramps_and_checker_by_hand(bits):
     np.testing.assert_allclose(got[0, :, 0] / top, column % 256 / 255, atol=0.5 / (2**bits - 1) + 1e-4)
     # Each band has each level that its columns have room for, in steps of the panel's own.
     got = levels(display, "ramps")
-    wanted = np.rint(column * 2**bits // WIDTH * spread)
+    top_level = 2**bits - 1
+    wanted = column * 2**bits // WIDTH if top_level < WIDTH else column * top_level // (WIDTH - 1)
+    assert (wanted[0], wanted[-1]) == (0, top_level)
+    wanted = np.rint(wanted * spread)
     for band, channels in enumerate([(0, 1, 2), (0,), (1,), (2,)]):
         rows = row * 4 // HEIGHT == band
         assert 27 <= rows.sum() <= 28
@@ -285,3 +288,21 @@ def test_a_board_refuses_what_its_registers_cannot_hold():
     with pytest.raises(InputError, match="register raster_panel"):
         draw(display, "lens-centres", fraction_bits=16)
     assert draw(display, "lens-centres").radiance.shape == (1, 17000, 3)
+
+
+@pytest.mark.parametrize(("extent", "eye"), [((4.0, 3.0), "0,0,600"), (None, "500,0,300")])
+def test_observe_says_where_rays_end(tmp_path, monkeypatch, capfd, extent, eye):
+    """5 x 3 lenslets of 1 mm before a panel of 8 x 6 mm: 11 of 16 rays meet the mount."""
+    display = focused_display("square", focal=3.0, width_px=80, height_px=60, pixel_pitch=0.1)
+    display = dataclasses.replace(display, array=dataclasses.replace(display.array, extent_mm=extent))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "it.toml").write_text(display_text(display))
+    assert run(["pattern", "checker", "--display", "it.toml", "-o", "it.png"]) == 0
+    capfd.readouterr()
+    assert run(["observe", "it.png", "--display", "it.toml", "--eye", eye, "--width", "80", "-o", "view.png"]) == 0
+    notes = [line for line in capfd.readouterr().err.splitlines() if "rays end" in line]
+    (note,) = notes
+    assert ("on the array's mount" in note) == (extent is not None)
+    assert "beside the panel" in note
+    if extent is not None:
+        assert float(note.split("up to ")[1].split(" %")[0]) == pytest.approx(100 * 11 / 16, abs=1.0)

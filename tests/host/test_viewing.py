@@ -328,6 +328,71 @@ def test_inspect_tells_what_an_eye_sees(inspected):
     assert result["elemental_image_px"] == pytest.approx(1.005 / 0.08964)
 
 
+@pytest.mark.parametrize("axis", [(0.0, 0.0), (80.0, -30.0)])
+def test_the_crosstalk_angle_is_that_of_the_lenslet_it_names(tmp_path, capsys, axis):
+    """Chief rays back from the two sides of the angle: own image within, the neighbour's beyond."""
+    display = changed(ZONED["15.6 inch"], {}, {"rotation_deg": 0.0, "offset_mm": axis}, viewing_axis_mm=axis)
+    (tmp_path / "it.toml").write_text(display_text(display))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("crosstalk")]
+    found = re.search(r"beyond ([\d.]+) deg off the axis of the lenslet at \((.+), (.+)\) mm", line)
+    angle, x, y = (float(number) for number in found.groups())
+    assert (x, y) == axis
+    for share, status in ((-1.001, 4), (-0.999, 0), (0.999, 0), (1.001, 4)):
+        slope = math.tan(math.radians(share * angle))
+        eye, place = np.array([[x + 600.0 * slope, y, 600.0]]), np.array([[x, y, 0.0]])
+        ray = (place - eye) / np.linalg.norm(place - eye)
+        assert trace_to_panel(display, eye, ray, "pinhole").status.tolist() == [status], share
+    changed_back = dataclasses.replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+    (tmp_path / "it.toml").write_text(display_text(changed_back))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    assert "deg off a lenslet's axis" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["15.6 inch, off the axis", "small, eye far away"])
+def test_the_printed_zone_ends_where_the_searched_one_does(tmp_path, capsys, name):
+    display = ZONED[name]
+    (zone,) = zones(display, [600.0])
+    (tmp_path / "it.toml").write_text(display_text(display))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("viewing zone")]
+    ends = [float(end) for end in re.search(r"x = (\S+) to (\S+) mm, for eyes at 600 mm", line).groups()]
+    assert ends == pytest.approx([zone.left_mm, zone.right_mm], rel=1e-3)
+
+
+def test_where_no_zone_is_the_printed_crosstalk_is_not_0(capsys):
+    """Of desktop-hex at 450 mm no ray of 8192 is crosstalk, but the corners' lenslets are at the very limit."""
+    assert run(["inspect", str(SHIPPED[0].parent / "desktop-hex.toml")]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    rows = {line[0]: line[1:] for line in lines if line and re.fullmatch(r"\d+", line[0])}
+    assert rows["450"][:4] == ["<", "0.1", "%", "none"]
+    assert rows["600"][:2] == ["0.0", "%"]
+    assert all(row[:3] != ["0.0", "%", "none"] for row in rows.values())
+
+
+@pytest.mark.parametrize(
+    ("grid", "pitch", "rows", "advised"),
+    [
+        ("hex", [1.0, 0.866], "0.749978", "[1, 0.999971]"),
+        ("hex", [1.3, 1.125], "0.974279", "[1.3, 1.29904]"),
+        ("hex", [1.0, 0.99], "0.857365", None),
+        ("square", [1.0, 0.866], "0.866", None),
+        ("hex", 1.0, None, None),
+    ],
+)
+def test_the_distance_of_rows_is_said(tmp_path, capsys, grid, pitch, rows, advised):
+    """py sqrt(3)/2 on a hexagonal lattice; advised: [px, py 2 / sqrt(3)]."""
+    display = changed(display_of(grid, "panel", thickness=2.0))
+    pitch = tuple(pitch) if isinstance(pitch, list) else pitch
+    (tmp_path / "it.toml").write_text(display_text(changed(display, {}, {"pitch_mm": pitch})))
+    assert run(["inspect", str(tmp_path / "it.toml")]) == 0
+    out = capsys.readouterr().out
+    (line,) = [line for line in out.splitlines() if line.startswith("array ")]
+    assert (f"rows {rows} mm apart" in line) if rows else ("rows" not in line)
+    assert ("if they are" in out) == (advised is not None)
+    assert advised is None or f"give pitch_mm = {advised}\n" in out
+
+
 def texts(path):
     """The words in an SVG."""
     return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]
@@ -352,7 +417,7 @@ def test_the_drawing_shows_every_lenslet_and_the_numbers(inspected, grid, side):
     display = changed(display, viewing_distance_mm=300.0)
     assert inspected(display, "--draw", "d.svg")[0] == 0
     words = texts("d.svg")
-    assert "panel 18.62 x 14.9 mm, one lenslet in 1 x 1" in words
+    assert "panel 18.62 x 14.9 mm, all lenslets" in words
     distance = display.aperture_distance_mm
     assert f"gap 0.5, thickness 2.5, focal length 3, D {distance:.4g} mm" in words
     i, j = np.mgrid[-60:61, -60:61]

@@ -55,8 +55,8 @@ def _samples(chosen: Fit, tolerance: float) -> str:
             f"they are enough for --tolerance {enough:g}"
         )
     return (
-        f"samples {chosen.samples}: the fewest for each pixel whose rays pass within {tolerance:g} of all its "
-        f"light (error {chosen.sample_error_px:.2g})"
+        f"samples {chosen.samples}: the fewest per pixel; its light is at most {chosen.sample_error_px:.2g} from a ray "
+        f"(tolerance {tolerance:g})"
     )
 
 

@@ -18,8 +18,10 @@ from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.display_properties import (
+    DISTANCES,
     DisplayProperties,
     EyeView,
+    axis_text,
     display_properties,
     eye_views,
     percent,
@@ -28,7 +30,7 @@ from lippmann.display_properties import (
 from lippmann.images import check_output
 from lippmann.toml import schema
 from lippmann.tones import transfer_name
-from lippmann.viewing import viewing_distance
+from lippmann.viewing import Zone, viewing_distance
 
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
@@ -73,6 +75,7 @@ def command(
     display = load_display(display_path)
     derived = display_properties(display)
     views = table_of_views(display)
+    at_usual = views[DISTANCES.index(1.0)]
     seen = None if eye is None else eye_views(display, [eye])[0]
     panel, array = display.panel, display.array
     result = {
@@ -91,7 +94,7 @@ def command(
         drawing.draw_zones(display, Path(zones), eye)
     if draw is not None:
         drawing.draw_display(display, Path(draw))
-    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived)]
+    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if seen is not None:
         x, y, z = seen.eye_mm
         lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm", *_table(display, [seen])]
@@ -113,7 +116,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
         yield form.format(
             f"{view.eye_mm[2]:g}",
-            percent(view.status_share["crosstalk"]),
+            percent(view.status_share["crosstalk"], sampled=zone is None),
             size,
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",
@@ -122,7 +125,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         )
 
 
-def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, str]]:
+def _rows(display: Display, derived: DisplayProperties, zone: Zone | None) -> Iterator[tuple[str, str]]:
     """Yield the names and values that the command prints."""
     panel, array = display.panel, display.array
     across, down, total = derived.lenslets
@@ -139,8 +142,9 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
         contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
         yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
     pitches = " x ".join(f"{pitch:g}" for pitch in dict.fromkeys(array.pitches_mm))
+    rows = "" if isinstance(array.pitch_mm, float) else f", rows {array.row_pitch_mm:.6g} mm apart"
     shear = f", shear {array.shear:g}" if array.shear else ""
-    yield "array", f"{array.grid}, pitch {pitches} mm{shear}, {side}, rotation {array.rotation_deg:g} deg"
+    yield "array", f"{array.grid}, pitch {pitches} mm{rows}{shear}, {side}, rotation {array.rotation_deg:g} deg"
     if array.extent_mm is not None:
         yield "extent", f"{array.extent_mm[0]:g} x {array.extent_mm[1]:g} mm; no light beside it"
     yield "gap", f"{display.gap_mm:.6g} mm"
@@ -155,12 +159,13 @@ def _rows(display: Display, derived: DisplayProperties) -> Iterator[tuple[str, s
     yield "focal length", f"{derived.focal_length_mm:.6g} mm (f/{derived.f_number:.3g})"
     yield "back focal length", f"{derived.back_focal_length_mm:.6g} mm from the near face"
     yield "aperture distance D", f"{derived.aperture_distance_mm:.6g} mm"
-    yield "lenslets", f"{across} x {down} = {total}"
+    alternate = "" if across * down == total else ", one fewer in every other row,"
+    yield "lenslets", f"{across} x {down}{alternate} = {total}"
     yield "elemental image", f"{derived.elemental_image_px:.6g} px across"
     yield "viewing angle", f"{derived.viewing_angle_deg:.5g} deg"
-    yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off a lenslet's axis"
-    zone = f"{derived.viewing_zone_mm:.4g} mm to both sides" if derived.viewing_zone_mm else "none"
-    yield "viewing zone", f"{zone}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
+    yield "crosstalk", f"beyond {derived.crosstalk_angle_deg:.4g} deg off {axis_text(display)}"
+    ends = "none" if zone is None else f"x = {zone.left_mm:+.4g} to {zone.right_mm:+.4g} mm"
+    yield "viewing zone", f"{ends}, for eyes at {viewing_distance(display):g} mm: the whole panel without crosstalk"
     yield "central depth plane", place
     yield "depth range", f"z = {far:+.4g} to {near:+.4g} mm"
     yield "angular resolution", f"{derived.angular_resolution_deg:.4g} deg ({derived.views} views across)"

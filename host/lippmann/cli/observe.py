@@ -117,7 +117,8 @@ def command(
     }
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
-        log(f"note: up to {100 * dark:.1f} % of the rays end beside the panel, so the view has a dark border")
+        where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
+        log(f"note: up to {100 * dark:.1f} % of the rays end {where}, so the view has a dark border")
 
     share = np.mean([view.status_share["crosstalk"] for view in views])
     emit(result, f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")

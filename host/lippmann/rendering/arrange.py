@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,8 +22,10 @@ Arrange = Literal["fit", "camera"]
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
     """Return a scene, placed for a display. "fit" keeps the rotation of the scene's own placement, "camera" nothing.
 
-    Raises InputError for a scene without extent, or without a camera that can place it.
+    Raises InputError for another arrangement, a scene without extent, or without a camera that can place it.
     """
+    if arrange not in get_args(Arrange):
+        raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)

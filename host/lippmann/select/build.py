@@ -4,9 +4,9 @@ It serves the chief rays of a display over a range of depths. All errors are in 
 `lippmann.select.model`):
 
 * **model**: the largest distance between its rays and the exact ones;
-* **samples**: the largest distance between the light of a panel pixel and the nearest ray that samples it. The light
-  spreads to w = |z| q / D at depth z; no place of the unit square is farther than `gap(n)` from n samples, so the error
-  is gap(n) w / max(p, w), largest at the farthest depth;
+* **samples**: the largest distance between the light of a panel pixel and the nearest ray that samples it. Along each
+  axis the light spreads to w = |z| q / D at depth z, in reconstructed pixels w / max(p, w). The error is the `gap` of n
+  samples in a rectangle of these sides, largest at the farthest depth;
 * **build**: the largest distance between its rays, in words of F fraction bits, and the exact ones.
 """
 
@@ -21,7 +21,7 @@ from typing import Annotated, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display import Display, Pair
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
@@ -42,8 +42,6 @@ from lippmann.select.model import (
     panel_size,
     pixels_from_cells,
     probe,
-    reconstructed_pixel_mm,
-    spread_mm,
 )
 from lippmann.toml import documented, key
 
@@ -76,18 +74,19 @@ def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float 
     The tolerance holds for each of the three.
     """
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
-    # The spread of a panel pixel, in reconstructed pixels: at most 1.
-    spread = max(spread_mm(display, z) / reconstructed_pixel_mm(display, z) for z in depth_range_mm)
-    samples = choose_samples(spread, tolerance)
+    # The spread of a panel pixel along each axis, in reconstructed pixels: at most 1.
+    farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
+    x, y = (farthest * q / max(display.array.finest_mm, farthest * q) for q in display.panel.pitches_mm)
+    samples = choose_samples((x, y), tolerance)
     build, error = choose_build(display, depth_range_mm, tolerance)
-    return Fit(choice, samples, gap(samples or MOST_SAMPLES) * spread, build, error)
+    return Fit(choice, samples, gap(samples or MOST_SAMPLES, (x, y)), build, error)
 
 
-def choose_samples(spread_px: float, tolerance: float) -> int | None:
-    """Return the least number of samples whose gap times the spread is within a tolerance; None above MOST_SAMPLES."""
+def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
+    """Return the least number of samples whose gap in this spread is within a tolerance; None above MOST_SAMPLES."""
 
     def enough(samples: int) -> bool:
-        return gap(samples) * spread_px <= tolerance
+        return gap(samples, spread_px) <= tolerance
 
     if enough(1):
         return 1
@@ -98,23 +97,24 @@ def choose_samples(spread_px: float, tolerance: float) -> int | None:
 
 
 @cache
-def gap(samples: int) -> float:
-    """Return the largest distance from a place in the unit square to the nearest of the renderer's samples.
+def gap(samples: int, sides: Pair) -> float:
+    """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
 
     One sample is in the centre. Several are the first points of the R2 sequence, shifted at random and modulo 1. The
-    worst shift leaves a corner of the square at a distance of the radius of the largest empty quarter of a disk. Each
-    of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k depends
-    on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters that open
-    to the left equal those to the right, turned by 180 degrees with the points.
+    worst shift leaves a corner of the rectangle at the radius of the largest empty quarter of a disk from all of them.
+    Each of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k
+    depends on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters
+    that open to the left equal those to the right, turned by 180 degrees with the points.
     """
     if samples == 1:
-        return math.sqrt(0.5)
+        return 0.5 * math.hypot(*sides)
     steps = np.arange(samples)
     apart = np.arange(1 - samples, samples)[:, None]  # j - i
     both = (steps + apart >= 0) & (steps + apart < samples)
     worst = 0.0
     for upward in (1, -1):
-        across, up = (_squares(samples, step) for step in (R2_STEPS[0], upward * R2_STEPS[1]))
+        steps_upward = R2_STEPS[0], upward * R2_STEPS[1]
+        across, up = (_squares(samples, step) * side**2 for step, side in zip(steps_upward, sides, strict=True))
 
         def nearest(ahead: npt.NDArray[np.intp], across: Floats = across, up: Floats = up) -> Floats:
             squares = across[ahead + 2 * samples] + up[ahead - apart + 2 * samples]

@@ -51,14 +51,9 @@ class Choice:
         )
 
 
-def spread_mm(display: Display, z_mm: float) -> float:
-    """Return the width to which the light of a panel pixel spreads at a depth, mm."""
-    return abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm
-
-
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
-    """Return the pixel of the reconstructed view at a depth, mm."""
-    return max(display.array.finest_mm, spread_mm(display, z_mm))
+    """Return the pixel of the reconstructed view at a depth, mm: its shorter side, so that no error seems too small."""
+    return max(display.array.finest_mm, abs(z_mm) * min(display.panel.pitches_mm) / display.aperture_distance_mm)
 
 
 def choose_model(
