@@ -355,6 +355,19 @@ def test_levels_affect_no_ray_and_are_told(capsys, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("keys", ["black_cd_m2 = 0", "white_cd_m2 = 400\nblack_cd_m2 = 0.0"])
+def test_black_may_be_without_light(capsys, tmp_path, mi, keys):
+    """OLED panels: 0 is what holds without the key, too."""
+    display = under_one_lenslet(keys)
+    image = [[[0.0, 0.0, 0.0], [1.0, 0.5, 2.0]]]
+    np.testing.assert_array_equal(seen_at(mi, display, image, -0.5), [0.0] * 3)
+    path = tmp_path / "two.toml"
+    path.write_text(display_text(display))
+    assert run(["inspect", str(path)]) == 0
+    white = [line for line in capsys.readouterr().out.splitlines() if line.startswith("white ")]
+    assert [re.sub(" +", " ", line) for line in white] == ["white 400 cd/m2, black 0 cd/m2"][: keys.count("white")]
+
+
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
