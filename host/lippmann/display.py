@@ -53,7 +53,7 @@ Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
-Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(3, 1024))]
+Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
 Darkness = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)] | None
 #: From just above air up to the densest optical materials.
