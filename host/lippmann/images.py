@@ -291,7 +291,10 @@ def _read(
         rows = values[first : first + BAND_ROWS]
         if not np.isfinite(rows).all():
             raise input_error(str(path), "contains pixels that are not finite", "render it again")
-        rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+        try:
+            rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
     return Picture(values, metadata)
 
 

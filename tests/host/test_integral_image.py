@@ -139,6 +139,27 @@ def test_a_file_of_another_size_is_refused(tmp_path):
         IntegralImage.load(tmp_path / "a.exr", display_with())
 
 
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_an_unknown_curve_in_a_file_names_the_file(tmp_path, suffix):
+    """EXR holds linear light: its curve is only the panel's, and the display's own takes its place."""
+    display, path = display_with(), tmp_path / f"a{suffix}"
+    image = image_for(display)
+    image.save(path)
+    source = oiio.ImageInput.open(str(path))
+    pixels, spec = source.read_image(oiio.FLOAT), source.spec()
+    source.close()
+    spec.attribute("lippmann:transfer", "gamma2.6")
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    assert out.write_image(pixels)
+    out.close()
+    if suffix == ".exr":
+        assert IntegralImage.load(path, display, force=True).metadata["transfer"] == "srgb"
+        return
+    with pytest.raises(InputError, match=rf"^{path}: unknown transfer 'gamma2.6'; choose from srgb"):
+        IntegralImage.load(path, display, force=True)
+
+
 # --- shown ------------------------------------------------------------------------------------------------------------
 
 
