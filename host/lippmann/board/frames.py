@@ -101,8 +101,8 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
     wanted = f"{target.identity:016x}"
     if identity != wanted and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
-        remedy = "render it for this display, or stream it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the board's panel belongs to display {wanted}", remedy)
+        remedy = "render it for this display, or accept it with --force (force=True in Python)"
+        raise input_error(name, f"{what}, the panel belongs to display {wanted}", remedy)
 
 
 def _tones_of(panel: Panel) -> dict[str, Any]:
