@@ -318,6 +318,15 @@ def load_display(path: str | Path) -> Display:
     return _read(toml.load(Path(path), "display"), str(path))
 
 
+def display_at(display: str | Path | Display) -> Display:
+    """Return a display, which is read when it is given as the path of its file."""
+    if isinstance(display, Display):
+        return display
+    if not isinstance(display, str | Path):
+        raise InputError(f"{str(display)[:80]!r} is not a display; give its file, or what load_display returned")
+    return load_display(display)
+
+
 def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
     return _read(toml.parse(text, source), source)

@@ -1,8 +1,8 @@
 """An image on the host's own panel, on SDL's dummy desktop: one pixel is one pixel, or nothing is shown."""
 
 import json
-import re
 import os
+import re
 
 import numpy as np
 import pytest
