@@ -16,10 +16,10 @@ from pathlib import Path
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.setup import Pickup, Setup, load_setup
-from lippmann.display import Display, load_display
-from lippmann.errors import InputError
+from lippmann.display import MAX_SIDE_PX, Display, display_at
+from lippmann.errors import InputError, whole_number
 from lippmann.images import check_output, replacing
-from lippmann.integral_image import IntegralImage
+from lippmann.integral_image import IntegralImage, check_image
 from lippmann.observer import Eye, View, whole_window
 from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
@@ -154,7 +154,7 @@ def render_with(
     note: Note | None = None,
 ) -> IntegralImage:
     """Render the integral image of a scene for a display, with options; see `render`."""
-    built = display if isinstance(display, Display) else load_display(display)
+    built = display_at(display)
     try:
         check_memory(built.panel.width_px, built.panel.height_px, options.settings)
     except InputError as error:
@@ -249,7 +249,7 @@ def observe(
     width_px: int = VIEW_PX,
     samples: int = 16,
     *,
-    display: Display | None = None,
+    display: str | Path | Display | None = None,
     window: Window | None = None,
     model: Model = "exact",
     crosstalk: bool = True,
@@ -284,9 +284,10 @@ def observe(
     InputError
         For an eye that cannot see the display, or values out of range.
     """
-    built = image.display if display is None else display
+    check_image(image)
+    built = image.display if display is None else display_at(display)
     looking = Eye(eye, pupil_mm, focus_z_mm)
-    seen = window or whole_window(image.display, width_px)
+    seen = window or whole_window(image.display, whole_number("width_px", width_px, 1, MAX_SIDE_PX))
     with own_variant(device):
         view = observe_window(image.radiance, built, looking, seen, samples, model, seed, crosstalk)
     return replace(view, metadata={"display": image.display.name, "eye_mm": str(looking.position_mm)})
@@ -354,6 +355,7 @@ def view_page(
     progress: Progress | None = None,
 ) -> bytes:
     """Return the page that `view` writes; `directs` are further direct views, already rendered."""
+    check_image(image)
     if scene is not None:
         with _loaded(scene, placement, device) as loaded:
             placed = loaded if arrange is None else arranged(loaded, image.display, arrange)

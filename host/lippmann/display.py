@@ -53,8 +53,9 @@ Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
 ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
-Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(3, 1024))]
+Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
 Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
+Darkness = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)] | None
 #: From just above air up to the densest optical materials.
 Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
 Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
@@ -77,7 +78,7 @@ class Panel:
     ] = "srgb"
 
     white_cd_m2: Annotated[Luminance, key("luminance of white", default="unknown")] = None
-    black_cd_m2: Annotated[Luminance, key("luminance of a black pixel", default="0")] = None
+    black_cd_m2: Annotated[Darkness, key("luminance of a black pixel", default="0")] = None
 
     @property
     def keys(self) -> dict[str, Any]:
@@ -321,6 +322,15 @@ def load_display(path: str | Path) -> Display:
     return _read(toml.load(Path(path), "display"), str(path))
 
 
+def display_at(display: str | Path | Display) -> Display:
+    """Return a display, which is read when it is given as the path of its file."""
+    if isinstance(display, Display):
+        return display
+    if not isinstance(display, str | Path):
+        raise InputError(f"{str(display)[:80]!r} is not a display; give its file, or what load_display returned")
+    return load_display(display)
+
+
 def parse_display(text: str, source: str = "display") -> Display:
     """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
     return _read(toml.parse(text, source), source)
@@ -354,7 +364,7 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         except InputError as error:
             raise InputError(f"{where}panel.{part}: {error}") from None
     white, black = panel["white_cd_m2"], panel["black_cd_m2"]
-    if black is not None and not black < (white or 0.0):
+    if black and not black < (white or 0.0):
         what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
         raise input_error(f"{where}panel.black_cd_m2", what, "give both, in cd/m2, from the data sheet")
     array["pitch_mm"] = plain_pitch(array["pitch_mm"])

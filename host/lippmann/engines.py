@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import MAX_LENGTH_MM, Display
+from lippmann.display import MAX_LENGTH_MM, Display, display_at
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
@@ -69,7 +70,7 @@ def _columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Float
 
 
 def trace(
-    display: Display,
+    display: str | Path | Display,
     pixels: npt.ArrayLike,
     aperture: npt.ArrayLike | None = None,
     model: Model = "exact",
@@ -82,7 +83,7 @@ def trace(
     Parameters
     ----------
     display
-        The display.
+        A display file, or what `load_display` returned.
     pixels
         (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r).
     aperture
@@ -105,6 +106,7 @@ def trace(
         When an engine lacks a library or a tool.
     """
     _check_model(model)
+    display = display_at(display)
     array, panel = display.array, display.panel
     farthest = FARTHEST_LENSLETS * array.finest_mm
     if max(abs(x) for x in array.offset_mm) > farthest:
@@ -150,7 +152,7 @@ def trace_fixed(
 
 
 def trace_to_panel(
-    display: Display,
+    display: str | Path | Display,
     origin_mm: npt.ArrayLike,
     direction: npt.ArrayLike,
     model: Model = "exact",
@@ -170,7 +172,7 @@ def trace_to_panel(
     n = len(origins)
     b = _backend_for(n, engine, device)
     origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
-    hits = pixels_from_rays(b, System.of(display), origin, unit, model)
+    hits = pixels_from_rays(b, System.of(display_at(display)), origin, unit, model)
     return hits_of(n, hits)
 
 

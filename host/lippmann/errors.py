@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from numbers import Integral
 from pathlib import Path
 from typing import Self
 
@@ -41,6 +42,15 @@ class MissingLibraryError(LippmannError):
 
 #: The errors whose line says where, what and the remedy.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
+
+
+def whole_number(name: str, value: object, low: int, high: int) -> int:
+    """Return a value as an int; refuse what is not a whole number from `low` to `high`."""
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise InputError(f"{name} {value!r} is not a whole number; give {low} to {high}")
+    if not low <= int(value) <= high:
+        raise InputError(f"{name} {value} is out of range; give {low} to {high}")
+    return int(value)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -38,7 +38,7 @@ def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
     terms = by_folded_name.get(glass.casefold())
     if terms is None:
         likely = did_you_mean(glass, SELLMEIER)
-        raise InputError(f"unknown glass '{glass}'; {likely or 'known are ' + ', '.join(SELLMEIER)}, or give index")
+        raise InputError(f"unknown glass '{glass}'; {likely or 'choose from ' + ', '.join(SELLMEIER)} (or give index)")
     low, high = WAVELENGTH_RANGE_NM
     if not low <= wavelength_nm <= high:
         raise InputError(f"wavelength {wavelength_nm} nm is outside {low:g} to {high:g} nm")

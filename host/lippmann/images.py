@@ -176,6 +176,11 @@ def write_picture(
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
+    for first in range(0, height, BAND_ROWS):
+        rows = np.asarray(radiance[first : first + BAND_ROWS])
+        # Other formats write infinite light as their largest value.
+        if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
+            raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
     entries, kind = dict(metadata), oiio.FLOAT
     setting = "compression", "zip"
     if suffix == ".png":
@@ -200,7 +205,7 @@ def write_picture(
             if suffix == ".png":
                 rows = encoded_values(rows, transfer, bits)
             elif suffix == ".exr":
-                rows = np.minimum(rows, np.float32(HALF_MAX))
+                rows = np.clip(rows, np.float32(-HALF_MAX), np.float32(HALF_MAX))
             yield first, first + len(rows), np.ascontiguousarray(rows)
 
     with replacing(path) as partial:
@@ -291,7 +296,10 @@ def _read(
         rows = values[first : first + BAND_ROWS]
         if not np.isfinite(rows).all():
             raise input_error(str(path), "contains pixels that are not finite", "render it again")
-        rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+        try:
+            rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
     return Picture(values, metadata)
 
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 
-from lippmann.display import Display
-from lippmann.errors import DeviceError, input_error
+import numpy as np
+
+from lippmann.display import Display, display_at
+from lippmann.errors import DeviceError, InputError, input_error
 from lippmann.fullscreen import show_window
 from lippmann.images import ENCODED_SUFFIXES, Radiance, encoded_values, png_bytes, read_picture, write_picture
 from lippmann.tones import transfer_name, transfer_text
@@ -23,6 +25,12 @@ class Showable:
     """Something with radiance that a notebook or a window shows, in sRGB."""
 
     radiance: Radiance
+    metadata: dict[str, str]
+
+    def __repr__(self) -> str:
+        """Return the size and the metadata, not the pixels."""
+        height, width = self.radiance.shape[:2]
+        return f"<{type(self).__name__}, {width} x {height} px, {self.metadata}>"
 
     def _repr_png_(self) -> bytes:
         """Return the PNG that a notebook shows."""
@@ -49,7 +57,7 @@ def _in_notebook() -> bool:
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
     """The picture that a display's panel shows.
 
@@ -67,7 +75,7 @@ class IntegralImage(Showable):
     Raises
     ------
     InputError
-        When the radiance has not the panel's size.
+        When the radiance has not the panel's size, or holds integers.
     """
 
     radiance: Radiance
@@ -78,11 +86,16 @@ class IntegralImage(Showable):
     def __post_init__(self) -> None:
         """Check the size, and name the display in the metadata."""
         panel = self.display.panel
+        if not np.issubdtype(self.radiance.dtype, np.floating):
+            what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
+            remedy = "give float32; IntegralImage.load decodes the values of a PNG"
+            raise input_error(f"image for display '{self.display.name}'", what, remedy)
         if self.radiance.shape != (panel.height_px, panel.width_px, 3):
             size = " x ".join(str(side) for side in self.radiance.shape)
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
-        self.metadata.update({"display": self.display.name, "identity": self.display.identity, **_tones(self.display)})
+        named = {"display": self.display.name, "identity": self.display.identity, **_tones(self.display)}
+        object.__setattr__(self, "metadata", {**self.metadata, **named})  # the caller's stays as it is
 
     def save(self, path: str | Path) -> None:
         """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
@@ -90,13 +103,13 @@ class IntegralImage(Showable):
         Raises
         ------
         InputError
-            When the file cannot be written.
+            When the file cannot be written, or the radiance is not finite.
         """
         panel = self.display.panel
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 
     @classmethod
-    def load(cls, path: str | Path, display: Display, force: bool = False) -> IntegralImage:
+    def load(cls, path: str | Path, display: str | Path | Display, force: bool = False) -> IntegralImage:
         """Read an image that was made for a display. Version 0.1 saved no bits, which are then not checked.
 
         Parameters
@@ -104,7 +117,7 @@ class IntegralImage(Showable):
         path
             An image file (.exr, .tif, .png).
         display
-            The display.
+            A display file, or what `load_display` returned.
         force
             Accept an image for another display, or one that names none.
 
@@ -114,13 +127,21 @@ class IntegralImage(Showable):
             When the file is missing, broken, of another size, or made for another display, or is a PNG for another
             transfer curve or number of bits.
         """
+        built = display_at(display)
 
         def accept(metadata: Mapping[str, str]) -> None:
             if not force:
-                _check(metadata, display, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
+                _check(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
 
-        picture = read_picture(path, (display.panel.width_px, display.panel.height_px), accept)
-        return cls(picture.radiance, display, dict(picture.metadata))
+        picture = read_picture(path, (built.panel.width_px, built.panel.height_px), accept)
+        return cls(picture.radiance, built, picture.metadata)
+
+
+def check_image(image: object) -> None:
+    """Refuse what is not an image, such as the path of one."""
+    if not isinstance(image, IntegralImage):
+        what = f"{str(image)[:80]!r} is not an IntegralImage"
+        raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
 
 
 def _tones(display: Display) -> dict[str, str]:

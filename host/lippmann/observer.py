@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from lippmann import interrupts
 from lippmann.display import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, whole_number
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import Showable
 from lippmann.optics.backend import DrJitBackend
@@ -43,8 +44,11 @@ class Eye:
 
     def __post_init__(self) -> None:
         """Refuse an eye that cannot see the display."""
-        if not all(math.isfinite(c) for c in (*self.position_mm, self.pupil_mm, self.focus_z_mm)):
-            raise InputError("eye: a coordinate is not finite; give millimetres")
+        if np.array(self.position_mm, object).shape != (3,):
+            raise InputError(f"eye: {self.position_mm} is not a position; give (x, y, z) in mm")
+        numbers = (*self.position_mm, self.pupil_mm, self.focus_z_mm)
+        if not all(isinstance(number, Real) and math.isfinite(number) for number in numbers):
+            raise InputError("eye: a coordinate, the pupil or the focus is not finite; give numbers in mm")
         if self.position_mm[2] <= 0.0:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if self.pupil_mm < 0.0:
@@ -53,7 +57,7 @@ class Eye:
             raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class View(Showable):
     """What an eye sees: radiance (height, width, 3) float32, linear, and the metadata that a file of it carries.
 
@@ -113,8 +117,7 @@ def observe(
             f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
             f"{panel.width_px} x {panel.height_px}; render it for this display"
         )
-    if not 1 <= samples <= 65536:
-        raise InputError(f"samples {samples} is out of range; give 1 to 65536")
+    samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b = DrJitBackend(current_device())

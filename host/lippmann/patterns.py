@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lippmann import __version__, interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError
-from lippmann.fixed import test_pattern
+from lippmann.fixed import panel_pattern
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.images import decode
@@ -75,8 +75,8 @@ class Pixels:
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
             config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
-            i, j, x, y = test_pattern.located(config, grid, f, panel.width_px, panel.height_px, columns, rows)
-            centre, views = test_pattern.centres(config, f, x, y), test_pattern.views(grid, f, x, y)
+            i, j, x, y = panel_pattern.located(config, grid, f, panel.width_px, panel.height_px, columns, rows)
+            centre, views = panel_pattern.centres(config, f, x, y), panel_pattern.views(grid, f, x, y)
             return Places(i, j, centre, *views, system.lattice.present(NumpyBackend(), i, j))
         u, v = columns + 0.5, rows + 0.5
         i, j, x, y = system.locate(NumpyBackend(), u, v)

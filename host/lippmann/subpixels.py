@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any, Literal, NamedTuple
 
 from lippmann.errors import InputError
@@ -123,4 +124,9 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
             raise InputError(f"{named}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
             raise InputError(f"{named} has another {colour} one in its pixel; leave one out, or describe two pixels")
+    for (one, *first), (other, *second) in combinations(table, 2):
+        gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))
+        if max(gaps) < -ROUNDING:
+            places = [f"the {name} sub-pixel at [{x:g}, {y:g}]" for name, (x, y, *_) in ((one, first), (other, second))]
+            raise InputError(f"{places[0]} overlaps {places[1]}; make one smaller or move it")
     return Layout(table, 1 + max(column for column, _ in pixels), 1 + max(row for _, row in pixels))

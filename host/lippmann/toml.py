@@ -24,6 +24,13 @@ from lippmann.errors import InputError, input_error, likely_file
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
+#: Keys at the top of a file that only one kind of file has.
+KINDS = {
+    "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
+    "scene": "film", "frames": "film", "motion": "film", "world": "film", "panel": "display", "gap_mm": "display",
+}  # fmt: skip
+#: Unit at the end of a key's name.
+UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
 #: Remedy for text that is not TOML.
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
@@ -177,7 +184,13 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
     for name, (value, node) in nodes.items():
         for unknown in value if isinstance(value, dict) and "properties" in node else ():
             if unknown not in node["properties"] and not node["additionalProperties"]:
-                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", _hint(top, node, value, unknown))
+                hint = _hint(top, node, value, unknown)
+                if not name and unknown in KINDS and not hint.startswith("it belongs"):
+                    kinds = KINDS[unknown], form.__name__.removesuffix("File").lower()
+                    hint = "this is a {} file, give a {} file".format(
+                        *(kind.replace("setup", "set-up") for kind in kinds)
+                    )
+                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", hint)
     for name, (value, node) in nodes.items():
         for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():
             given = [rival for rival in group if rival in value]
@@ -217,9 +230,15 @@ def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schem
         for inner, item in value.items():
             if inner in node["properties"]:
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
-    elif isinstance(value, list) and isinstance(node.get("items"), dict):
-        for place, item in enumerate(value):
-            yield from _walk(item, node["items"], f"{name}[{place}]")
+    elif isinstance(value, list):
+        # Entries that are lists have a shape, and a place for each of their parts.
+        node = next((option for option in node.get("anyOf", ()) if "a list of [" in option.get("x-shape", "")), node)
+        shape = node.get("x-shape", "").partition("a list of ")[2]
+        inner = {**(node.get("items") or {}), **({"x-shape": shape} if shape else {})}
+        parts = node.get("prefixItems", ()) if "x-shape" in node else ()
+        for place, item in enumerate(value if inner else value[: len(parts)]):
+            if isinstance(item, list) or not shape:
+                yield from _walk(item, inner or parts[place], f"{name}[{place}]")
 
 
 def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> str:
@@ -232,7 +251,10 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
     def likeness(name: str) -> float:
         alike = difflib.SequenceMatcher(None, unknown.lower(), name).ratio()
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
-        return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first
+        node = here["properties"][name]
+        options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
+        value = any(unknown.lower() in str(one) for one in options)  # the key's value in place of its name
+        return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 
     similar = [name for name in sorted(here["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
     homes = [table for table, node in tables(top) if unknown in node["properties"]]
@@ -244,7 +266,9 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
         similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
         similar = similar or (list(missing) if len(missing) == 1 else [])
     if similar:
-        hints.append(f"did you mean {similar[0]}?")
+        meant, unit = here["properties"].get(similar[0], {}), re.search(UNITS, unknown)
+        takes = f" ({meant['description']})" if unit and meant and not similar[0].endswith(unit[0]) else ""
+        hints.append(f"did you mean {similar[0]}{takes}?")
     return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
 
 

@@ -49,9 +49,14 @@ def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
         raise InputError(f"the curve is not monotonic: {after} follows {before}; {remedy}")
-    for found, wanted in ((curve[0].tolist(), [0.0, 0.0]), (curve[-1].tolist(), [1.0, 1.0])):
-        if found != wanted:
-            raise InputError(f"the curve's end is {found}, not {wanted}; subtract black, divide by white, and {remedy}")
+    value, light = curve[0].tolist()
+    if value or light:
+        mend = f"begin with the panel value 0, not {value:g}" if value else f"subtract {light:g}, the light of black"
+        raise InputError(f"the curve starts at {[value, light]}, not at [0, 0]; {mend}, and {remedy}")
+    value, light = curve[-1].tolist()
+    if [value, light] != [1.0, 1.0]:
+        mend = f"divide the panel values by {value:g} and the light by {light:g}"
+        raise InputError(f"the curve ends at {[value, light]}, not at [1, 1]; {mend}, and {remedy}")
     return curve
 
 

@@ -1,19 +1,23 @@
 """The public Python interface: the ten lines of the docs in a script and in a notebook, and Mitsuba's variants."""
 
+import inspect
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
+import click
 import lippmann as lp
 import mitsuba
 import numpy as np
 import pytest
 from jupyter_client.manager import start_new_kernel
 from lippmann.cli import run
-from lippmann.errors import InputError
+from lippmann.errors import DeviceError, InputError
 from lippmann.images import encoded_values, read_picture
 from model_board import ModelBoard
 from scene_cases import focused_display, glowing_sphere, write_scene
@@ -227,6 +231,119 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
 def test_bad_values(small, mi, values, said):
     with pytest.raises(InputError, match=said):
         lp.render("ball.xml", small, **{"device": "llvm", **values})
+
+
+@pytest.fixture
+def plain(small):
+    """An image for the display of a test, which no renderer made."""
+    return lp.IntegralImage(np.full((40, 60, 3), 0.5, np.float32), small)
+
+
+WHOLE = [2.5, "4", True, np.float64(3.0)]
+
+
+@pytest.mark.parametrize("name", ["samples", "seed", "max_depth"])
+@pytest.mark.parametrize("value", WHOLE)
+def test_a_render_needs_whole_numbers(small, mi, name, value):
+    with pytest.raises(InputError, match=rf"^{name.replace('_', ' ')} {re.escape(repr(value))} is not a whole number"):
+        lp.render("ball.xml", small, device="llvm", **{name: value})
+
+
+@pytest.mark.parametrize("name", ["samples", "seed", "width_px"])
+@pytest.mark.parametrize("value", WHOLE)
+def test_a_view_needs_whole_numbers(plain, mi, name, value):
+    with pytest.raises(InputError, match=rf"^{name} {re.escape(repr(value))} is not a whole number"):
+        lp.observe(plain, device="llvm", **{name: value})
+
+
+def test_numpys_integers_are_whole_numbers(plain, mi):
+    views = [
+        lp.observe(plain, samples=kind(4), seed=kind(3), width_px=kind(20), device="llvm").radiance
+        for kind in (int, np.int64, np.uint8)
+    ]
+    np.testing.assert_array_equal(views[1:], views[:1] * 2)
+
+
+@pytest.mark.parametrize(
+    ("eye", "others", "said"),
+    [
+        ((20, 600), {}, r"eye: \(20, 600\) is not a position; give \(x, y, z\) in mm"),
+        ((0, 20, 600, 1), {}, "is not a position"),
+        (600, {}, "eye: 600 is not a position"),
+        ("0,0,600", {}, "eye: 0,0,600 is not a position"),
+        ((0, (20, 1), 600), {}, "is not finite; give numbers in mm"),
+        ((0, "20", 600), {}, "is not finite; give numbers in mm"),
+        ((0, np.nan, 600), {}, "is not finite; give numbers in mm"),
+        ((0, 0, 600), {"pupil_mm": "4"}, "is not finite; give numbers in mm"),
+        ((0, 0, 600), {"focus_z_mm": None}, "is not finite; give numbers in mm"),
+    ],
+)
+def test_an_eye_is_a_position(plain, mi, eye, others, said):
+    with pytest.raises(InputError, match=said):
+        lp.observe(plain, eye, device="llvm", **others)
+
+
+def test_a_path_of_an_image_is_not_an_image(small, mi):
+    said = r"'a\.exr' is not an IntegralImage; load a file with lippmann\.IntegralImage\.load\(path, display\)"
+    with pytest.raises(InputError, match=said):
+        lp.observe("a.exr", device="llvm")
+    with pytest.raises(InputError, match=said):
+        lp.view("a.exr", "a.html", device="llvm")
+    with ModelBoard() as model, lp.Board.open(model.url) as link, pytest.raises(InputError, match=said):
+        link.show("a.exr")
+
+
+def test_a_display_may_be_given_as_its_path(plain, small, mi):
+    pixels = [[30.5, 20.25], [3.0, 39.5]]
+    rays, wanted = lp.trace("d.toml", pixels), lp.trace(small, pixels)
+    np.testing.assert_array_equal(rays.direction, wanted.direction)
+    hits = lp.trace_to_panel(Path("d.toml"), rays.origin_mm, -rays.direction)
+    np.testing.assert_array_equal(hits.pixel, lp.trace_to_panel(small, rays.origin_mm, -rays.direction).pixel)
+    plain.save("a.tif")
+    assert lp.IntegralImage.load("a.tif", "d.toml").display == small
+    views = [lp.observe(plain, width_px=9, display=one, device="llvm").radiance for one in ("d.toml", small)]
+    np.testing.assert_array_equal(*views)
+    with pytest.raises(InputError, match=r"e\.toml: no such file"):
+        lp.trace("e.toml", pixels)
+    with pytest.raises(InputError, match="'7' is not a display; give its file, or what load_display returned"):
+        lp.trace(7, pixels)
+
+
+def test_a_board_that_was_closed(small):
+    with ModelBoard(60, 40, identity=int(small.identity, 16)) as model:
+        with lp.Board.open(model.url) as link:
+            pass
+        with pytest.raises(DeviceError, match=rf"{model.url}: the line to the board is closed; open it again"):
+            link.show(lp.IntegralImage(np.zeros((40, 60, 3), np.float32), small))
+
+
+#: Options of the command line and parameters of the functions that the page lists as differing.
+RENAMED = re.compile(r"^\| (`--[^|]+) \| `([^|]+)` \|$", re.M)
+#: Options that say where a command reads or writes, which a function has as a return value or an argument.
+FILES = {
+    "render": {"display", "o", "json"}, "capture": {"setup", "o", "json", "size", "display_out"},
+    "observe": {"display", "o", "json", "sweep", "frames", "sheet", "force"},
+    "view": {"display", "o", "json", "direct", "scene", "serve", "tcp_port", "force"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_page_names_the_options_that_differ(name):
+    """An option has the name of a parameter, or stands in the page's table with a parameter that exists."""
+    page = (TOP / "docs/reference/python.md").read_text()
+    renamed = {}
+    for options, parameter in RENAMED.findall(page):
+        for option in re.findall(r"--[a-z-]+", options):
+            renamed[option] = re.match(r"\w+", parameter)[0]
+    assert renamed
+    taken = inspect.signature(getattr(lp, name)).parameters
+    for option in import_module(f"lippmann.cli.{name}").command.params:
+        if isinstance(option, click.Argument):
+            continue
+        flag = option.opts[0]
+        word = flag.strip("-").replace("-", "_")
+        if word not in FILES[name]:
+            assert word in taken or renamed.get(flag) in taken, flag
 
 
 def test_a_scene_belongs_to_its_device(small, mi):

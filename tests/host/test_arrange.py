@@ -322,5 +322,8 @@ def test_what_is_not_used_is_told(mi, tmp_path):
     ]
     dark = load_scene(write_scene(tmp_path / "dark.xml", card(-10.0)))
     assert noted(dark) == ["note: the scene has no light, so the picture is black; add an <emitter> to the file"]
+    # An integrator that does not exist is refused before the first remark.
+    with pytest.raises(InputError, match="integrator 'wizard' does not load"):
+        next(remarks(scene, small_display(), Settings(integrator="wizard")))
     # Mitsuba makes up an integrator for a file without one: nothing is ignored.
     assert noted(load_scene(write_scene(tmp_path / "lit.xml", card(-10.0) + POINT_LIGHT))) == []

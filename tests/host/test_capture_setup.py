@@ -102,7 +102,7 @@ def test_resized():
     assert small.display.panel.width_mm == pytest.approx(setup.display.panel.width_mm, rel=1e-15)
     assert small.display.array == setup.display.array
     # 102 lenslets across: 203 pixels are fewer than two each.
-    with pytest.raises(InputError, match=re.escape("sees 2.00 pixels of a lenslet, fewer than 2")):
+    with pytest.raises(InputError, match=re.escape("has 2.00 pixels for a lenslet, fewer than 2")):
         setup.resized(203)
     assert setup.resized(204)
 
@@ -143,7 +143,7 @@ def test_resized():
         ((DISPLAY, OBJECT, THIN, ARRAY), "camera or pickup: none is given"),
         ((DISPLAY, OBJECT, THIN, ARRAY, CAMERA, "[pickup]\ngap_mm = 3"), "camera or pickup: several are given"),
         ((DISPLAY.replace("pixel_pitch_mm = 0.1", "pixel_pitch_mm = 0.6"), OBJECT, THIN, ARRAY, CAMERA),
-         "the camera sees 1.67 pixels of a lenslet, fewer than 2"),
+         "the picture has 1.67 pixels for a lenslet, fewer than 2"),
         ((DISPLAY.replace("[display.array]", 'subpixels = "rgb"\n[display.array]'), OBJECT, THIN, ARRAY, CAMERA),
          "has colour sub-pixels"),
         ((DISPLAY.replace("pitch_mm = 1.0", "pitch_mm = 9.0"), OBJECT, THIN, ARRAY, CAMERA),

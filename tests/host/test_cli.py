@@ -799,6 +799,43 @@ def test_a_ctrl_c_that_a_library_dropped_ends_the_work_at_its_next_step(place, m
     assert not list(place.glob("*late*"))
 
 
+#: Says "loading" when the first library of the command line is asked for, and waits there.
+SLOW_LOAD = """
+import signal, sys, time
+class Slow:
+    def find_spec(self, name, path=None, target=None):
+        if name == "click":
+            print("loading", file=sys.stderr, flush=True)
+            time.sleep(60)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Slow())
+from lippmann.__main__ import main
+main()
+"""
+
+
+def test_ctrl_c_before_the_command_line_is_loaded():
+    process = subprocess.Popen([sys.executable, "-c", SLOW_LOAD, "inspect"], stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stderr.readline() == "loading\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert (process.returncode, err) == (130, "lippmann: interrupted; nothing half-written is left\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize("words", [["inspect", "tiny.toml"], ["inspect", "tiny.toml", "--json"]])
+def test_a_full_disk_behind_stdout_is_one_line(place, words):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "lippmann", *words], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.stderr == "lippmann: cannot write: no space left on the device; free space or choose another place\n"
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.4])
 def test_ctrl_c_at_any_moment_is_exit_code_130(place, delay):
     """While libraries load and kernels are recorded, too, where they turn Ctrl-C into errors of their own."""

@@ -74,7 +74,7 @@ def displays(draw):
         bits=draw(st.integers(1, 16)),
         transfer=draw(st.sampled_from(("srgb", "linear", "gamma2.2", ((0.0, 0.0), (1 / 3, 0.1), (1.0, 1.0))))),
         white_cd_m2=white,
-        black_cd_m2=None if white is None else draw(st.sampled_from((None, white / 1000))),
+        black_cd_m2=None if white is None else draw(st.sampled_from((None, 0.0, white / 1000))),
     )
     if draw(st.booleans()):
         # From lenslets all over the panel to some more, whatever the offset.

@@ -53,6 +53,22 @@ def test_a_table_that_does_not_exist_is_refused(tmp_path):
         generate(tmp_path)
 
 
+@pytest.mark.parametrize("kind", ["display", "setup", "film"])
+def test_a_file_of_another_kind_is_named(kind, tmp_path):
+    """By every key that only one kind of file has at its top, in files of the kinds without this key."""
+    top = {one: set(schema_of(one)["properties"]) for one in FILES}
+    for name, home in toml.KINDS.items():
+        assert [one for one in FILES if name in top[one]] == [home]
+        inside = {inner for table, node in toml.tables(schema_of(kind)) for inner in node["properties"]}
+        if name in inside:
+            continue
+        module, declared = FILES[kind]
+        kinds = [{"setup": "set-up"}.get(one, one) for one in (home, kind)]
+        with pytest.raises(InputError) as refused:
+            toml.read(getattr(import_module(module), declared), {name: {}}, "f.toml")
+        assert str(refused.value) == f"f.toml: {name}: unknown key; this is a {kinds[0]} file, give a {kinds[1]} file"
+
+
 @pytest.mark.parametrize("kind", FILES)
 def test_inspect_prints_the_schema(capsys, kind):
     assert run(["inspect", "--schema", kind]) == 0

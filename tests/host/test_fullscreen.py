@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 
 import numpy as np
 import pytest
@@ -76,7 +77,10 @@ def test_the_command(tmp_path, capsys):
     write_picture(path, noise(width, height) / 255.0, {}, "linear")
     words = ["display", str(path), "--display", str(toml), "--seconds", "0", "--json"]
     assert run(words) == 2
-    assert "names no display" in json.loads(capsys.readouterr().out)["error"]
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert "names no display, the panel belongs to display" in error
+    assert "or accept it with --force" in error
+    assert not re.search("board|stream", error)
     assert run([*words, "--force"]) == 0
     assert json.loads(capsys.readouterr().out)["width"] == width
     assert run(["display", str(path)]) == 2

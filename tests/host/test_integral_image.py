@@ -133,10 +133,76 @@ def test_the_radiance_must_fit_the_panel(shape):
         IntegralImage(np.zeros(shape, np.float32), display_with())
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int64, bool])
+def test_integers_are_not_radiance(kind):
+    """128 of 255 was taken for 128 times white."""
+    with pytest.raises(InputError, match=rf"the radiance is {np.dtype(kind)}, not linear light, where 1 is white"):
+        IntegralImage(np.full((13, 17, 3), 1, kind), display_with())
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_saved_can_be_loaded(tmp_path, suffix, value):
+    """NaN is refused; EXR and PNG hold infinite light as their largest value, TIFF has none."""
+    path, display = tmp_path / f"a{suffix}", display_with()
+    radiance = image_for(display).radiance
+    radiance[12, 16, 1] = value
+    image = IntegralImage(radiance, display)
+    if suffix == ".tif" or np.isnan(value):
+        with pytest.raises(InputError, match=rf"a\{suffix}: the image has pixels that are not finite; replace them"):
+            image.save(path)
+        assert list(tmp_path.iterdir()) == []
+        return
+    image.save(path)
+    largest = {".exr": 65504.0, ".png": 1.0}[suffix]
+    least = -largest if suffix == ".exr" else 0.0
+    assert IntegralImage.load(path, display).radiance[12, 16, 1] == (largest if value > 0 else least)
+
+
+def test_the_callers_metadata_stays():
+    given = {"model": "exact", "transfer": "mine"}
+    display = display_with()
+    image = IntegralImage(image_for(display).radiance, display, given)
+    assert given == {"model": "exact", "transfer": "mine"}
+    assert image.metadata == {
+        "model": "exact", "display": display.name, "identity": display.identity, "transfer": "srgb", "bits": "8"
+    }  # fmt: skip
+
+
+def test_printing_shows_no_pixels():
+    from lippmann.observer import View
+
+    image = image_for(display_with())
+    assert str(image) == f"<IntegralImage, 17 x 13 px, {image.metadata}>"
+    view = View(np.zeros((4, 5, 3), np.float32), {"ok": 1.0}, {"eye_mm": "(0, 0, 600)"})
+    assert repr(view) == "<View, 5 x 4 px, {'eye_mm': '(0, 0, 600)'}>"
+
+
 def test_a_file_of_another_size_is_refused(tmp_path):
     write_picture(tmp_path / "a.exr", np.zeros((13, 18, 3)), {})
     with pytest.raises(InputError, match="is 18 x 13 pixels, the panel 17 x 13"):
         IntegralImage.load(tmp_path / "a.exr", display_with())
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_an_unknown_curve_in_a_file_names_the_file(tmp_path, suffix):
+    """EXR holds linear light: its curve is only the panel's, and the display's own takes its place."""
+    display, path = display_with(), tmp_path / f"a{suffix}"
+    image = image_for(display)
+    image.save(path)
+    source = oiio.ImageInput.open(str(path))
+    pixels, spec = source.read_image(oiio.FLOAT), source.spec()
+    source.close()
+    spec.attribute("lippmann:transfer", "gamma2.6")
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec)
+    assert out.write_image(pixels)
+    out.close()
+    if suffix == ".exr":
+        assert IntegralImage.load(path, display, force=True).metadata["transfer"] == "srgb"
+        return
+    with pytest.raises(InputError, match=rf"^{path}: unknown transfer 'gamma2.6'; choose from srgb"):
+        IntegralImage.load(path, display, force=True)
 
 
 # --- shown ------------------------------------------------------------------------------------------------------------

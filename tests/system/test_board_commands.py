@@ -254,6 +254,14 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
     for words in ("10", "5"), ("5", "5"):
         assert run([*start, "--trace", str(tmp_path / "a.fst"), "--trace-clocks", *words]) == 2
         assert "--trace-clocks: " in capsys.readouterr().err
+    assert run([*start, "--background"]) == 2
+    assert capsys.readouterr().err.startswith("lippmann: --background needs --ready FILE")
+    with socket.create_server(("127.0.0.1", 0)) as busy:
+        number = busy.getsockname()[1]
+        for more in [], ["--background", "--ready", str(tmp_path / "a.json")]:
+            assert run([*start, "--tcp-port", str(number), *more]) == 1
+            said = f"lippmann: --tcp-port: cannot listen on port {number} (Address already in use); choose another"
+            assert capsys.readouterr().err.startswith(said)
     # Root may write anywhere: ask as one who may not.
     monkeypatch.setattr(os, "access", lambda *_: False)
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):

@@ -13,7 +13,7 @@ from lippmann.board.tiles import Pixels
 from lippmann.display import Panel, TransferName
 from lippmann.errors import input_error
 from lippmann.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
-from lippmann.integral_image import IntegralImage
+from lippmann.integral_image import IntegralImage, check_image
 from lippmann.tones import Transfer, transfer_name, transfer_text
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     Raises InputError for an image of another display, size, transfer curve or number of bits; with `force`, another
     display of the same size is accepted.
     """
+    check_image(image)
     display = image.display
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
@@ -101,8 +102,8 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
     wanted = f"{target.identity:016x}"
     if identity != wanted and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
-        remedy = "render it for this display, or stream it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the board's panel belongs to display {wanted}", remedy)
+        remedy = "render it for this display, or accept it with --force (force=True in Python)"
+        raise input_error(name, f"{what}, the panel belongs to display {wanted}", remedy)
 
 
 def _tones_of(panel: Panel) -> dict[str, Any]:

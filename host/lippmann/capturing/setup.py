@@ -157,7 +157,7 @@ def check_elemental_images(setup: Setup, where: str, remedy: str) -> None:
     """Refuse a picture that has too few pixels for each lenslet."""
     pixels = setup.array.finest_mm / setup.display.panel.coarsest_mm
     if pixels < MIN_ELEMENTAL_PX:
-        what = f"the camera sees {pixels:.2f} pixels of a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
+        what = f"the picture has {pixels:.2f} pixels for a lenslet, fewer than {MIN_ELEMENTAL_PX:g}"
         raise input_error(where, what, remedy)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -72,8 +73,8 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     except SystemExit:
         raise
     except BrokenPipeError:
-        # Whoever read our output has enough of it: no failure. Python must not flush into the pipe at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # Whoever read our output has enough of it: no failure.
+        _drop_output()
         return 0
     except BaseException as error:
         message, failure = _explain(error)
@@ -92,8 +93,10 @@ def _explain(error: BaseException) -> tuple[str, int]:
         return error.format_message() + ("" if no_arguments else " (see --help)"), InputError.exit_code
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
-    if isinstance(error, MemoryError):
-        return "out of memory; take a smaller panel or fewer samples", InputError.exit_code
+    full = isinstance(error, OSError) and error.errno == errno.ENOSPC
+    if full or isinstance(error, MemoryError):
+        no_space = "cannot write: no space left on the device; free space or choose another place"
+        return no_space if full else "out of memory; take a smaller panel or fewer samples", InputError.exit_code
     if os.environ.get("LIPPMANN_TRACEBACK"):
         raise error
     if isinstance(error, ImportError):
@@ -119,6 +122,15 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         return code
     line = " ".join(message.split())
     click.echo(f"lippmann: {line}", err=True)
-    if as_json:
-        click.echo(json.dumps({"error": line, "exit_code": code}))
+    try:
+        if as_json:
+            click.echo(json.dumps({"error": line, "exit_code": code}))
+        sys.stdout.flush()
+    except OSError:  # said on stderr
+        _drop_output()
     return code
+
+
+def _drop_output() -> None:
+    """Send what stdout holds nowhere: Python must not flush it at exit into a pipe or disk that takes nothing."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -139,8 +139,9 @@ def _rows(display: Display, derived: DisplayProperties, zone: Zone | None) -> It
     pitch = " x ".join(f"{side:.6g}" for side in dict.fromkeys(panel.pitches_mm))
     yield "pixel pitch", f"{pitch} mm, {details}"
     if panel.white_cd_m2 is not None:
-        contrast = f", black {panel.black_cd_m2:g} cd/m2: contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
-        yield "white", f"{panel.white_cd_m2:g} cd/m2{contrast}"
+        black = "" if panel.black_cd_m2 is None else f", black {panel.black_cd_m2:g} cd/m2"
+        contrast = f": contrast {1.0 / panel.black:.4g} : 1" if panel.black else ""
+        yield "white", f"{panel.white_cd_m2:g} cd/m2{black}{contrast}"
     pitches = " x ".join(f"{pitch:g}" for pitch in dict.fromkeys(array.pitches_mm))
     rows = "" if isinstance(array.pitch_mm, float) else f", rows {array.row_pitch_mm:.6g} mm apart"
     shear = f", shear {array.shear:g}" if array.shear else ""

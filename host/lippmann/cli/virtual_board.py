@@ -66,11 +66,13 @@ def start_command(
         )
     display = load_display(display_path)
     _check_places(capture, ready, trace)
+    if background and not ready:
+        raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
+    if tcp_port:
+        virtual_board.check_free(tcp_port)
     log("starting the board; the first start compiles it (half a minute) ...")
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # SIGTERM ends it as Ctrl-C does
-    if background:
-        if not ready:
-            raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
+    if background and ready:
         _in_background(ready)
         return
     board = virtual_board.start(

@@ -135,6 +135,7 @@ class Line:
         self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
         # A delimiter goes before the first packet: it ends a packet that another program left unfinished.
         self._broken = True
+        self._closed = False
         try:
             self._fileno: int | None = self._port.fileno()
         except (OSError, AttributeError):  # rfc2217:// and loop:// have none
@@ -143,6 +144,7 @@ class Line:
 
     def close(self) -> None:
         """Close the port."""
+        self._closed = True
         # pyserial does not close a socket that its peer has closed.
         connection = getattr(self._port, "_socket", None)
         self._port.close()
@@ -194,6 +196,8 @@ class Line:
 
     def _wait(self, wait_s: float, write: bool) -> bool:
         """Read what has arrived; return whether the port accepts bytes. Waits at most `wait_s` for either."""
+        if self._closed:
+            raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
         if self._fileno is None:
             if not self._port.in_waiting and not write:
                 time.sleep(min(wait_s, POLL_S))

@@ -10,7 +10,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
-from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.renderer import Settings, make_integrator, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
 from lippmann.viewing import viewing_distance
@@ -24,7 +24,11 @@ SHARP_SHARE, NOISE = 0.1, 0.1
 
 
 def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
-    """Yield a line about parts of the scene's file that the integrator does not use, and one if there is no light."""
+    """Yield a line about parts of the scene's file that the integrator does not use, and one if there is no light.
+
+    Raises InputError when there is no such integrator: before the first remark.
+    """
+    make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
         if scene.integrator not in (None, settings.integrator):

@@ -22,7 +22,7 @@ import numpy as np
 
 from lippmann import interrupts
 from lippmann.display import Display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, whole_number
 from lippmann.images import Radiance
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
@@ -62,14 +62,10 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse settings out of range."""
-        if not 1 <= self.samples <= MAX_SAMPLES:
-            raise InputError(f"samples {self.samples} is out of range; give 1 to {MAX_SAMPLES}")
+        for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
+            object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
         if self.aperture not in APERTURES:
             raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
-        if not 1 <= self.max_depth <= 1000:
-            raise InputError(f"max depth {self.max_depth} is out of range; give 1 to 1000")
-        if not 0 <= self.seed < 2**32:
-            raise InputError(f"seed {self.seed} is out of range; give 0 to {2**32 - 1}")
 
 
 @dataclass(frozen=True)

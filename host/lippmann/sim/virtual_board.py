@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 import signal
+import socket
 import subprocess
 import tempfile
 import time
@@ -22,7 +23,7 @@ import numpy as np
 
 from lippmann import interrupts
 from lippmann.display import Display
-from lippmann.errors import DeviceError, InputError, LippmannError
+from lippmann.errors import DeviceError, InputError, LippmannError, device_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
@@ -99,6 +100,17 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to 18000000 baud")
     return step
+
+
+def check_free(tcp_port: int) -> None:
+    """Raise DeviceError when a board cannot listen on a TCP port, before the board is compiled."""
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the board does
+        try:
+            listener.bind(("127.0.0.1", tcp_port))
+        except OSError as error:
+            what = f"cannot listen on port {tcp_port} ({error.strerror})"
+            raise device_error("--tcp-port", what, "choose another port, or 0 for a free one") from None
 
 
 def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:

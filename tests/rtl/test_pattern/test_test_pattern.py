@@ -6,7 +6,7 @@ from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.extent import extent
-from lippmann.fixed.test_pattern import centres, located, views
+from lippmann.fixed.panel_pattern import centres, located, views
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.sim.harness import packed
