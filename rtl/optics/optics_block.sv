@@ -9,7 +9,9 @@
 /// take effect: at once between two frames, otherwise after the frame's last ray was accepted;
 /// `busy` is set until then. `start` requests a frame of the raster. One start is remembered while
 /// a frame runs, and takes effect after it. So one set of optics traces a whole frame, and a frame
-/// uses every apply that came before its start.
+/// uses every apply that came before its start. `abort` ends the frame, of the raster or of the
+/// stream, and forgets the start remembered; rays that were accepted still leave. A start in the
+/// same write begins a new frame.
 ///
 /// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
 /// the registers; docs/reference/optics-block.md tells how software uses them.
@@ -66,7 +68,7 @@ module optics_block #(
   // ---- registers ----
   optics_registers_pkg::optics_registers__in_t status;
   optics_registers_pkg::optics_registers__out_t set;
-  logic apply_q, start_q, busy, running, refused;
+  logic apply_q, start_q, abort, busy, running, refused, idle;
 
   // APB4 holds address and data until ready; this makes a request of one clock.
   // The upper half of the addresses is the jitter table, which can only be written.
@@ -113,6 +115,7 @@ module optics_block #(
   assign status.status.busy.next = busy || apply_q;
   assign status.status.running.next = running || start_q;
   assign status.status.refused.next = refused;
+  assign status.status.occupied.next = !idle;
 
   optics_config_t optics;
   always_comb begin
@@ -169,7 +172,7 @@ module optics_block #(
   logic signed [F+1:0] walked_a, walked_b;
   logic begin_frame;
   raster #(.F(F)) i_raster (
-    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame),
+    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame), .abort_i(abort),
     .running_o(running), .refused_o(refused),
     .table_write_i(table_write), .table_at_i(addr_q[TableBits+1:2]), .table_entry_i(wdata_q),
     .ray_valid_o(walked_valid), .ray_ready_i(walked_ready),
@@ -187,7 +190,8 @@ module optics_block #(
   // ---- new optics take effect between two frames only ----
   // Decided a clock ahead, since the input must be closed in the clock of the change.
   logic within_d, within_q, take;
-  assign within_d = accept ? !last : within_q;
+  assign abort = set.control.abort.value;
+  assign within_d = !abort && (accept ? !last : within_q);
   assign valid = (stream_q ? ray_valid_i : walked_valid) && !take;
   assign accept = valid && ready;
   assign ray_ready_o = stream_q && ready && !take;
@@ -201,7 +205,7 @@ module optics_block #(
       within_q <= within_d;
       take <= apply_q && !within_d && !take;
       apply_q <= set.control.apply.value || (apply_q && !take);
-      start_q <= set.control.start.value || (start_q && !begin_frame);
+      start_q <= set.control.start.value || (start_q && !begin_frame && !abort);
       if (take) stream_q <= set.source.stream.value;
     end
   end
@@ -211,7 +215,7 @@ module optics_block #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (
-    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
+    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o

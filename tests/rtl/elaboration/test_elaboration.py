@@ -82,6 +82,8 @@ PARAMETERS = {
     "raster": F_SETS,
     "ray_lenslet": RAYS[-2:],
     "ray_pipeline": RAYS,
+    "request_reader": PANELS,
+    "reply_builder": [{"HeadBytes": b} for b in (4, 34)],
     "reply_writer": [{"Bytes": b} for b in (1, 2, 34, 63)],
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],
     "rsqrt": F_SETS,
