@@ -19,6 +19,8 @@ TOOLS = Path(sys.executable).parent
 
 # The tasks of each .sby file. Those marked full take up to minutes each; the others are for every commit.
 QUICK = [
+    "dispatcher prove",
+    "dispatcher cover",
     "fifo prove_4",
     "fifo prove_8",
     "fifo cover_4",
@@ -32,6 +34,17 @@ FULL = ["flow_control prove_1", "flow_control prove_3", "flow_control full_8", "
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
 # (proof, file, text, its replacement, assertions of which one must fail)
 FAULTS = {
+    "the bus is asked once and no more": (
+        "dispatcher bmc", "ray_access.sv", "if (on_bus) asked_q <= !heard;", "if (on_bus) asked_q <= 1'b1;",
+        "answered|todo|bus|asked"),
+    "an abort waits for rays for ever": (
+        "dispatcher bmc", "ray_access.sv", "heard && !(occupied || running || busy)", "heard && occupied",
+        "few_looks|polls"),
+    "a reply waits for words that it does not have": (
+        "dispatcher bmc", "dispatcher.sv", "words == '0 ? Receive : Words;", "Words;", "answered|todo|reply|words"),
+    "a request is not read while the reply to the one before it is sent": (
+        "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
+        "answered|todo|one_at_a_time|unsent"),
     "word asked for without a place": (
         "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
     "read pointer stands still": (
@@ -72,6 +85,7 @@ FAULTS = {
 
 # For every commit: one or two for each proof.
 SANITY = {
+    "an abort waits for rays for ever",
     "read pointer stands still",
     "no credit: rays enter while there is no room",
     "idle before the last ray has left",
@@ -115,7 +129,7 @@ def test_proof(proof: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", [f if f in SANITY else pytest.param(f, marks=pytest.mark.full) for f in FAULTS])
 def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
     proof, file, text, replacement, broken = FAULTS[fault]
-    path = checkout(tmp_path) / "rtl" / "optics" / file
+    (path,) = (checkout(tmp_path) / "rtl").rglob(file)
     source = path.read_text()
     assert source.count(text) == 1, f"{file} has changed: give this fault its new text"
     path.write_text(source.replace(text, replacement))
