@@ -208,6 +208,8 @@ class ModelBoard:
             answer = bytes([OK]) + self._do(kind, seq, body)
         except RefusedError as refused:
             answer = bytes([refused.status]) + refused.body
+        except struct.error:
+            answer = bytes([LENGTH])
         self.statuses[answer[0]] += 1
         packet = struct.pack("<BH", kind | 0x80, seq) + answer
         if self.mute:
