@@ -8,6 +8,8 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
+/// The request RESET resets all but the line and its packets, so that no byte of them is lost.
+///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
 /// registers.
@@ -109,23 +111,31 @@ module board #(
     .out_ready_i(tx_ready), .out_data_o(tx_data)
   );
 
+  // ---- reset of all but the link ----
+  logic reset, core_rst_n;
+  always_ff @(posedge clk_i or negedge rst_n) begin
+    if (!rst_n) core_rst_n <= 1'b0;
+    else core_rst_n <= !reset;
+  end
+
   // ---- requests ----
   logic bus_start, bus_write, bus_done, bus_error;
   logic [9:0] bus_at;
   logic [31:0] bus_word, bus_answer;
   logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
+  logic tile_last;
   logic [15:0] tile, table_at, epoch, present_epoch;
-  logic [7:0] tile_coding;
+  logic [7:0] tile_coding, tile_data;
   logic [31:0] tile_crc, table_crc, present_crc;
   logic table_busy, table_front, present_start, present_done, frame_bad;
   link_pkg::status_e present_status;
-  logic ray_valid, ray_ready, trace, exit_valid, exit_ready, trace_ready, sign_ready;
+  logic ray_valid, ray_ready, trace, sign, exit_valid, exit_ready, trace_ready, sign_ready;
   logic [3:0][31:0] ray;
   logic [8:0][31:0] exit_words;
   logic sign_start, sign_done, exit_last;
   logic [31:0] sign_rays, sign_crc;
   dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
-    .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch),
+    .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch), .reset_o(reset),
     .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
     .in_last_i(request_last), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
     .out_data_o(reply_data), .out_last_o(reply_last),
@@ -133,15 +143,16 @@ module board #(
     .bus_done_i(bus_done), .bus_word_i(bus_answer), .bus_error_i(bus_error),
     .tile_start_o(tile_start), .tile_o(tile), .tile_coding_o(tile_coding),
     .tile_empty_o(tile_empty), .tile_valid_o(tile_valid), .tile_ready_i(tile_ready),
-    .tile_done_i(tile_done), .tile_ok_i(tile_ok), .stale_o(stale), .tile_bad_o(tile_bad),
+    .tile_data_o(tile_data), .tile_last_o(tile_last), .tile_done_i(tile_done),
+    .tile_ok_i(tile_ok), .stale_o(stale), .tile_bad_o(tile_bad),
     .table_busy_i(table_busy), .table_front_o(table_front), .table_at_o(table_at),
     .table_crc_i(table_crc),
     .present_start_o(present_start), .present_epoch_o(present_epoch),
     .present_crc_o(present_crc), .present_done_i(present_done), .present_status_i(present_status),
     .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_o(ray), .trace_o(trace),
     .exit_valid_i(exit_valid), .exit_ready_o(trace_ready), .exit_i(exit_words),
-    .sign_start_o(sign_start), .sign_done_i(sign_done), .sign_rays_i(sign_rays),
-    .sign_crc_i(sign_crc)
+    .sign_o(sign), .sign_start_o(sign_start), .sign_done_i(sign_done),
+    .sign_rays_i(sign_rays), .sign_crc_i(sign_crc)
   );
 
   // ---- registers ----
@@ -155,7 +166,7 @@ module board #(
   logic [8:0] apb_addr;
   logic [31:0] apb_wdata, apb_rdata;
   register_bus i_register_bus (
-    .clk_i, .rst_ni(rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
+    .clk_i, .rst_ni(core_rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
     .word_i(bus_word), .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
     .board_request_o(board_request), .board_write_o(board_write), .board_at_o(board_at),
     .board_word_o(board_word), .board_read_ack_i(board_read_ack),
@@ -168,7 +179,7 @@ module board #(
   );
   logic unused_stall_read, unused_stall_write;
   board_registers i_registers (
-    .clk(clk_i), .arst_n(rst_n),
+    .clk(clk_i), .arst_n(core_rst_n),
     .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at),
     .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
     .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
@@ -178,8 +189,8 @@ module board #(
     .hwif_in(told), .hwif_out(set)
   );
   logic [31:0] shown_crc, frames, clocks_q;
-  always_ff @(posedge clk_i or negedge rst_n) begin
-    if (!rst_n) clocks_q <= '0;
+  always_ff @(posedge clk_i or negedge core_rst_n) begin
+    if (!core_rst_n) clocks_q <= '0;
     else clocks_q <= clocks_q + 1'b1;
   end
   assign told.display_low.value.next = identity_i[31:0];
@@ -213,16 +224,16 @@ module board #(
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc;
   tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
-    .clk_i, .rst_ni(rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
+    .clk_i, .rst_ni(core_rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
     .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
-    .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(request_data),
-    .last_i(request_last), .write_o(write), .write_buffer_o(write_buffer),
+    .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(tile_data),
+    .last_i(tile_last), .write_o(write), .write_buffer_o(write_buffer),
     .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
     .copy_at_o(copy_at), .copy_rgb_i(second_rgb)
   );
   // The table's entry of a tile is invalid from its start until it ended without an error.
   tile_table #(.Width(Width), .Height(Height)) i_tile_table (
-    .clk_i, .rst_ni(rst_n), .busy_o(table_busy),
+    .clk_i, .rst_ni(core_rst_n), .busy_o(table_busy),
     .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
     .write_tile_i(tile[TileBits-1:0]), .write_crc_i(tile_start ? '0 : tile_crc),
     .read_buffer_i(table_front ? front : !front), .read_tile_i(table_at[TileBits-1:0]),
@@ -231,13 +242,13 @@ module board #(
   logic unused_table;
   assign unused_table = ^table_at[15:TileBits];
   frame_check #(.Width(Width), .Height(Height)) i_frame_check (
-    .clk_i, .rst_ni(rst_n), .start_i(check_start), .buffer_i(!front), .busy_o(check_busy),
-    .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
+    .clk_i, .rst_ni(core_rst_n), .start_i(check_start), .buffer_i(!front),
+    .busy_o(check_busy), .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
     .read_rgb_i(second_rgb)
   );
   presenter i_presenter (
-    .clk_i, .rst_ni(rst_n), .start_i(present_start), .epoch_i(present_epoch), .crc_i(present_crc),
-    .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
+    .clk_i, .rst_ni(core_rst_n), .start_i(present_start), .epoch_i(present_epoch),
+    .crc_i(present_crc), .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
     .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
     .swap_o(swap), .swapped_i(swapped)
   );
@@ -254,7 +265,7 @@ module board #(
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
     .F(F), .Grid(Grid)
   ) i_scan_out (
-    .clk_i, .rst_ni(rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
+    .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
     .brightness_i(set.display.brightness.value),
     .pattern_i('{
       kind: panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
@@ -275,8 +286,8 @@ module board #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_optics (
-    .clk_i, .rst_ni(rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable), .apb_write_i(apb_write),
-    .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
+    .clk_i, .rst_ni(core_rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable),
+    .apb_write_i(apb_write), .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
     .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),
     .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
     .ray_v_i(ray[1][PixelBits-1:0]), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
@@ -290,9 +301,10 @@ module board #(
     32'(exit_status), 32'(exit_dz), 32'(exit_dy), 32'(exit_dx), 32'(exit_z), 32'(exit_y),
     32'(exit_x), 32'(exit_j), 32'(exit_i)
   };
-  assign exit_ready = trace ? trace_ready : sign_ready;
+  // Rays of a frame that nobody asked to sign are dropped.
+  assign exit_ready = trace ? trace_ready : sign_ready || !sign;
   ray_signature i_ray_signature (
-    .clk_i, .rst_ni(rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && !trace),
+    .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
     .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
     .rays_o(sign_rays), .crc_o(sign_crc)
   );

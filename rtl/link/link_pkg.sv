@@ -25,7 +25,9 @@ package link_pkg;
     RequestPresent = 8'h05,
     RequestTiles = 8'h06,
     RequestTrace = 8'h07,
-    RequestSign = 8'h08
+    RequestSign = 8'h08,
+    RequestAbort = 8'h09,
+    RequestReset = 8'h0a
   } request_e;
 
   /// A reply's type is the request's with this bit set.
@@ -42,8 +44,28 @@ package link_pkg;
     StatusFrameCrc = 8'd6,  // differs from the back buffer's
     StatusNoTile = 8'd7,
     StatusVersion = 8'd8,   // of the protocol
-    StatusOptics = 8'd9     // refused by the optics block
+    StatusOptics = 8'd9,    // refused by the optics block
+    StatusBusy = 8'd10      // something else runs
   } status_e;
+
+  /// What runs, in a reply with StatusBusy.
+  typedef enum logic [7:0] {
+    RunsNothing = 8'd0,
+    RunsFrame = 8'd1,  // started by a WRITE
+    RunsSign = 8'd2,   // of another request
+    RunsThis = 8'd3    // the SIGN that is answered
+  } runs_e;
+
+  /// What a request wants of the optics block (ray_access).
+  typedef enum logic [2:0] {OpClaim, OpTrace, OpSign, OpResult, OpAbort} ray_op_e;
+
+  /// A request without its words or its data.
+  typedef struct packed {
+    request_e kind;
+    logic [15:0] number;
+    logic [5:0][7:0] arguments;  // bytes of the body
+    logic [8:0] words;           // number of words collected
+  } request_t;
   /* verilator lint_on UNUSEDPARAM */
 
   typedef logic [31:0][31:0] crc_rows_t;

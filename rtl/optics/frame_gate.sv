@@ -5,7 +5,8 @@
 /// apply_i requests a change. take_o is its clock: at once between two frames, otherwise after the
 /// frame's last ray was accepted. No ray is accepted in that clock, and stream_o, the source, is
 /// stream_i from the next clock on. start_i requests a frame of the raster; one request is kept
-/// while the raster runs. Requests for the same thing that come before it is done are one.
+/// while the raster runs. Requests for the same thing that come before it is done are one. abort_i
+/// ends the frame of the rays that were accepted, and drops a frame that waits; it stops the raster.
 ///
 /// The raster's first ray comes 3 or more clocks after begin_o. So a frame uses every change that
 /// was requested before its start, or together with it.
@@ -22,6 +23,7 @@ module frame_gate (
   input  logic start_i,           // pulse
   output logic start_waits_o,     // until begin_o
   output logic begin_o,           // pulse: the raster begins a frame
+  input  logic abort_i,           // pulse
   input  logic raster_running_i,  // until the frame's last ray was accepted
 
   input  logic raster_valid_i,
@@ -42,7 +44,7 @@ module frame_gate (
   assign accept = valid_o && ready_i;
   assign raster_ready_o = !stream_o && ready_i && !take_o;
   assign stream_ready_o = stream_o && ready_i && !take_o;
-  assign within_d = accept ? !last : within_q;
+  assign within_d = !abort_i && (accept ? !last : within_q);
   assign begin_o = start_waits_o && !raster_running_i;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -53,7 +55,7 @@ module frame_gate (
       // Decided a clock ahead, since the input must be closed in the clock of the change.
       take_o <= apply_waits_o && !within_d && !take_o;
       apply_waits_o <= apply_i || (apply_waits_o && !take_o);
-      start_waits_o <= start_i || (start_waits_o && !begin_o);
+      start_waits_o <= start_i || (start_waits_o && !begin_o && !abort_i);
       if (take_o) stream_o <= stream_i;
     end
   end

@@ -9,7 +9,9 @@
 /// take effect: at once between two frames, otherwise after the frame's last ray was accepted;
 /// `busy` is set until then. `start` requests a frame of the raster. One start is remembered while
 /// a frame runs, and takes effect after it. So one set of optics traces a whole frame, and a frame
-/// uses every apply that came before its start.
+/// uses every apply that came before its start. `abort` ends the frame, of the raster or of the
+/// stream, and forgets the start remembered; rays that were accepted still leave. A start in the
+/// same write begins a new frame.
 ///
 /// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
 /// the registers; docs/reference/optics-block.md tells how software uses them.
@@ -66,7 +68,7 @@ module optics_block #(
   // ---- registers ----
   optics_registers_pkg::optics_registers__in_t status;
   optics_registers_pkg::optics_registers__out_t set;
-  logic apply_waits, start_waits, busy, running, refused;
+  logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
   // APB4 holds address and data until ready; this makes a request of one clock.
   // The upper half of the addresses is the jitter table, which can only be written.
@@ -113,6 +115,7 @@ module optics_block #(
   assign status.status.busy.next = busy || apply_waits;
   assign status.status.running.next = running || start_waits;
   assign status.status.refused.next = refused;
+  assign status.status.occupied.next = !idle;
 
   optics_config_t optics;
   always_comb begin
@@ -169,7 +172,7 @@ module optics_block #(
   logic signed [F+1:0] walked_a, walked_b;
   logic begin_frame;
   raster #(.F(F)) i_raster (
-    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame),
+    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame), .abort_i(abort),
     .running_o(running), .refused_o(refused),
     .table_write_i(table_write), .table_at_i(addr_q[TableBits+1:2]), .table_entry_i(wdata_q),
     .ray_valid_o(walked_valid), .ray_ready_i(walked_ready),
@@ -181,12 +184,13 @@ module optics_block #(
   logic stream, take, valid, ready, first, last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;
+  assign abort = set.control.abort.value;
   frame_gate i_gate (
     .clk_i, .rst_ni,
     .apply_i(set.control.apply.value), .apply_waits_o(apply_waits),
     .stream_i(set.source.stream.value), .take_o(take), .stream_o(stream),
     .start_i(set.control.start.value), .start_waits_o(start_waits), .begin_o(begin_frame),
-    .raster_running_i(running),
+    .abort_i(abort), .raster_running_i(running),
     .raster_valid_i(walked_valid), .raster_ready_o(walked_ready), .raster_last_i(walked_last),
     .stream_valid_i(ray_valid_i), .stream_ready_o(ray_ready_o), .stream_last_i(ray_last_i),
     .valid_o(valid), .ready_i(ready)
@@ -200,7 +204,7 @@ module optics_block #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (
-    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy),
+    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o

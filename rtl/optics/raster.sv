@@ -4,7 +4,8 @@
 ///
 /// start_i copies config_i and starts a frame: `samples` rays for each pixel. It is ignored while
 /// running_o is high. A window that is empty or reaches beyond the panel is refused: refused_o is
-/// high until the next start. running_o stays high until the frame's last ray was taken.
+/// high until the next start. running_o stays high until the frame's last ray was taken. abort_i
+/// ends the frame: from the next clock on no ray is offered, and a start in the same clock is lost.
 ///
 /// Pixel (c, r), counted from the panel's top left, gives with half-pixels as integers
 ///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
@@ -26,6 +27,7 @@ module raster #(
 
   input  optics_pkg::raster_config_t              config_i,   // the next frame
   input  logic                                    start_i,    // begin it
+  input  logic                                    abort_i,    // end the one that runs
   output logic                                    running_o,  // until its last ray was taken
   output logic                                    refused_o,  // illegal window; until next start
 
@@ -87,11 +89,13 @@ module raster #(
     if (!rst_ni) begin
       {running_o, refused_o, check_q, begin_q, walk_q} <= '0;
     end else begin
-      {begin_q, check_q} <= {check_q, take};
-      if (take) {running_o, refused_o} <= 2'b10;
+      {begin_q, check_q} <= abort_i ? '0 : {check_q, take};
+      if (abort_i) running_o <= 1'b0;
+      else if (take) {running_o, refused_o} <= 2'b10;
       else if (begin_q && !legal) {running_o, refused_o} <= 2'b01;
       else if (done) running_o <= 1'b0;
-      if (begin_q) walk_q <= legal;
+      if (abort_i) walk_q <= 1'b0;
+      else if (begin_q) walk_q <= legal;
       else if (step && end_of_frame) walk_q <= 1'b0;
     end
   end
@@ -171,6 +175,7 @@ module raster #(
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {ray_valid_o, valid_q} <= '0;
+    else if (abort_i) {ray_valid_o, valid_q} <= '0;
     else if (step) {ray_valid_o, valid_q} <= {valid_q, walk_q};
   end
 

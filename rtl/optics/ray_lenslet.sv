@@ -25,6 +25,7 @@ module ray_lenslet #(
   input  optics_pkg::optics_config_t              config_i,  // optics of the next copy
   input  logic                                    apply_i,   // make a copy
   output logic                                    busy_o,    // until it is made
+  output logic                                    idle_o,    // no ray is inside
 
   input  logic                                    ray_valid_i,
   output logic                                    ray_ready_o,
@@ -57,7 +58,7 @@ module ray_lenslet #(
   config_bank #(.Width($bits(optics_config_t))) i_config_bank (
     .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
   );
-  assign busy_o = busy;
+  assign {busy_o, idle_o} = {busy, idle};
 
   // ---- the pipeline ----
   logic signed [PixelBits-1:0] u_q, v_q;

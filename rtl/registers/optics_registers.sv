@@ -328,6 +328,10 @@ module optics_registers (
                 logic next;
                 logic load_next;
             } start;
+            struct {
+                logic next;
+                logic load_next;
+            } abort;
         } control;
         struct {
             struct {
@@ -646,6 +650,9 @@ module optics_registers (
             struct {
                 logic value;
             } start;
+            struct {
+                logic value;
+            } abort;
         } control;
         struct {
             struct {
@@ -957,6 +964,32 @@ module optics_registers (
         end
     end
     assign hwif_out.control.start.value = field_storage.control.start.value;
+    // Field: optics_registers.control.abort
+    always_comb begin
+        automatic logic [0:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.control.abort.value;
+        load_next_c = '0;
+        if(decoded_reg_strb.control && decoded_req_is_wr) begin // SW write
+            next_c = (field_storage.control.abort.value & ~decoded_wr_biten[2:2]) | (decoded_wr_data[2:2] & decoded_wr_biten[2:2]);
+            load_next_c = '1;
+        end else begin // singlepulse clears back to 0
+            next_c = '0;
+            load_next_c = '1;
+        end
+        field_combo.control.abort.next = next_c;
+        field_combo.control.abort.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.control.abort.value <= 1'h0;
+        end else begin
+            if(field_combo.control.abort.load_next) begin
+                field_storage.control.abort.value <= field_combo.control.abort.next;
+            end
+        end
+    end
+    assign hwif_out.control.abort.value = field_storage.control.abort.value;
     // Field: optics_registers.source.stream
     always_comb begin
         automatic logic [0:0] next_c;
@@ -2164,7 +2197,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h0)][31:0] = 32'h4c495050;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h4)) begin
-            readback_data_var[ad_hi(8'h4)][15:0] = 16'h0;
+            readback_data_var[ad_hi(8'h4)][15:0] = 16'h1;
             readback_data_var[ad_hi(8'h4)][31:16] = 16'h2;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h8)) begin
@@ -2182,6 +2215,7 @@ module optics_registers (
             readback_data_var[ad_hi(8'h10)][0] = hwif_in.status.busy.next;
             readback_data_var[ad_hi(8'h10)][1] = hwif_in.status.running.next;
             readback_data_var[ad_hi(8'h10)][2] = hwif_in.status.refused.next;
+            readback_data_var[ad_hi(8'h10)][3] = hwif_in.status.occupied.next;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h14)) begin
             readback_data_var[ad_hi(8'h14)][0] = field_storage.source.stream.value;

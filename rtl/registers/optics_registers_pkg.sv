@@ -69,9 +69,14 @@ package optics_registers_pkg;
     } optics_registers__status__refused__in_t;
 
     typedef struct {
+        logic next;
+    } optics_registers__status__occupied__in_t;
+
+    typedef struct {
         optics_registers__status__busy__in_t busy;
         optics_registers__status__running__in_t running;
         optics_registers__status__refused__in_t refused;
+        optics_registers__status__occupied__in_t occupied;
     } optics_registers__status__in_t;
 
     typedef struct {
@@ -88,8 +93,13 @@ package optics_registers_pkg;
     } optics_registers__control__start__out_t;
 
     typedef struct {
+        logic value;
+    } optics_registers__control__abort__out_t;
+
+    typedef struct {
         optics_registers__control__apply__out_t apply;
         optics_registers__control__start__out_t start;
+        optics_registers__control__abort__out_t abort;
     } optics_registers__control__out_t;
 
     typedef struct {

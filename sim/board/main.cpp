@@ -1,11 +1,12 @@
 // The virtual board: the RTL under Verilator, on a pty or on TCP (loopback only).
 //
 //   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]
-//         [--host-step N] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
+//         [--host-step N] [--stalls SEED] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
 //
 // Built by lippmann.sim.virtual_board. With ByteLink, bytes are transferred as fast as the board
 // accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
-// --host-step that of the host's end when it differs. The ready file (JSON) holds the URL and
+// --host-step that of the host's end when it differs. --stalls makes both ends of a byte line pause
+// at random. The ready file (JSON) holds the URL and
 // exists while the board runs. SIGTERM and SIGINT end the board, SIGUSR1 resets it. The last line
 // on stdout is a JSON object of counts. Exit codes are those of the command lippmann.
 #include <getopt.h>
@@ -42,7 +43,7 @@ std::atomic<bool> reset{false};
 struct Options {
   std::string line = "tcp", ready, capture, trace;
   int port = 0;
-  uint32_t step = 0, host_step = 0;
+  uint32_t step = 0, host_step = 0, stalls = 0;
   uint64_t identity = 0;
   int64_t trace_from = 0, trace_to = INT64_MAX;
 };
@@ -54,7 +55,8 @@ Options parse(int count, char** words) {
       {"capture", required_argument, nullptr, 'c'},    {"step", required_argument, nullptr, 's'},
       {"host-step", required_argument, nullptr, 'h'},
       {"trace", required_argument, nullptr, 't'},      {"trace-from", required_argument, nullptr, 'f'},
-      {"trace-to", required_argument, nullptr, 'e'},   {nullptr, 0, nullptr, 0}};
+      {"trace-to", required_argument, nullptr, 'e'},   {"stalls", required_argument, nullptr, 'x'},
+      {nullptr, 0, nullptr, 0}};
   Options options;
   for (int key; (key = getopt_long(count, words, "", known, nullptr)) != -1;) {
     switch (key) {
@@ -68,6 +70,7 @@ Options parse(int count, char** words) {
       case 't': options.trace = optarg; break;
       case 'f': options.trace_from = std::stoll(optarg); break;
       case 'e': options.trace_to = std::stoll(optarg); break;
+      case 'x': options.stalls = static_cast<uint32_t>(std::stoul(optarg)); break;
       default: throw std::invalid_argument("unknown option");
     }
   }
@@ -167,12 +170,13 @@ class Board {
 
   void step() {
     if (LIPPMANN_BYTE_LINK) {
-      const int byte = line_.from_host().peek();
+      const int byte = paused() && !offered_ ? -1 : line_.from_host().peek();
       top_.in_valid_i = byte >= 0;
       if (byte >= 0) top_.in_data_i = static_cast<uint8_t>(byte);
-      top_.out_ready_i = line_.to_host().room() != 0;
+      top_.out_ready_i = line_.to_host().room() != 0 && !paused();
       // The handshakes are known before the clock edge: they depend on registers only.
       const bool took = byte >= 0 && top_.in_ready_o;
+      offered_ = byte >= 0 && !took;
       if (top_.out_valid_o && top_.out_ready_i) send(top_.out_data_o);
       clock();
       if (took) taken();
@@ -190,6 +194,16 @@ class Board {
       if (byte >= 0) send(static_cast<uint8_t>(byte));
     }
     screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
+  }
+
+  // Random pauses at both ends of a byte line: three clocks of four for some thousand clocks, then none for as many.
+  bool paused() {
+    if (options_.stalls == 0) return false;
+    random_ ^= random_ << 13;
+    random_ ^= random_ >> 17;
+    random_ ^= random_ << 5;
+    if ((random_ & 0xfff) == 0) calm_ = !calm_;
+    return !calm_ && (random_ >> 12 & 3) != 0;
   }
 
   void taken() {
@@ -219,6 +233,8 @@ class Board {
   Uart uart_;
   Screen screen_;
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
+  uint32_t random_ = options_.stalls;
+  bool calm_ = false, offered_ = false;
   int64_t spoke_ = 0;     // clock of the last byte either way
   bool answered_ = true;  // that byte was the board's
 };

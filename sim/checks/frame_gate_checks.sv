@@ -12,6 +12,7 @@ module frame_gate_checks #(
   input logic start_i,
   input logic start_waits_o,
   input logic begin_o,
+  input logic abort_i,
   input logic raster_running_i,
   input logic raster_valid_i,
   input logic raster_ready_o,
@@ -51,11 +52,12 @@ module frame_gate_checks #(
       begun_q <= 0;
       {known_q, waited_q} <= 0;
     end else begin
-      if (accept) within_q <= !last;
+      if (abort_i) within_q <= 0;
+      else if (accept) within_q <= !last;
       applies_q <= apply_i || (applies_q && !take_o);
-      starts_q <= start_i || (starts_q && !begin_o);
+      starts_q <= start_i || (starts_q && !begin_o && !abort_i);
       if (start_i) due_next_q <= apply_i || (applies_q && !take_o);
-      else if (take_o || begin_o) due_next_q <= 0;
+      else if (take_o || begin_o || abort_i) due_next_q <= 0;
       if (begin_o) due_q <= due_next_q && !take_o;
       else if (take_o) due_q <= 0;
       if (begin_o) walks_q <= 1;
@@ -64,7 +66,7 @@ module frame_gate_checks #(
       else if (begun_q < 3) begun_q <= begun_q + 1;
       known_q <= 1;
       // In this clock a change could be decided.
-      waited_q <= applies_q && !take_o && (accept ? last : !within_q);
+      waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
     end
   end
   always @(posedge clk_i) begin

@@ -6,6 +6,7 @@ module frame_gate_properties (
   input logic apply_i,
   input logic stream_i,
   input logic start_i,
+  input logic abort_i,
   input logic raster_running_i,
   input logic raster_valid_i,
   input logic raster_last_i,
@@ -22,12 +23,12 @@ module frame_gate_properties (
   logic raster_ready_o, stream_ready_o;
   frame_gate i_gate (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
-    .start_waits_o, .begin_o, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
+    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
   frame_gate_checks #(.AssumeRaster(1'b1)) i_checks (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
-    .start_waits_o, .begin_o, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
+    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
 

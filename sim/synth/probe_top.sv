@@ -32,9 +32,9 @@ module probe_top #(
   (* keep *) logic [ConfigBits-1:0] config_q;
   (* keep *) logic [RayBits-1:0] ray_q;
   (* keep *) logic apply_q, valid_q, ready_q;
-  logic ready, valid, busy;
+  logic ready, valid, busy, idle;
   logic [OutBits-1:0] out;
-  (* keep *) logic [OutBits+2:0] out_q, fold_q;
+  (* keep *) logic [OutBits+3:0] out_q, fold_q;
   status_e status;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) reset_q <= '0;
@@ -44,9 +44,9 @@ module probe_top #(
     config_q <= {config_q[ConfigBits-2:0], bit_i};
     ray_q <= {ray_q[RayBits-2:0], config_q[ConfigBits-1]};
     {apply_q, valid_q, ready_q} <= {valid_q, ready_q, ray_q[RayBits-1]};
-    out_q <= {busy, ready, valid, out};
-    fold_q <= out_q ^ {fold_q[OutBits+1:0], 1'b0};
-    bit_o <= fold_q[OutBits+2];
+    out_q <= {idle, busy, ready, valid, out};
+    fold_q <= out_q ^ {fold_q[OutBits+2:0], 1'b0};
+    bit_o <= fold_q[OutBits+3];
   end
 
   ray_lenslet #(
@@ -54,7 +54,7 @@ module probe_top #(
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
-    .ray_valid_i(valid_q), .ray_ready_o(ready),
+    .idle_o(idle), .ray_valid_i(valid_q), .ray_ready_o(ready),
     .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),
     .ray_a_i(ray_q[W+:W]), .ray_b_i(ray_q[0+:W]),
     .exit_valid_o(valid), .exit_ready_i(ready_q),

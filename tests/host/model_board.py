@@ -22,15 +22,20 @@ from serial.urlhandler import protocol_socket
 # pyserial rests for 0.3 s whenever it closes a socket; the tests close many.
 protocol_socket.time = SimpleNamespace(sleep=lambda seconds: None)
 
-OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, CRC_DIFFERS, NO_TILE, VERSION, OPTICS = range(10)
+OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, CRC_DIFFERS, NO_TILE, VERSION, OPTICS, BUSY = range(11)
+HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = range(1, 11)
+#: What keeps others from the optics, in a reply of status BUSY.
+FRAME_RUNS, SIGN_RUNS, THIS_RUNS = 1, 2, 3
+CONTROL, SOURCE = 0x20C, 0x214
+APPLY, START, END = 1, 2, 4
 MAX_PACKET = 3200
 OPTICS_BUILD = 0x2AD7
 
 
 class RefusedError(Exception):
-    def __init__(self, status):
+    def __init__(self, status, body=b""):
         super().__init__(status)
-        self.status = status
+        self.status, self.body = status, body
 
 
 def qoi_pixels(data, count):
@@ -76,7 +81,9 @@ class ModelBoard:
         self.width, self.height, self.identity = width, height, identity
         self.columns = -(-width // 32)
         self.tiles = self.columns * -(-height // 32)
-        self.version = 1
+        self.version = 2
+        #: Requests that are answered while a frame runs.
+        self.frame_requests = 2
         #: Work on each request, and how long replies are on their way, s.
         self.latency_s = latency_s
         self.delay_s = delay_s
@@ -122,14 +129,22 @@ class ModelBoard:
 
     def power_cycle(self):
         with self._lock:
+            self.done = None  # the last request executed once: type and number, and its refusal
+            self.newest = self.nonce = 0
+            self.held = b""
+            self.power_up()
+
+    def power_up(self):
+        """The state after power-up, the session and the line excepted."""
+        with self._lock:
             self.buffers = [np.zeros((self.height, self.width, 3), np.uint8) for _ in range(2)]
             self.tables = [[0] * self.tiles, [0] * self.tiles]
             self.front = 0
             self.epoch = 0
             self.last_crc = None
-            self.last_done = None
             self.registers = dict.fromkeys([*range(0, 0x40, 4), *range(0x200, 0x300, 4)], 0)
-            self.held = b""
+            #: What runs, whether it waits for the raster as its source, and the last sign's result.
+            self.runs, self.stream, self.signed = 0, False, None
 
     # --- the line -----------------------------------------------------------------------------------
 
@@ -192,7 +207,9 @@ class ModelBoard:
         try:
             answer = bytes([OK]) + self._do(kind, seq, body)
         except RefusedError as refused:
-            answer = bytes([refused.status])
+            answer = bytes([refused.status]) + refused.body
+        except struct.error:
+            answer = bytes([LENGTH])
         self.statuses[answer[0]] += 1
         packet = struct.pack("<BH", kind | 0x80, seq) + answer
         if self.mute:
@@ -202,55 +219,150 @@ class ModelBoard:
     # --- requests -----------------------------------------------------------------------------------
 
     def _do(self, kind, seq, body):
-        known = {1: self._hello, 2: self._read, 3: self._write, 4: self._tile, 5: self._present, 6: self._tiles}
-        known |= {7: self._trace, 8: self._sign}
-        if kind not in known:
-            raise RefusedError(UNKNOWN)
-        if kind in (3, 8) and self.last_done and self.last_done[0] == (kind, seq):
-            if self.last_done[1]:
-                raise RefusedError(self.last_done[1])
-            return self.last_done[2]
-        self.executed[kind] += 1
-        status, answer = OK, b""
+        known = {
+            HELLO: self._hello, READ: self._read, WRITE: self._write, TILE: self._tile, PRESENT: self._present,
+            TILES: self._tiles, TRACE: self._trace, SIGN: self._sign,
+        }  # fmt: skip
+        if self.version > 1:
+            known |= {ABORT: self._abort, RESET: self._reset}
         try:
-            answer = known[kind](body)
-        except struct.error:
-            status = LENGTH
+            if kind not in known:
+                raise RefusedError(UNKNOWN)
+            self.must_have_length(kind, body)
+            if kind == HELLO:
+                self.seq = seq
+                return self._hello(body)
+            if kind not in (WRITE, SIGN, ABORT, RESET):
+                self.executed[kind] += 1
+                return known[kind](body)
+            return self._do_once(kind, seq, lambda: known[kind](body))
+        finally:
+            # The last one executed expires before the numbers wrap so far that a newer one would seem older.
+            if (seq - self.newest) % 65536 < 32768:
+                self.newest = seq
+            if self.done and (self.newest - self.done[0][1]) % 65536 >= 32768:
+                self.done = None
+
+    def _do_once(self, kind, seq, execute):
+        if self.done and self.done[0] == (kind, seq):
+            if kind == SIGN:
+                return self._signed()
+            if self.done[1]:
+                raise RefusedError(self.done[1])
+            return b""
+        if self.done and not 0 < (seq - self.done[0][1]) % 65536 < 32768:
+            raise RefusedError(STALE)
+        status = OK
+        try:
+            answer = execute()
         except RefusedError as refused:
             status = refused.status
-        if kind in (3, 8):
-            self.last_done = (kind, seq), status, answer
-        if status:
-            raise RefusedError(status)
-        return answer
+            raise
+        finally:
+            if status != BUSY:  # not executed: it may come again
+                self.executed[kind] += 1
+                self.done = (kind, seq), status
+        return self._signed(began=True) if kind == SIGN else answer
+
+    @staticmethod
+    def must_have_length(kind, body):
+        size = len(body)
+        right = {
+            HELLO: size == 5,
+            READ: size == 3 and 1 <= body[2] <= 64,
+            WRITE: size % 4 == 2 and 1 <= size // 4 <= 64,
+            TILE: size >= 5,
+            PRESENT: size == 6,
+            TILES: size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512,
+            TRACE: size % 16 == 0 and 1 <= size // 16 <= 64,
+        }.get(kind, size == 0)
+        if not right:
+            raise RefusedError(LENGTH)
 
     def _hello(self, body):
         version, nonce = struct.unpack("<BI", body)
         if version != self.version:
             raise RefusedError(VERSION)
-        self.last_done = None
-        limits = self.identity, self.width, self.height, 32, MAX_PACKET, 50_000_000, self.epoch, OPTICS_BUILD
+        self.executed[HELLO] += 1
+        if nonce != self.nonce:
+            self.nonce, self.newest, self.done = nonce, self.seq, None
+        limits = self.identity, self.width, self.height, 32, MAX_PACKET, self.clock_hz, self.epoch, self.build
         return struct.pack("<BIQHHBHIHI", version, nonce, *limits)
 
-    def _read(self, body):
-        address, count = struct.unpack("<HB", body)
-        addresses = range(address, address + 4 * count, 4)
-        if not 1 <= count <= 64:
-            raise RefusedError(LENGTH)
-        if not all(a in self.registers for a in addresses):
+    # What the optics and the registers are is for others to say: here they are words, and frames of some requests.
+    clock_hz, build = 50_000_000, OPTICS_BUILD
+
+    def addresses(self, first, count):
+        """Addresses of a range that is there."""
+        found = range(first, first + 4 * count, 4)
+        if not all(at in self.registers for at in found):
             raise RefusedError(ADDRESS)
-        return struct.pack(f"<{count}I", *(self.registers[a] for a in addresses))
+        return found
+
+    def load(self, at):
+        return self.registers[at]
+
+    def can_write(self, at):
+        return at in self.registers
+
+    def store(self, at, word):
+        self.registers[at] = word
+
+    def window_is_refused(self):
+        return self.registers[0x200] == 0xBAD
+
+    def frame_is_over(self):
+        """Whether the frame that runs has ended by now."""
+        self.requests_left -= 1
+        return self.requests_left < 0
+
+    def rays_so_far(self):
+        return 100
+
+    def signature(self):
+        """Rays and CRC of the window's frame."""
+        return 4711, 0x12345678
+
+    def traced(self, u, v, a, b):
+        """Nine words of each ray; any will do."""
+        return np.stack([u, v, a, b, u - v, a - b, -u, -v, u & 7], axis=1)
+
+    def what_runs(self, runs):
+        return struct.pack("<BI", runs, self.rays_so_far() if self.runs == SIGN_RUNS else 0)
+
+    def _must_be_free(self):
+        """Refuse while a frame runs."""
+        if self.runs and not self.stream and self.frame_is_over():
+            self.runs = 0
+        if self.runs:
+            raise RefusedError(BUSY, self.what_runs(self.runs))
+
+    def _start(self, runs):
+        """Begin a frame; False when its window is refused."""
+        if self.window_is_refused():
+            return False
+        self.runs, self.requests_left = runs, self.frame_requests
+        return True
+
+    def _read(self, body):
+        first, count = struct.unpack("<HB", body)
+        return struct.pack(f"<{count}I", *map(self.load, self.addresses(first, count)))
 
     def _write(self, body):
-        count = (len(body) - 2) // 4
-        address, *words = struct.unpack(f"<H{count}I", body)
-        if not 1 <= count <= 64:
-            raise RefusedError(LENGTH)
-        addresses = range(address, address + 4 * count, 4)
-        if not all(a in self.registers for a in addresses):
+        first, *words = struct.unpack(f"<H{len(body) // 4}I", body)
+        if first >= 0x200 and self.version > 1:
+            self._must_be_free()
+        addresses = self.addresses(first, len(words))
+        if not all(map(self.can_write, addresses)):
             raise RefusedError(ADDRESS)
-        self.writes.append((address, tuple(words)))
-        self.registers.update(zip(addresses, words, strict=True))
+        self.writes.append((first, tuple(words)))
+        for at, word in zip(addresses, words, strict=True):
+            self.store(at, word)
+            if at == CONTROL:
+                if word & APPLY:
+                    self.stream = bool(self.registers[SOURCE] & 1)
+                if word & START:
+                    self._start(FRAME_RUNS)
         return b""
 
     def _tile(self, body):
@@ -300,24 +412,41 @@ class ModelBoard:
 
     def _tiles(self, body):
         buffer, first, count = struct.unpack("<BHH", body)
-        if buffer > 1 or not 1 <= count <= 512:
-            raise RefusedError(LENGTH)
-        if first + count > self.tiles:
+        if buffer > 1 or first + count > self.tiles:
             raise RefusedError(NO_TILE)
         table = self.tables[self.front if buffer else 1 - self.front]
         return struct.pack(f"<HH{count}I", self.epoch, first, *table[first : first + count])
 
     def _trace(self, body):
-        rays = np.frombuffer(body, "<i4")
-        if not len(rays) or len(rays) % 4 or len(rays) > 256:
-            raise RefusedError(LENGTH)
-        u, v, a, b = rays.reshape(-1, 4).T
-        # Any nine words of each ray will do.
-        return np.stack([u, v, a, b, u - v, a - b, -u, -v, u & 7], axis=1).astype("<i4").tobytes()
+        if self.version > 1:
+            self._must_be_free()
+        self.registers[SOURCE], self.stream = 1, True
+        return self.traced(*np.frombuffer(body, "<i4").reshape(-1, 4).T).astype("<i4").tobytes()
 
-    def _sign(self, body):
-        if body:
-            raise RefusedError(LENGTH)
-        if self.registers[0x200] == 0xBAD:
+    def _sign(self, _):
+        if self.version > 1:
+            self._must_be_free()
+        self.registers[SOURCE], self.stream = 0, False
+        if not self._start(SIGN_RUNS):
             raise RefusedError(OPTICS)
-        return struct.pack("<II", 4711, 0x12345678)
+        self.signed = self.signature()
+        if self.version == 1:
+            self.runs = 0
+        return b""
+
+    def _signed(self, began=False):
+        """The result of the last sign, also of one that was refused."""
+        if self.done and self.done[1]:
+            raise RefusedError(self.done[1])
+        if self.runs == SIGN_RUNS and (began or not self.frame_is_over()):
+            raise RefusedError(BUSY, self.what_runs(THIS_RUNS))
+        self.runs = 0 if self.runs == SIGN_RUNS else self.runs
+        return struct.pack("<II", *self.signed)
+
+    def _abort(self, _):
+        self.runs = 0
+        return b""
+
+    def _reset(self, _):
+        self.power_up()
+        return b""

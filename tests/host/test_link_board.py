@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import signal
 import socket
 import stat
 import struct
@@ -35,7 +36,7 @@ from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS
-from model_board import OPTICS_BUILD, ModelBoard
+from model_board import ABORT, BUSY, OPTICS_BUILD, SIGN_RUNS, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator
 
@@ -80,7 +81,7 @@ def test_rays_that_are_not_the_twins_are_told():
 @pytest.mark.parametrize("on_pty", [False, True])
 def test_hello(on_pty):
     with joined(width=100, height=70, identity=0xFEDCBA9876543210, pty=on_pty) as (_, board):
-        assert board.info == (1, 0xFEDCBA9876543210, 100, 70, 32, 3200, 50_000_000, 0, OPTICS_BUILD)
+        assert board.info == (2, 0xFEDCBA9876543210, 100, 70, 32, 3200, 50_000_000, 0, OPTICS_BUILD)
         assert board.info.grid.count == 12
 
 
@@ -144,6 +145,67 @@ def test_a_raster_is_signed_once():
         assert model.executed[8] == executed + 1
 
 
+def test_a_signature_is_waited_for_and_ended():
+    with joined() as (model, board):
+        model.frame_requests = 5
+        assert board.sign(100) == (4711, 0x12345678)
+        assert model.statuses[BUSY] == 6
+        # One that does not end, and one that Ctrl-C ends.
+        model.frame_requests, board.patience_s = 1 << 30, 0.1
+        with pytest.raises(DeviceError, match=r"not ended after 100 rays; 3 were expected") as error:
+            board.sign(3)
+        one_line(error)
+        assert (model.runs, model.executed[ABORT]) == (0, 1)
+        board.patience_s = 5.0
+
+        def interrupt(model, _):
+            if model.runs:
+                model.on_packet = None
+                os.kill(os.getpid(), signal.SIGINT)
+
+        model.on_packet = interrupt
+        with pytest.raises(KeyboardInterrupt):
+            board.sign(3)
+        assert (model.runs, model.executed[ABORT]) == (0, 2)
+
+
+def test_a_busy_board_says_what_runs():
+    with joined() as (model, board):
+        board.write(0x20C, [2])
+        model.stream = True
+        zero = np.zeros(1, np.int64)
+
+        def trace():
+            board.trace(zero, zero, zero, zero)
+
+        refused = r"refuses \w+ while a frame that a register write started runs.*board abort"
+        for ask in (lambda: board.sign(1), trace, lambda: board.write(0x200, [1])):
+            with pytest.raises(DeviceError, match=refused) as error:
+                ask()
+            one_line(error)
+        board.abort()
+        board.write(0x200, [1])
+        model.runs, model.stream = SIGN_RUNS, True
+        with pytest.raises(DeviceError, match=r"refuses TRACE while a signature \(100 rays so far\) runs"):
+            trace()
+        board.reset()
+        assert not any(model.registers.values())
+        assert board.info.epoch == 0
+
+
+def test_a_board_of_version_1_does_what_it_can():
+    with ModelBoard() as model:
+        model.version = 1
+        with Board.open(model.url, FAST_BAUD) as board:
+            assert board.info.version == 1
+            assert board.sign(100) == (4711, 0x12345678)
+            board.write(0x200, [1])
+            for ask in (board.abort, board.reset):
+                with pytest.raises(DeviceError, match=r"speaks version 1.*no (ABORT|RESET).*update the board") as error:
+                    ask()
+                one_line(error)
+
+
 def test_what_present_says():
     with joined() as (model, board):
         assert board.present(0, 1) == (ReplyStatus.FRAME_CRC_DIFFERS, 0)
@@ -205,8 +267,8 @@ def test_an_image_is_shown_and_verified():
 
 def test_wrong_version():
     with ModelBoard() as model:
-        model.version = 2
-        with pytest.raises(DeviceError, match=r"version 1.*update") as error:
+        model.version = 3
+        with pytest.raises(DeviceError, match=r"version 2 or 1.*update") as error:
             Board.open(model.url, FAST_BAUD)
         one_line(error)
 
@@ -214,12 +276,12 @@ def test_wrong_version():
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ((2, None, 1, 96, 72, 32, 3200, 1, 0, 0), "version 2"),
-        ((1, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another HELLO"),
-        ((1, None, 1, 0, 72, 32, 3200, 1, 0, 0), "limits"),
-        ((1, None, 1, 65535, 65535, 32, 3200, 1, 0, 0), "limits"),
-        ((1, None, 1, 96, 72, 64, 3200, 1, 0, 0), "limits"),
-        ((1, None, 1, 96, 72, 32, 600, 1, 0, 0), "limits"),
+        ((3, None, 1, 96, 72, 32, 3200, 1, 0, 0), "version 3"),
+        ((2, 5, 1, 96, 72, 32, 3200, 1, 0, 0), "another HELLO"),
+        ((2, None, 1, 0, 72, 32, 3200, 1, 0, 0), "limits"),
+        ((2, None, 1, 65535, 65535, 32, 3200, 1, 0, 0), "limits"),
+        ((2, None, 1, 96, 72, 64, 3200, 1, 0, 0), "limits"),
+        ((2, None, 1, 96, 72, 32, 600, 1, 0, 0), "limits"),
         (None, "reply to HELLO has 0 bytes"),
     ],
 )

@@ -10,7 +10,7 @@ from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.images import decode, write_picture
 from lippmann.registers import BOARD_REGISTERS
-from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, ModelBoard, RefusedError
+from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, RESET, ModelBoard, RefusedError
 from scene_cases import generator
 
 SEED = 4507
@@ -104,8 +104,11 @@ def test_a_board_that_refuses_is_not_asked_for_ever(kind, picture, capsys):
     assert model.shown == []
 
 
-def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(picture, capsys):
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(picture, capsys, version):
+    """A board that can be reset over the line is, once."""
     with ModelBoard() as model:
+        model.version = version
         path, _ = picture(model)
         shown = model._present
 
@@ -117,11 +120,12 @@ def test_a_board_that_falls_silent_at_the_same_place_is_not_asked_for_ever(pictu
         model.on_packet = lambda model, _: setattr(model, "mute", False)
         assert run(["stream", path, "--port", model.url, "--resume", "600"]) == 1
     *logs, end = capsys.readouterr().err.splitlines()
-    assert len(logs) == 1
-    assert "looking for the board" in logs[0]
+    assert ["looking for the board" in log for log in logs] == [[True], [True, True, False]][version - 1]
+    assert version == 1 or "no tile arrives; resetting the board" in logs[2]
     assert "not answered" in end
-    assert "without a new tile" in end
-    assert set(model.tile_writes.values()) == {1}
+    assert ("without a new tile", "also after a reset")[version - 1] in end
+    assert set(model.tile_writes.values()) == {version}
+    assert model.executed[RESET] == version - 1
     assert model.shown == []
 
 

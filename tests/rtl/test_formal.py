@@ -21,6 +21,8 @@ TOOLS = Path(sys.executable).parent
 PROOFS = [
     "async_fifo prove",
     "async_fifo cover",
+    "dispatcher prove",
+    "dispatcher cover",
     "fifo prove_4",
     "fifo prove_128",
     "fifo prove_256",
@@ -54,6 +56,17 @@ FAULTS = {
         "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
     "word read while there is none": (
         "async_fifo bmc", "async_fifo.sv", "read = read_gray_q != written_gray && ", "read = ", "room|inside|in_order"),
+    "the bus is asked once and no more": (
+        "dispatcher bmc", "ray_access.sv", "if (on_bus) asked_q <= !heard;", "if (on_bus) asked_q <= 1'b1;",
+        "answered|todo|bus|asked"),
+    "an abort waits for rays for ever": (
+        "dispatcher bmc", "ray_access.sv", "heard && !(occupied || running || busy)", "heard && occupied",
+        "few_looks|polls"),
+    "a reply waits for words that it does not have": (
+        "dispatcher bmc", "dispatcher.sv", "words == '0 ? Receive : Words;", "Words;", "answered|todo|reply|words"),
+    "a request is not read while the reply to the one before it is sent": (
+        "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
+        "answered|todo|one_at_a_time|unsent"),
     "word asked for without a place": (
         "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
     "read pointer stands still": (
@@ -123,6 +136,7 @@ FAULTS = {
 # For every commit: one or two for each proof.
 SANITY = {
     "binary count brought over",
+    "an abort waits for rays for ever",
     "read pointer stands still",
     "memory answers a clock early",
     "no credit: rays enter while there is no room",

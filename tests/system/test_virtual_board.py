@@ -208,7 +208,7 @@ def ask(board, kind, body, seq=None):
         (Kind.HELLO, b"", ReplyStatus.WRONG_LENGTH),
         (Kind.HELLO, bytes([1, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
         (Kind.HELLO, bytes([1, 0, 0, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
-        (Kind.HELLO, bytes([2, 0, 0, 0, 0]), ReplyStatus.WRONG_VERSION),
+        (Kind.HELLO, bytes([1, 0, 0, 0, 0]), ReplyStatus.WRONG_VERSION),
         (Kind.READ, struct.pack("<HB", 0, 0), ReplyStatus.WRONG_LENGTH),
         (Kind.READ, struct.pack("<HB", 0, 65), ReplyStatus.WRONG_LENGTH),
         (Kind.READ, struct.pack("<HB", 2, 1), ReplyStatus.NO_SUCH_ADDRESS),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 import struct
 import time
@@ -19,7 +20,7 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, VERSION, Kind, ReplyStatus, packed
+from lippmann.link.packets import MAX_PACKET, REPLY, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
@@ -35,10 +36,14 @@ PRESENT_CLOCKS = 4
 FRAME_ENDS = 2
 #: Longest time for these frames, s: a simulated panel is slow.
 FRAME_SECONDS = 120.0
-#: Pause between two queries of the frame counter, s.
+#: Pause between two queries of the frame counter, or of a signature, s.
 QUERY_S = 0.02
 #: Clocks for each ray of a SIGN: nine words, and one to spare.
 SIGN_CLOCKS = 10
+#: Clocks for each tile of a RESET: two entries are cleared, in a table of a power of two.
+RESET_CLOCKS = 8
+#: What runs, in the reply of a busy board: a frame that a write started, or the SIGN that is answered.
+FRAME_RUNS, THIS_RUNS = 1, 3
 #: Most rays in a TRACE, words in a READ or WRITE, tiles in a TILES request.
 MAX_RAYS, MAX_WORDS, MAX_TILES = 64, 64, 512
 #: Address of the optics block's first register.
@@ -53,6 +58,7 @@ EPOCH = struct.Struct("<H")
 TILES_REQUEST = struct.Struct("<BHH")
 TILES_REPLY = struct.Struct("<HH")
 SIGNATURE = struct.Struct("<II")
+BUSY_REPLY = struct.Struct("<BI")
 
 UPDATE = "update the board or this host"
 #: Cause and remedy of each refusal.
@@ -67,7 +73,10 @@ REFUSALS = {
     ReplyStatus.BAD_TILE_DATA: ("it cannot decode a tile", UPDATE),
     ReplyStatus.FRAME_CRC_DIFFERS: ("its frame differs from the one sent", "stream the frame again"),
     ReplyStatus.NO_SUCH_TILE: ("it has no such tile", "render the image for this panel"),
-    ReplyStatus.WRONG_VERSION: (f"it does not support version {VERSION} of the protocol", UPDATE),
+    ReplyStatus.WRONG_VERSION: (
+        f"it does not support version {' or '.join(map(str, VERSIONS))} of the protocol",
+        UPDATE,
+    ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
 
@@ -150,14 +159,18 @@ class Board:
     def hello(self) -> Hello:
         """Begin a session: send HELLO, check the reply, and keep it in `info`.
 
-        Raises DeviceError for another version of the protocol, and for limits that this host does not support.
+        The newest version of the protocol that both speak is used. Raises DeviceError when there is none, and for
+        limits that this host does not support.
         """
         nonce = secrets.randbits(32)
-        body = self._ask(Kind.HELLO, HELLO_REQUEST.pack(VERSION, nonce), HELLO_REPLY.size)
-        version, echo, *rest = HELLO_REPLY.unpack(body)
+        for asked in VERSIONS:
+            status, body = self._request(Kind.HELLO, HELLO_REQUEST.pack(asked, nonce))
+            if status != ReplyStatus.WRONG_VERSION:
+                break
+        version, echo, *rest = HELLO_REPLY.unpack(self._good(Kind.HELLO, status, body, HELLO_REPLY.size))
         hello = Hello(version, *rest)
-        if version != VERSION:
-            raise self._error(f"the board speaks version {version} of the protocol, this host {VERSION}", "update one")
+        if version != asked:
+            raise self._error(f"the board speaks version {version} of the protocol, this host {asked}", "update one")
         if echo != nonce:
             raise self._error("the reply answers another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
@@ -249,9 +262,44 @@ class Board:
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace one frame of the raster, of about `rays` rays; return their number and the CRC-32 of their words."""
-        count, crc = SIGNATURE.unpack(self._ask(Kind.SIGN, b"", SIGNATURE.size, SIGN_CLOCKS * rays / SLOWEST_HZ))
-        return count, crc
+        """Trace one frame of the raster, of about `rays` rays; return their number and the CRC-32 of their words.
+
+        The frame is ended when it lasts too long for so many rays, or when Ctrl-C is pressed.
+        """
+        work_s = SIGN_CLOCKS * rays / SLOWEST_HZ
+        seq, until = self.next_seq(), time.monotonic() + work_s + self.patience_s
+        try:
+            while True:
+                status, body = self._request(Kind.SIGN, b"", work_s if self.info.version == 1 else 0.0, seq)
+                runs = BUSY_REPLY.unpack(body) if status == ReplyStatus.BUSY else (0, 0)
+                if runs[0] != THIS_RUNS:
+                    return SIGNATURE.unpack(self._good(Kind.SIGN, status, body, SIGNATURE.size))
+                if time.monotonic() > until:
+                    break
+                time.sleep(QUERY_S)
+        except KeyboardInterrupt:
+            with contextlib.suppress(LippmannError):
+                self.abort()
+            raise
+        self.abort()
+        what = f"its frame has not ended after {runs[1]} rays; {rays} were expected"
+        raise self._error(what, "write the raster's registers first; the frame was ended")
+
+    def abort(self) -> None:
+        """End the frame that the board's optics trace, and wait until their pipeline is empty."""
+        self._needs_version_2(Kind.ABORT)
+        self._ask(Kind.ABORT, b"", 0)
+
+    def reset(self) -> None:
+        """Reset the board to its state after power-up, the line excepted: it forgets frames, tiles and registers."""
+        self._needs_version_2(Kind.RESET)
+        self._ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
+        self.hello()
+
+    def _needs_version_2(self, kind: Kind) -> None:
+        if self.info.version < VERSIONS[0]:
+            what = f"the board speaks version {self.info.version} of the protocol, which has no {kind.name}"
+            raise self._error(what, "update the board, or press its reset button")
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
@@ -334,9 +382,13 @@ class Board:
             remedy = "give the board's rate"
         return NoBoardError.at(self.line.url, what, remedy)
 
-    def refusal(self, kind: int, status: int) -> LippmannError:
-        """Return the error of a reply whose status is not OK."""
+    def refusal(self, kind: int, status: int, body: bytes = b"") -> LippmannError:
+        """Return the error of a reply whose status is not OK; `body` follows the status."""
         name = Kind(kind).name
+        if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
+            runs, rays = BUSY_REPLY.unpack(body)
+            by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
+            return self._error(f"the board refuses {name} while {by} runs", "wait, or end it: lippmann board abort")
         if status not in REFUSALS:
             return self._error(f"the board answers {name} with status {status}", UPDATE)
         what, remedy = REFUSALS[ReplyStatus(status)]
@@ -353,18 +405,18 @@ class Board:
 
     def _good(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
         if status != ReplyStatus.OK:
-            raise self.refusal(kind, status)
+            raise self.refusal(kind, status, body)
         if len(body) != size:
             raise self._error(f"the board's reply to {kind.name} has {len(body)} bytes, not {size}", UPDATE)
         return body
 
-    def _request(self, kind: Kind, body: bytes, work_s: float) -> tuple[int, bytes]:
+    def _request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Send a request until its reply arrives; return the status and the rest of the reply's body.
 
-        The sequence number stays the same, so the board executes a repeated request once. Fails `patience_s` after the
-        time of the board's work, or later by one send that the line does not accept.
+        The sequence number, a new one unless it is given, stays the same, so the board executes a repeated request
+        once. Fails `patience_s` after the time of the board's work, or later by one send that the line does not accept.
         """
-        seq = self.next_seq()
+        seq = self.next_seq() if seq is None else seq
         packet = packed(kind, seq, body)
         end = time.monotonic() + work_s + self.patience_s
         again = False

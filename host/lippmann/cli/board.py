@@ -87,6 +87,32 @@ def setup_command(
     emit(result, f"{result['port']}: optics of {display.name}")
 
 
+@make_command("abort", command)
+def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
+    """End the frame that a board's optics trace.
+
+    Requests that need the optics are refused while a frame runs. The panel and its frame are not touched.
+
+    Example: lippmann board abort --port socket://127.0.0.1:4000
+    """
+    with open_board() as board:
+        board.abort()
+        emit({"port": board.line.url, "aborted": True}, f"{board.line.url}: no frame runs")
+
+
+@make_command("reset", command)
+def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
+    """Reset a board over its line, to its state after power-up.
+
+    The panel turns black; the board forgets frames, tiles and registers.
+
+    Example: lippmann board reset --port socket://127.0.0.1:4000
+    """
+    with open_board() as board:
+        board.reset()
+        emit({"port": board.line.url, "reset": True}, f"{board.line.url}: reset")
+
+
 @make_command("check", command)
 def check_command(
     display_path: str = DISPLAY,

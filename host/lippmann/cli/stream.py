@@ -15,6 +15,7 @@ from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import TransferName, load_display
 from lippmann.errors import NoBoardError
+from lippmann.link.packets import VERSIONS
 
 #: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5
@@ -67,7 +68,7 @@ def command(
         results = []
         for image, frame in zip(images, frames, strict=True):
             sent = Sent()
-            arrived = -1
+            arrived, was_reset = -1, False
             with progress_bar(f"streaming {image}") as progress:
                 while True:
                     try:
@@ -78,14 +79,20 @@ def command(
                     except NoBoardError as error:
                         if not resume_s:
                             raise
-                        if len(sent.arrived) == arrived:
-                            # Without a new tile since the last loss, another attempt would fail the same way.
-                            raise NoBoardError(f"{error} (lost twice without a new tile in between)") from None
+                        # Without a new tile since the last loss, another attempt would fail the same way.
+                        stuck = len(sent.arrived) == arrived
+                        if stuck and (was_reset or hello.version < VERSIONS[0]):
+                            after = ", also after a reset" if was_reset else ""
+                            raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
                         arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
                         board = _opened(url, baud, resume_s)
                         board.must_be(hello)
+                        if stuck:
+                            log(f"{url}: no tile arrives; resetting the board")
+                            board.reset()
+                            was_reset = True
             rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
             verified = {"verified": True} if verify else {}
             results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **verified})

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Version of the protocol.
-VERSION = 1
+#: Versions of the protocol that this host speaks, the newest first.
+VERSIONS = (2, 1)
 #: Longest packet with its CRC, bytes before COBS.
 MAX_PACKET = 3200
 #: Longest packet after COBS, which adds one byte for each 254 or fewer.
@@ -42,6 +42,8 @@ class Kind(IntEnum):
     TILES = 6
     TRACE = 7
     SIGN = 8
+    ABORT = 9
+    RESET = 10
 
 
 class ReplyStatus(IntEnum):
@@ -57,6 +59,7 @@ class ReplyStatus(IntEnum):
     NO_SUCH_TILE = 7
     WRONG_VERSION = 8
     OPTICS_REFUSED = 9
+    BUSY = 10
 
 
 class Packet(NamedTuple):

@@ -131,6 +131,7 @@ def start(
     ready: Path | None = None,
     trace: Path | None = None,
     trace_clocks: tuple[int, int] = (0, 1_000_000),
+    stalls: int = 0,
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
@@ -151,6 +152,8 @@ def start(
         JSON file with the URL, which exists while the board runs.
     trace, trace_clocks
         File for waveforms (.fst), and its first and last clock.
+    stalls
+        Seed of random pauses at both ends of a byte line; 0: none.
     """
     step = 0 if baud is None else step_of(baud, clock_hz)
     program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
@@ -162,6 +165,8 @@ def start(
             options["host-step"] = step_of(host_baud, clock_hz)
         if capture is not None:
             options["capture"] = capture
+        if stalls:
+            options["stalls"] = stalls
         if trace is not None:
             options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
         command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]

@@ -8,14 +8,14 @@ import rules
 from cocotb.clock import Clock
 from neighbours import Neighbours
 from packets import marked
-from protocol import HELLO, PRESENT, READ, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from protocol import ABORT, HELLO, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
 from requests_fuzz import traffic
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
 
 WIDTH, HEIGHT, CLOCK_HZ = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "ClockHz"))
 IDENTITY = 0x0123_4567_89AB_CDEF
-OK, LENGTH, STALE, OPTICS = 0, 2, 4, 9
+OK, LENGTH, STALE, OPTICS, BUSY = 0, 2, 4, 9, 10
 #: Type and status of the replies that were seen to be right.
 SEEN: list[tuple[int, int]] = []
 
@@ -54,8 +54,9 @@ async def converse(monitor, reference, requests, wanted, idle="always", pressure
         assert got == reply, f"{packet[:12].hex()} ({len(packet)} bytes): {got[:50].hex()}, not {reply[:50].hex()}"
         SEEN.append((packet[0], reply[3]))
     assert monitor.log == reference.log
-    assert monitor.registers | {rules.STATUS: 0} == reference.registers | {rules.STATUS: 0}
-    told = ("frames", "stale", "tile_bad", "epoch")
+    assert monitor.registers == reference.registers
+    assert vars(monitor.optics) == vars(reference.optics)
+    told = ("stale", "tile_bad", "epoch")
     assert [getattr(monitor, name) for name in told] == [getattr(reference, name) for name in told]
 
 
@@ -91,11 +92,11 @@ async def replies_by_hand(dut):
     edge = next(at for _, at in rules.WRITABLE if rules.can_read(at) and at not in (rules.SOURCE, 0x3FC))
     edge = edge.to_bytes(2, "little").hex()
     by_hand = [
-        ("01 0201 01 0d0c0b0a", f"81 0201 00 01 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
+        ("01 0201 02 0d0c0b0a", f"81 0201 00 02 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
          + build.to_bytes(4, "little").hex()),
-        ("01 0201 02 0d0c0b0a", "81 0201 08"),
-        ("01 0201 01 0d0c0b", "81 0201 02"),
-        ("09 ffff", "89 ffff 01"),
+        ("01 0201 01 0d0c0b0a", "81 0201 08"),
+        ("01 0201 02 0d0c0b", "81 0201 02"),
+        ("0b ffff", "8b ffff 01"),
         ("00 0000 01", "80 0000 01"),
         ("03 0500 2003 78563412 44332211", "83 0500 00"),
         ("03 0500 2003 00000000", "83 0500 00"),
@@ -123,17 +124,45 @@ async def replies_by_hand(dut):
         (f"06 0900 00 {last} 0100", "86 0900 07"),
         ("06 0900 00 0000 0000", "86 0900 02"),
         ("07 0a00 01000000 02000000 03000000 04000000", "87 0a00 00" + struct.pack("<9I", *rules.exit_ray(ray)).hex()),
-        ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
-        ("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex()),
+        # It runs while some requests are answered, then it has its result.
+        *[("08 0b00", "88 0b00 0a 03" + struct.pack("<I", rules.so_far(1)).hex())] * (1 + rules.lasts(1)),
+        *[("08 0b00", "88 0b00 00" + struct.pack("<II", *rules.signature(1)).hex())] * 2,
         ("03 0c00 0003 01000000", "83 0c00 00"),
         ("08 0b00", "88 0b00 04"),
         ("08 0d00", "88 0d00 09"),
+        ("08 0d00", "88 0d00 09"),
+        # A frame that waits for its source keeps all else from the optics until it is ended.
+        ("03 0d01 0003 00000000", "83 0d01 00"),
+        ("07 0d02 01000000 02000000 03000000 04000000", "87 0d02 00" + struct.pack("<9I", *rules.exit_ray(ray)).hex()),
+        ("03 0e01 0c02 02000000", "83 0e01 00"),
+        ("03 0e01 0c02 02000000", "83 0e01 00"),
+        ("03 0f01 0c02 02000000", "83 0f01 0a 01 00000000"),
+        ("03 0f01 fc03 02000000", "83 0f01 0a 01 00000000"),
+        ("03 0f01 1c00 02000000", "83 0f01 00"),
+        ("07 0d02 01000000 02000000 03000000 04000000", "87 0d02 0a 01 00000000"),
+        ("08 1001", "88 1001 0a 01 00000000"),
+        ("02 1001 1002 01", "82 1001 00 02000000"),
+        ("09 1101 00", "89 1101 02"),
+        ("09 1101", "89 1101 00"),
+        ("09 1101", "89 1101 00"),
+        ("08 1001", "88 1001 04"),
+        ("02 1001 1002 01", "82 1001 00 00000000"),
+        # An abort comes again, late: the sign goes on.
+        ("08 1201", "88 1201 0a 03" + struct.pack("<I", rules.so_far(4)).hex()),
+        ("09 1101", "89 1101 04"),
+        ("09 1301", "89 1301 00"),
+        ("0a 1401 00", "8a 1401 02"),
+        ("0a 1401", "8a 1401 00"),
+        ("0a 1401", "8a 1401 00"),
+        (f"04 1501 0000 0100 00 {good.hex()}", "84 1501 00 0100"),
+        ("02 1601 2003 01", "82 1601 00" + rules.at_reset()[0x320].to_bytes(4, "little").hex()),
         # All words or none: the second, which is fixed, keeps the first from being written.
-        ("03 0e00 fc03 0a000000", "83 0e00 00"),
-        (f"03 0f00 {edge} 0b000000 0c000000", "83 0f00 03"),
-        (f"03 1000 {edge} 0d000000", "83 1000 00"),
-        (f"03 0f00 {edge} 0b000000", "83 0f00 04"),
-        (f"02 1100 {edge} 01", "82 1100 00 0d000000"),
+        ("03 1e02 fc03 0a000000", "83 1e02 00"),
+        (f"03 1f02 {edge} 0b000000 0c000000", "83 1f02 03"),
+        (f"03 2002 {edge} 0d000000", "83 2002 00"),
+        (f"03 1f02 {edge} 0b000000", "83 1f02 04"),
+        (f"02 2102 {edge} 01", "82 2102 00 0d000000"),
+        ("0a 1401", "8a 1401 04"),
     ]  # fmt: skip
     requests = [bytes.fromhex(asked) for asked, _ in by_hand]
     wanted = [bytes.fromhex(said) for _, said in by_hand]
@@ -169,7 +198,7 @@ async def executes_once(dut):
     def write(number, word=1):
         return request(WRITE, number, struct.pack("<HI", 0x304, word))
 
-    def hello(nonce, version=1):
+    def hello(nonce, version=2):
         return request(HELLO, 9, struct.pack("<BI", version, nonce))
 
     def read(number):
@@ -189,15 +218,33 @@ async def executes_once(dut):
     # A new session begins with a new nonce only, in a version that both speak.
     assert await done(hello(5), write(8)) == (["write"], [OK, OK])
     assert await done(hello(5), write(7)) == ([], [OK, STALE])
-    assert await done(hello(6, version=2), write(7)) == ([], [8, STALE])
-    assert await done(request(SIGN, 9), request(SIGN, 9), read(7), request(SIGN, 9)) == (["frame"], [OK] * 4)
+    assert await done(hello(6, version=1), write(7)) == ([], [8, STALE])
+
+    def sign(number, frame):
+        """A sign, until its frame has ended; once more then."""
+        return [request(SIGN, number)] * (3 + rules.lasts(frame)), [BUSY] * (1 + rules.lasts(frame)) + [OK] * 2
+
+    have, begin = ["write"] * 2, ["write"]
+    requests, statuses = sign(9, 1)
+    assert await done(*requests, read(7), request(SIGN, 9)) == (have + begin, [*statuses, OK, OK])
     # The number says how old it is, whatever the type.
     assert await done(write(9), write(10), request(SIGN, 9)) == (["write"], [STALE, OK, STALE])
     # One that the optics refused was executed too.
     refuse = request(WRITE, 11, struct.pack("<HI", rules.WINDOW, 1))
-    assert await done(refuse, request(SIGN, 12), request(SIGN, 12)) == (["write", "frame"], [OK, OPTICS, OPTICS])
+    refused = [OK, OPTICS, OPTICS]
+    assert await done(refuse, request(SIGN, 12), request(SIGN, 12)) == (["write", *have, *begin], refused)
+    assert await done(request(WRITE, 13, struct.pack("<HI", rules.WINDOW, 0))) == (["write"], [OK])
+    # One that the optics cannot take now is not executed: it may come again.
+    frame = request(WRITE, 14, struct.pack("<HI", rules.CONTROL, rules.START))
+    stream = request(TRACE, 0, bytes(16))
+    assert (await done(stream, frame, frame, request(SIGN, 15), write(16)))[1] == [OK, OK, OK, BUSY, BUSY]
+    assert (await done(frame, request(ABORT, 15), request(ABORT, 15), write(16), frame))[1] == [OK] * 4 + [STALE]
+    requests, statuses = sign(17, 4)
+    assert (await done(*requests))[1] == statuses
+    # A reset forgets what the board holds, not which requests were executed.
+    assert await done(request(RESET, 18), request(RESET, 18), write(17)) == (["reset"], [OK, OK, STALE])
     # Numbers come round; those of other requests count too, so that none seems old that is not.
-    for number in range(12, 0x20010, 0x1FFF):
+    for number in range(18, 0x20010, 0x1FFF):
         await ask(monitor, reference, read(number % (1 << 16)))
     assert await done(write(0x0009), write(0x0008)) == (["write"], [OK, STALE])
     for number in range(0x0009, 0x10000, 0x1FFF):
@@ -212,9 +259,12 @@ async def a_frame_is_refused_and_then_not(dut):
         refused = random.getrandbits(1)
         wish = request(WRITE, k, struct.pack("<HI", rules.WINDOW, refused))
         behind = random.choice(
-            [request(SIGN, k + 2), request(TRACE, k + 2, bytes(16)), request(READ, k + 2, b"\0\2\1")]
+            [request(SIGN, k + 1), request(TRACE, k + 2, bytes(16)), request(READ, k + 2, b"\0\2\1")]
         )
-        assert (await ask(monitor, reference, wish, request(SIGN, k + 1), behind))[1] == (OPTICS if refused else OK)
+        abort = request(ABORT, k + 2)
+        assert (await ask(monitor, reference, wish, request(SIGN, k + 1), behind, abort))[1] == (
+            OPTICS if refused else BUSY
+        )
 
 
 @cocotb.test()
@@ -254,7 +304,7 @@ async def forgets_all_at_reset(dut):
             await monitor.clock(None, random.random() < 0.5)
         monitor, reference = await start(dut)
         write = request(WRITE, 1, struct.pack("<HI", 0x304, cut))
-        await ask(monitor, reference, request(HELLO, 1, bytes([1, 0, 0, 0, 0])), write)
+        await ask(monitor, reference, request(HELLO, 1, bytes([2, 0, 0, 0, 0])), write)
         monitor, reference = await start(dut)
         await ask(monitor, reference, write, request(READ, 1, struct.pack("<HB", 0x304, 1)))
 
@@ -263,8 +313,8 @@ async def forgets_all_at_reset(dut):
 async def coverage_is_complete(dut):
     seen = Coverage("dispatcher", f"{WIDTH}x{HEIGHT}")
     statuses = {
-        HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3, 4), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
-        TILES: (0, 2, 7), TRACE: (0, 2), SIGN: (0, 2, 4, 9), 0x33: (1,),
+        HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3, 4, 10), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
+        TILES: (0, 2, 7), TRACE: (0, 2, 10), SIGN: (0, 2, 4, 9, 10), ABORT: (0, 2, 4), RESET: (0, 2, 4), 0x33: (1,),
     }  # fmt: skip
     for kind, which in statuses.items():
         for status in which:

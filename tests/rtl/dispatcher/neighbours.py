@@ -16,16 +16,20 @@ class Neighbours(Monitor):
         streams = (dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i)
         super().__init__(dut.clk_i, *streams, out, put, through=True)
         self.dut, self.epoch, self.slow = dut, epoch, slow
-        self.registers = rules.at_reset()
-        self.frames = self.stale = self.tile_bad = 0
-        #: What was done, in order; the source is looked at when rays come.
+        self.stale = self.tile_bad = 0
+        #: What was done, in order.
         self.log: list[tuple] = []
-        self._bus = self._tile = self._present = self._ray = None
-        self._frame_left: int | None = None
-        self._signing = self._signed = False
-        self._busy = self._stream = 0
-        self._asked = [0, 0, 0]
+        self._first = True  # byte of a request
+        self._clearing = 0
+        self._start()
         self.idle()
+
+    def _start(self) -> None:
+        """As after power-up."""
+        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self._bus = self._tile = self._present = self._ray = None
+        self._signing = self._signed = False
+        self._asked = [0, 0, 0]
 
     def idle(self) -> None:
         """Say nothing."""
@@ -41,19 +45,41 @@ class Neighbours(Monitor):
         return least + random.choice([0, 0, random.randint(0, self.slow)])
 
     async def clock(self, word, take):
+        self._resets()
         self._registers()
         self._tiles()
         self._frames()
         self._rays()
         self.stale += int(self.dut.stale_o.value)
         self.tile_bad += int(self.dut.tile_bad_o.value)
-        return await super().clock(word, take)
+        into = await super().clock(word, take)
+        if into:
+            if self._first and self.optics.next_request() and self._signing:
+                self._signing, self._signed = False, True
+            self._first = bool(word & 0x100)
+        return into
+
+    def _resets(self) -> None:
+        """All but the link is reset, and the table cleared."""
+        dut = self.dut
+        if dut.reset_o.value:
+            if not self._clearing:
+                assert (self._bus, self._tile, self._present, self._ray) == (None, None, None, None)
+                self.log.append(("reset",))
+            self._start()
+            self.epoch = 0
+            self.idle()
+            self._clearing = self.wait(2)
+            dut.table_busy_i.value = 1
+        elif self._clearing:
+            self._clearing -= 1
+            dut.table_busy_i.value = self._clearing > 0
 
     def settled(self) -> None:
         dut = self.dut
         if self._tile and dut.tile_valid_o.value and dut.tile_ready_i.value:
-            self._tile["data"].append(int(dut.in_data_i.value))
-            if dut.in_last_i.value:
+            self._tile["data"].append(int(dut.tile_data_o.value))
+            if dut.tile_last_o.value:
                 self._tile["left"] = self.wait(2)
 
     def _registers(self) -> None:
@@ -78,35 +104,18 @@ class Neighbours(Monitor):
                         dut.bus_word_i.value = self._read(at)
 
     def _read(self, at: int) -> int:
-        if at == rules.STATUS and self._busy:
-            # An apply is taken over only while the status is asked for.
-            self._busy -= 1
-            if self._busy == 0:
-                self._stream = self.registers[rules.SOURCE]
-                return self.registers[at]
-            return self.registers[at] | rules.BUSY
-        return self.registers[at]
+        return self.optics.status() if at == rules.STATUS else self.registers[at]
 
     def _write(self, at: int, word: int) -> bool:
+        self.log.append(("write", at, word))
         if at == rules.CONTROL:
-            if word & rules.APPLY:
-                self._busy = random.choice([1, 2, 5])
-            if word & rules.START:
-                assert not self._busy, "a frame began while the optics were taken over"
-                assert not self._stream, "a frame began while rays come from the stream"
-                assert self._signing, "a frame began before its signature"
-                self.log.append(("frame",))
-                if self.registers[rules.WINDOW] & 1:
-                    self.registers[rules.STATUS] |= rules.REFUSED
-                    self._signing = False
-                else:
-                    self.registers[rules.STATUS] &= ~rules.REFUSED
-                    self._frame_left = self.wait(1)
-            return True
-        if at != rules.SOURCE:
-            self.log.append(("write", at, word))
-        if rules.can_write(at):
+            if word & rules.ABORT:
+                self._signing = False
+            self.optics.control(word, self.registers[rules.WINDOW])
+        elif rules.can_write(at):
             self.registers[at] = word
+            if at == rules.SOURCE:
+                self.optics.source = bool(word & 1)
         return rules.can_write(at)
 
     def _tiles(self) -> None:
@@ -157,25 +166,22 @@ class Neighbours(Monitor):
         dut.sign_done_i.value = self._signed
         if dut.sign_start_o.value:
             self._signing, self._signed = True, False
-            dut.sign_rays_i.value, dut.sign_crc_i.value = random.getrandbits(32), random.getrandbits(32)
-        if self._frame_left is not None:
-            assert not dut.trace_o.value, "rays of a frame go to its signature"
-            self._frame_left -= 1
-            if self._frame_left <= 0:
-                self._frame_left, self._signing, self._signed = None, False, True
-                self.frames += 1
-                dut.sign_rays_i.value, dut.sign_crc_i.value = rules.signature(self.frames)
-                dut.sign_done_i.value = 1
-        # Of the pipeline: one ray at a time.
+        frames = self.optics.frames
+        count, crc = rules.signature(frames) if self._signed else (rules.so_far(frames), random.getrandbits(32))
+        dut.sign_rays_i.value, dut.sign_crc_i.value = count, crc
+        assert not (dut.trace_o.value and dut.sign_o.value)
+        if self.optics.running:
+            assert not dut.trace_o.value, "rays of a frame go to a trace"
+        # Of the pipeline: one ray at a time, of the list or of a frame.
         dut.exit_i.value = random.getrandbits(288)
-        if self._frame_left is not None:
+        if self.optics.running and not self.optics.stream:
             dut.exit_valid_i.value = random.getrandbits(1)
         elif self._ray is None:
             dut.exit_valid_i.value = 0
         ready = self._ray is None and (self.slow == 0 or random.random() < 0.5)
         dut.ray_ready_i.value = ready
         if dut.ray_valid_o.value and ready:
-            assert self._stream, "a ray came while the raster was the source"
+            assert self.optics.stream, "a ray came while the raster was the source"
             words = int(dut.ray_o.value)
             ray = tuple(words >> 32 * k & 0xFFFF_FFFF for k in range(4))
             self.log.append(("ray", *ray))

@@ -4,8 +4,11 @@ import struct
 
 import rules
 
-HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN = KINDS = range(1, 9)
-(OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, FRAME_CRC, NO_TILE, VERSION, OPTICS) = range(10)
+HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = KINDS = range(1, 11)
+(OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, FRAME_CRC, NO_TILE, VERSION, OPTICS, BUSY) = range(11)
+#: Kinds that are executed once.
+ONCE = (WRITE, SIGN, ABORT, RESET)
+RUNS_FRAME, RUNS_SIGN, RUNS_THIS = 1, 2, 3
 
 
 def request(kind: int, number: int, body: bytes = b"") -> bytes:
@@ -18,42 +21,69 @@ class Reference:
     def __init__(self, width: int, height: int, clock_hz: int, identity: int, epoch: int):
         self.width, self.height, self.clock_hz, self.identity, self.epoch = width, height, clock_hz, identity, epoch
         self.tiles = -(-width // 32) * -(-height // 32)
-        self.registers = rules.at_reset()
-        self.frames = self.stale = self.tile_bad = 0
+        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self.stale = self.tile_bad = 0
+        #: The last sign's frame, while it runs, and what became of it.
+        self.signing = False
+        self.signed = OK
         self.executed: tuple[int, int] | None = None
         self.executed_status = OK
         self.newest = self.nonce = 0
-        #: What was done, in order; the source is looked at when rays come.
+        #: What was done, in order.
         self.log: list[tuple] = []
 
     def reply(self, packet: bytes) -> bytes:
         kind, number = struct.unpack("<BH", packet[:3])
+        if self.optics.next_request():
+            self.signing = False
         status, rest = self._execute(kind, number, packet[3:])
         if (number - self.newest) % (1 << 16) < 1 << 15:
             self.newest = number
         if self.executed and (self.newest - self.executed[1]) % (1 << 16) >= 1 << 15:
             self.executed = None
-        return struct.pack("<BHB", kind | 0x80, number, status) + (rest if status == OK else b"")
+        return struct.pack("<BHB", kind | 0x80, number, status) + (rest if status in (OK, BUSY) else b"")
 
     def _execute(self, kind: int, number: int, body: bytes) -> tuple[int, bytes]:
         if kind not in KINDS:
             return UNKNOWN, b""
         if not self._length_is_right(kind, body):
             return LENGTH, b""
+        if kind in ONCE:
+            return self._execute_once(kind, number, body)
         if kind == HELLO:
             return self._hello(number, body)
-        if kind not in (WRITE, SIGN):
-            return {
-                READ: self._read, TILE: self._tile, PRESENT: self._present, TILES: self._tiles,
-                TRACE: self._trace,
-            }[kind](body)  # fmt: skip
-        if self.executed != (kind, number):
-            if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) < 1 << 15:
-                self.stale += 1
-                return STALE, b""
-            self.executed = (kind, number)
-            self.executed_status = self._write(body) if kind == WRITE else self._sign()
-        return self.executed_status, struct.pack("<II", *rules.signature(self.frames)) if kind == SIGN else b""
+        return {
+            READ: self._read, TILE: self._tile, PRESENT: self._present, TILES: self._tiles, TRACE: self._trace,
+        }[kind](body)  # fmt: skip
+
+    def _execute_once(self, kind: int, number: int, body: bytes) -> tuple[int, bytes]:
+        if self.executed == (kind, number):
+            return self._signed() if kind == SIGN else (self.executed_status, b"")
+        if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) < 1 << 15:
+            self.stale += 1
+            return STALE, b""
+        optics = kind == SIGN or (kind == WRITE and int.from_bytes(body[:2], "little") >= 0x200)
+        if optics and self._is_busy():
+            return self._busy()
+        self.executed = (kind, number)
+        if kind == SIGN:
+            return self._sign()
+        self.executed_status = {WRITE: self._write, ABORT: self._abort, RESET: self._reset}[kind](body)
+        return self.executed_status, b""
+
+    def _is_busy(self) -> bool:
+        """Whether the optics can be had: not while a frame runs. An apply is waited for."""
+        while True:
+            status = self.optics.status()
+            if status & rules.RUNNING or self.signing:
+                return True
+            if not status & rules.BUSY:
+                return False
+
+    def _busy(self, sign: int = RUNS_SIGN) -> tuple[int, bytes]:
+        if self.signing:
+            return BUSY, struct.pack("<BI", sign, rules.so_far(self.optics.frames))
+        return BUSY, struct.pack("<BI", RUNS_FRAME, 0)
 
     def _length_is_right(self, kind: int, body: bytes) -> bool:
         size = len(body)
@@ -65,15 +95,15 @@ class Reference:
             return size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512
         if kind == TRACE:
             return size % 16 == 0 and 1 <= size // 16 <= 64
-        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, SIGN: 0}[kind]
+        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6}.get(kind, 0)
 
     def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
         version, nonce = struct.unpack("<BI", body)
-        if version == 1 and nonce != self.nonce:
+        if version == 2 and nonce != self.nonce:
             self.nonce, self.newest, self.executed = nonce, number, None
         build = self.registers[rules.BUILD]
-        told = (1, nonce, self.identity, self.width, self.height, 32, 3200, self.clock_hz, self.epoch, build)
-        return (OK if version == 1 else VERSION), struct.pack("<BIQHHBHIHI", *told)
+        told = (2, nonce, self.identity, self.width, self.height, 32, 3200, self.clock_hz, self.epoch, build)
+        return (OK if version == 2 else VERSION), struct.pack("<BIQHHBHIHI", *told)
 
     def _range_is_there(self, first: int, count: int) -> bool:
         wanted = range(first, first + 4 * count, 4)
@@ -83,8 +113,13 @@ class Reference:
         first, count = struct.unpack("<HB", body)
         if not self._range_is_there(first, count):
             return ADDRESS, b""
-        found = [self.registers[at] if rules.can_read(at) else 0 for at in range(first, first + 4 * count, 4)]
+        found = [self._read_one(at) for at in range(first, first + 4 * count, 4)]
         return OK, struct.pack(f"<{count}I", *found)
+
+    def _read_one(self, at: int) -> int:
+        if at == rules.STATUS:
+            return self.optics.status()
+        return self.registers[at] if rules.can_read(at) else 0
 
     def _write(self, body: bytes) -> int:
         first, *words = struct.unpack(f"<H{len(body) // 4}I", body)
@@ -93,11 +128,17 @@ class Reference:
         if not all(rules.can_write(first + 4 * k) for k in range(len(words))):
             return ADDRESS
         for k, word in enumerate(words):
-            at = first + 4 * k
-            if at != rules.SOURCE:
-                self.log.append(("write", at, word))
-            self.registers[at] = word
+            self._write_one(first + 4 * k, word)
         return OK
+
+    def _write_one(self, at: int, word: int) -> None:
+        self.log.append(("write", at, word))
+        if at == rules.CONTROL:
+            self.optics.control(word, self.registers[rules.WINDOW])
+            return
+        self.registers[at] = word
+        if at == rules.SOURCE:
+            self.optics.source = bool(word & 1)
 
     def _tile(self, body: bytes) -> tuple[int, bytes]:
         epoch, tile, coding = struct.unpack("<HHB", body[:5])
@@ -127,16 +168,43 @@ class Reference:
         crcs = [rules.table_crc(bool(buffer), first + k) for k in range(count)]
         return OK, struct.pack(f"<HH{count}I", self.epoch, first, *crcs)
 
+    def _have(self, stream: int) -> None:
+        """Take the optics, with the stream or the raster as the source, once they are empty."""
+        self._write_one(rules.SOURCE, stream)
+        self._write_one(rules.CONTROL, rules.APPLY)
+        while self.optics.status() & rules.BUSY:
+            pass
+
     def _trace(self, body: bytes) -> tuple[int, bytes]:
-        self.registers[rules.SOURCE] = 1
+        if self._is_busy():
+            return self._busy()
+        self._have(stream=1)
         rays = list(struct.iter_unpack("<4I", body))
         self.log += [("ray", *ray) for ray in rays]
         return OK, b"".join(struct.pack("<9I", *rules.exit_ray(ray)) for ray in rays)
 
-    def _sign(self) -> int:
-        self.registers[rules.SOURCE] = 0
-        self.log.append(("frame",))
-        if self.registers[rules.WINDOW] & 1:
-            return OPTICS
-        self.frames += 1
+    def _sign(self) -> tuple[int, bytes]:
+        self._have(stream=0)
+        self._write_one(rules.CONTROL, rules.START)
+        self.optics.status()
+        self.signing = self.optics.running
+        self.signed = OK if self.signing else OPTICS
+        return self._signed()
+
+    def _signed(self) -> tuple[int, bytes]:
+        if self.signing:
+            return self._busy(RUNS_THIS)
+        return self.signed, struct.pack("<II", *rules.signature(self.optics.frames))
+
+    def _abort(self, _: bytes) -> int:
+        self._write_one(rules.CONTROL, rules.ABORT)
+        while self.optics.status() & (rules.OCCUPIED | rules.RUNNING | rules.BUSY):
+            pass
+        self.signing = False
+        return OK
+
+    def _reset(self, _: bytes) -> int:
+        self.log.append(("reset",))
+        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self.signing, self.epoch = False, 0
         return OK

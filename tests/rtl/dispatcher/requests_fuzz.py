@@ -5,20 +5,17 @@ import struct
 from collections.abc import Iterator
 
 import rules
-from protocol import HELLO, KINDS, PRESENT, READ, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from protocol import ABORT, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
 
 
-def addresses(never: int) -> tuple[int, int]:
-    """A range of registers: mostly there, often at an end, sometimes off it. One address is not in it."""
+def addresses() -> tuple[int, int]:
+    """A range of registers: mostly there, often at an end, sometimes off it."""
     count = random.choice([1, 1, 2, 3, 5, 64, random.randint(1, 64)])
     low, behind = random.choice([(0, 0x100), (0x200, 0x400)])
     first = random.choice([low, behind - 4 * count, random.randrange(low, behind, 4)])
     if random.random() < 0.15:
         first = random.choice([first + 4, first + 1, first + 2, 0x100, 0x1FC, 0x400, 0xFFFC, random.getrandbits(16)])
-    first %= 1 << 16
-    if first <= never < first + 4 * count:
-        return rules.WINDOW, random.choice([1, 1, 3])
-    return first, count
+    return first % (1 << 16), count
 
 
 def epoch(reference: Reference) -> int:
@@ -26,20 +23,22 @@ def epoch(reference: Reference) -> int:
 
 
 def hello(_: Reference) -> bytes:
-    return struct.pack("<BI", random.choice([1, 1, 1, 0, 2, 0x81]), random.getrandbits(32))
+    return struct.pack("<BI", random.choice([2, 2, 2, 0, 1, 0x82]), random.getrandbits(32))
 
 
 def read(_: Reference) -> bytes:
-    # What the optics are doing is not for this test.
-    return struct.pack("<HB", *addresses(never=rules.STATUS))
+    return struct.pack("<HB", *random.choice([addresses(), addresses(), (rules.STATUS, 1)]))
 
 
 def write(_: Reference) -> bytes:
-    # Nor what they are told to do.
-    first, count = addresses(never=rules.CONTROL)
-    if random.random() < 0.8:
+    first, count = addresses()
+    chance = random.random()
+    if chance < 0.3:
+        word = random.choice([1, 2, 2, 3, 4, 6, 7, random.getrandbits(32)])
+        return struct.pack("<HI", *random.choice([(rules.CONTROL, word), (rules.SOURCE, word), (rules.WINDOW, word)]))
+    if chance < 0.8:
         # Words that can be written, or one more.
-        low, last = random.choice([pair for pair in rules.WRITABLE if pair[0] != rules.CONTROL])
+        low, last = random.choice(rules.WRITABLE)
         first = random.randrange(low, last + 4, 4)
         count = random.randint(1, min(64, (last - first) // 4 + random.choice([1, 1, 1, 2])))
     return struct.pack(f"<H{count}I", first, *(random.getrandbits(32) for _ in range(count)))
@@ -69,13 +68,14 @@ def trace(_: Reference) -> bytes:
     return random.randbytes(16 * random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
 
 
-def sign(_: Reference) -> bytes:
+def nothing(_: Reference) -> bytes:
     return b""
 
 
 #: Bodies of the right length; what they say may be wrong.
 BODIES = {
-    HELLO: hello, READ: read, WRITE: write, TILE: tile, PRESENT: present, TILES: tiles, TRACE: trace, SIGN: sign,
+    HELLO: hello, READ: read, WRITE: write, TILE: tile, PRESENT: present, TILES: tiles, TRACE: trace, SIGN: nothing,
+    ABORT: nothing, RESET: nothing,
 }  # fmt: skip
 
 
@@ -91,8 +91,7 @@ def bad_length(kind: int, body: bytes) -> bytes:
         if kind == TRACE:
             return random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513]))
     cut = body[: random.randrange(len(body) + 1)]
-    # A WRITE that is longer by whole words is a good one, of registers that may not be for this test.
-    more = body + random.randbytes(random.choice([2, 3, 50] if kind == WRITE else [2, 3, 4, 12, 50]))
+    more = body + random.randbytes(random.choice([2, 3, 4, 12, 50]))
     return random.choice([cut, cut, body[:-1], body + b"\1", more])
 
 
@@ -101,17 +100,17 @@ def traffic(reference: Reference, count: int) -> Iterator[tuple[bytes, bytes]]:
     sent: list[bytes] = []
     number = random.getrandbits(16)
     for _ in range(count):
-        kind = random.choice(KINDS)
+        kind = random.choice([*KINDS[:-2], WRITE, WRITE, SIGN, TRACE] if random.random() < 0.9 else KINDS)
         # Mostly a newer one; some come again, late, or after many that were lost.
         number = (number + random.choice([1] * 8 + [0, -1, 5, -5, 0x7FFF, 0x8000, -0x7FFF])) % (1 << 16)
         chance = random.random()
-        if chance < 0.15 and sent:
+        if chance < 0.2 and sent:
             packet = random.choice(sent[-3:])
-        elif chance < 0.2:
-            unknown = random.choice([0, 9, 0x10, 0x80, 0x81, 0x88, 0xFF])
+        elif chance < 0.25:
+            unknown = random.choice([0, 11, 0x10, 0x80, 0x81, 0x88, 0xFF])
             packet = request(unknown, number, random.randbytes(random.choice([0, 0, 1, 5, 40])))
         else:
             body = BODIES[kind](reference)
-            packet = request(kind, number, bad_length(kind, body) if chance < 0.35 else body)
+            packet = request(kind, number, bad_length(kind, body) if chance < 0.4 else body)
         sent.append(packet)
         yield packet, reference.reply(packet)

@@ -9,8 +9,8 @@ import zlib
 BUILD, CONTROL, STATUS, SOURCE = 0x208, 0x20C, 0x210, 0x214
 #: A frame of the raster is refused while its lowest bit is set.
 WINDOW = 0x300
-APPLY, START = 1, 2
-BUSY, REFUSED = 1, 4
+APPLY, START, ABORT = 1, 2, 4
+BUSY, RUNNING, REFUSED, OCCUPIED = 1, 2, 4, 8
 OK, STALE, FRAME_CRC = 0, 4, 6
 
 
@@ -56,3 +56,65 @@ def exit_ray(ray: tuple[int, ...]) -> tuple[int, ...]:
 def signature(frames: int) -> tuple[int, int]:
     """Rays and CRC of the raster's n-th frame."""
     return _hash(6, frames), _hash(7, frames)
+
+
+def so_far(frames: int) -> int:
+    """Rays of that frame while it runs."""
+    return _hash(8, frames)
+
+
+def lasts(frames: int) -> int:
+    """Requests that are executed while that frame runs."""
+    return _hash(11, frames) % 5
+
+
+class Optics:
+    """The optics block as the bus sees it: commands and status. Its time is that of the requests.
+
+    An apply, and the rays that an abort leaves, last for some looks at the status, and end with the request. The n-th
+    frame runs while so many further requests are executed, if the raster is the source.
+    """
+
+    def __init__(self) -> None:
+        self.source = self.stream = False  # as written, and in effect
+        self.refused = self.running = False
+        self.frames = 0
+        self._busy = self._occupied = self._requests = 0
+
+    def status(self) -> int:
+        """A look at its status."""
+        seen = BUSY * bool(self._busy) | OCCUPIED * bool(self._occupied)
+        seen |= RUNNING * self.running | REFUSED * self.refused
+        self._occupied = max(self._occupied - 1, 0)
+        if self._busy:
+            self._busy -= 1
+            self._take()
+        return seen
+
+    def control(self, word: int, window: int) -> None:
+        """A write of its commands."""
+        if word & ABORT:
+            self.running, self._occupied = False, _hash(9, self.frames) % 4
+        if word & APPLY:
+            self._busy = 1 + _hash(10, self.frames, self.source) % 3
+        if word & START:
+            assert not self.running, "a frame began while another one was running"
+            self.frames += 1
+            self.refused = bool(window & 1)
+            self.running, self._requests = not self.refused, lasts(self.frames)
+
+    def next_request(self) -> bool:
+        """Time passes; whether a frame ends."""
+        if self._busy:
+            self._busy = 0
+            self._take()
+        self._occupied = 0
+        if not self.running or self.stream:
+            return False
+        self._requests -= 1
+        self.running = self._requests >= 0
+        return not self.running
+
+    def _take(self) -> None:
+        if not self._busy:
+            self.stream = self.source

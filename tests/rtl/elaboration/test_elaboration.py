@@ -87,6 +87,8 @@ PARAMETERS = {
     "raster": F_SETS,
     "ray_lenslet": RAYS[-2:-1],
     "ray_pipeline": RAYS[:-2],
+    "request_reader": PANELS,
+    "reply_builder": [{"HeadBytes": b} for b in (4, 34)],
     "reply_writer": [{"Bytes": b} for b in (1, 2, 34, 63)],
     "reset_sync": [{"Stages": s} for s in (2, 4)],
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],

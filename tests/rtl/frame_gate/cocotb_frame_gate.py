@@ -33,6 +33,9 @@ class Raster:
         elif self.left == 0:
             self.running = False
 
+    def stop(self):
+        self.running, self.left, self.wait = False, 0, 0
+
     @property
     def valid(self):
         return self.running and self.wait == 0 and self.left > 0
@@ -61,7 +64,8 @@ async def every_request_is_answered_between_two_frames(dut):
         quiet = clock > CLOCKS - 400
         apply, start = (not quiet and random.random() < busy for _ in range(2))
         apply = apply or clock == CLOCKS - 399  # the last one selects the raster, so that it can end
-        dut.apply_i.value, dut.start_i.value = apply, start
+        abort = not quiet and random.random() < 0.05
+        dut.apply_i.value, dut.start_i.value, dut.abort_i.value = apply, start, abort
         dut.stream_i.value = 0 if quiet else random.getrandbits(1)
         dut.ready_i.value = random.random() < 0.7
         dut.raster_running_i.value = raster.running
@@ -92,6 +96,10 @@ async def every_request_is_answered_between_two_frames(dut):
         seen.point("start while the raster runs", start and raster.running)
         seen.point("the source changes", take and source != int(dut.stream_i.value))
         seen.point("apply as one takes effect", take and apply)
+        seen.point("abort within a frame", abort and frame_optics is not None)
+        seen.point("abort as a frame waits", abort and bool(dut.start_waits_o.value))
+        seen.point("abort as a frame begins", abort and begin)
+        seen.point("abort and start together", abort and start)
         seen.point("the raster waits for the stream's frame", raster.valid and source == 1)
         if begin:
             frame_needs = wanted
@@ -106,9 +114,12 @@ async def every_request_is_answered_between_two_frames(dut):
         offered = offered and not from_stream
         await FallingEdge(dut.clk_i)
         raster.clock(from_raster)
-        if begin:
+        if begin and not abort:
             assert not raster.running
             raster.begin()
+        if abort:
+            raster.stop()
+            frame_optics = None
     assert in_effect == asked
     assert not dut.apply_waits_o.value
     assert not dut.start_waits_o.value

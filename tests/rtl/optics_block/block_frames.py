@@ -363,3 +363,62 @@ async def the_stream_at_the_port_is_traced(dut):
         await block.offer(singles[-1], 0)
     await block.drain(len(singles))
     block.check(*((rays, OTHER_OPTICS) for rays in singles))
+
+
+@cocotb.test(timeout_time=2, timeout_unit="ms")
+async def an_abort_leaves_the_block_empty(dut):
+    """At any moment of a frame, with a start remembered and an apply that waits, and with a stream that has no end."""
+    block = Block(dut)
+    await block.begin()
+    for turn in range(16):
+        block.stall = RANDOM.choice([0.0, 0.5, 0.95])
+        stream = turn % 4 == 3
+        await block.write([*optics_writes(OPTICS), write("source", stream=0)])
+        await block.command(**APPLY)
+        await block.settle(busy=0)
+        await block.write(raster_writes(frame_of("lfsr", 60000)))
+        if stream:  # a frame of the stream begins, one of the raster waits
+            await block.write([write("source", stream=1)])
+            await block.command(**APPLY)
+            await block.settle(busy=0)
+            rays = raster(frame_of("lfsr", 60), block.table, F)
+            for n in range(3):
+                await block.offer(rays, n)
+        await block.command(**START)
+        for _ in range(RANDOM.choice([0, 1, 7, 100, 700])):
+            await FallingEdge(dut.clk_i)
+        await block.command(**START)
+        await block.write(optics_writes(OTHER_OPTICS))
+        await block.command(**APPLY)
+        assert (await block.status())["busy"] or stream or not block.exits
+        await block.write([write("source", stream=0)])
+        await block.command(abort=1)
+        assert not (await block.status())["running"]
+        await block.settle(occupied=0, busy=0, running=0)
+        left = len(block.exits)
+        for _ in range(300):
+            await FallingEdge(dut.clk_i)
+        assert len(block.exits) == left, "a ray came out of an empty block"
+        assert not any(block.lasts)
+        block.exits, block.firsts, block.lasts = [], [], []
+        # What comes next is whole, in the optics that the abort let in.
+        frame = frame_of("lfsr", 60)
+        await block.write(raster_writes(frame))
+        if stream:
+            await block.command(**APPLY)
+            await block.settle(busy=0)
+        await block.command(**START)
+        await block.settle(running=0)
+        await block.drain(frame.rays)
+        block.check((raster(frame, block.table, F), OTHER_OPTICS))
+        # Both at once: the frame ends, another begins.
+        await block.write(raster_writes(frame_of("lfsr", 60000)))
+        await block.command(**START)
+        await block.write(raster_writes(frame))
+        await block.command(abort=1, start=1)
+        await block.settle(running=0, occupied=0)
+        cut = len(block.exits) - frame.rays
+        rays = [getattr(block, name)[cut:] for name in ("exits", "firsts", "lasts")]
+        assert not any(block.lasts[:cut])
+        block.exits, block.firsts, block.lasts = rays
+        block.check((raster(frame, block.table, F), OTHER_OPTICS))

@@ -77,8 +77,9 @@ class Bench:
 
     async def begin(self):
         dut = self.dut
-        for port in (dut.config_i, dut.start_i, dut.table_write_i, dut.table_at_i, dut.table_entry_i, dut.ray_ready_i):
+        for port in (dut.config_i, dut.start_i, dut.abort_i, dut.table_write_i, dut.table_at_i, dut.table_entry_i):
             port.value = 0
+        dut.ray_ready_i.value = 0
         dut.rst_ni.value = 0
         cocotb.start_soon(Clock(dut.clk_i, 2, "ns").start())
         for _ in range(3):
@@ -265,3 +266,28 @@ async def sixty_five_thousand_samples(dut):
     rays, bubbles = await bench.frame(0.0, meddle=False)
     assert rays == expected(frame, bench.table)
     assert bubbles == 0
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def an_abort_ends_a_frame_in_any_clock(dut):
+    """From its start on: no ray follows, a start with it is lost, and the next frame is whole."""
+    bench = Bench(dut)
+    await bench.begin()
+    await bench.fill_table()
+    for wait in range(60):
+        one, two = random_frame("lfsr", 5), replace(random_frame("table", 7), samples=2)
+        await bench.start(config_of(one))
+        for _ in range(RANDOM.choice([wait, wait // 8])):
+            dut.ray_ready_i.value = RANDOM.random() < 0.5
+            await FallingEdge(dut.clk_i)
+        dut.ray_ready_i.value = RANDOM.random() < 0.5
+        dut.abort_i.value, dut.start_i.value = 1, RANDOM.getrandbits(1)
+        await FallingEdge(dut.clk_i)
+        dut.abort_i.value = dut.start_i.value = 0
+        for _ in range(RANDOM.choice([0, 1, 12])):
+            assert not dut.running_o.value
+            assert not dut.ray_valid_o.value
+            await FallingEdge(dut.clk_i)
+        await bench.start(config_of(two))
+        rays, _ = await bench.frame(0.3)
+        assert rays == expected(two, bench.table)

@@ -15,6 +15,7 @@ module ray_lenslet_bench #(
   input  logic [$bits(optics_pkg::optics_config_t)-1:0] config_i,
   input  logic                                     apply_i,
   output logic                                     busy_o,
+  output logic                                     idle_o,
   input  logic                                     valid_i,
   output logic                                     ready_o,
   input  logic [2*optics_pkg::PixelBits+2*(F+2)-1:0] ray_i,
@@ -38,7 +39,7 @@ module ray_lenslet_bench #(
     .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk),
     .Converge(Converge), .Shear(Shear), .CrossCells(CrossCells)
   ) i_engine (
-    .clk_i, .rst_ni, .config_i(config_i), .apply_i, .busy_o,
+    .clk_i, .rst_ni, .config_i(config_i), .apply_i, .busy_o, .idle_o,
     .ray_valid_i(valid_i), .ray_ready_o(ready_o),
     .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
     .exit_valid_o(valid_o), .exit_ready_i(ready_i),

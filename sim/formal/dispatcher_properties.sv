@@ -1,0 +1,370 @@
+/// `dispatcher`: each request is answered, whatever it is and however slow its neighbours are.
+///
+/// Neighbours answer within Slow clocks, each as its module says; otherwise they do as they like,
+/// and so do both ends of the line. Proved: within Bound clocks something moves, unless the line
+/// stands still: a byte in or out, an access of the bus, a tile's byte or end, a frame's end, a ray.
+/// A request has a bounded number of each; the status of the optics is looked at three times at most
+/// before something else follows. Bytes of a request are taken only when all requests
+/// before it are answered, but for bytes that wait at the output.
+module dispatcher_properties #(
+  parameter int Slow = 2,
+  parameter int Bound = 31,
+  parameter bit Guide = 1'b0  // one request after the other is an ABORT, and nothing waits
+) (
+  input logic             clk_i,
+  input logic             rst_ni,
+  input logic [15:0]      epoch_i,
+  input logic             in_valid_i,
+  input logic [7:0]       in_data_i,
+  input logic             in_last_i,
+  input logic             out_ready_i,
+  input logic             bus_done_i,
+  input logic [31:0]      bus_word_i,
+  input logic             bus_error_i,
+  input logic             tile_ready_i,
+  input logic             tile_done_i,
+  input logic             tile_ok_i,
+  input logic             table_busy_i,
+  input logic [31:0]      table_crc_i,
+  input logic             present_done_i,
+  input logic [7:0]       present_status_i,
+  input logic             ray_ready_i,
+  input logic             exit_valid_i,
+  input logic [8:0][31:0] exit_i,
+  input logic             sign_done_i,
+  input logic [31:0]      sign_rays_i,
+  input logic [31:0]      sign_crc_i
+);
+  import link_pkg::*;
+
+  logic in_ready, out_valid, out_last, reset, bus_start, bus_write, tile_start, tile_empty;
+  logic tile_valid, tile_last, present_start, ray_valid, trace, exit_ready, sign, sign_start;
+  logic [7:0] out_data;
+  logic [9:0] bus_at;
+  logic [31:0] bus_word;
+  dispatcher #(.Width(64), .Height(64)) i_dut (
+    .clk_i, .rst_ni, .identity_i(64'd0), .epoch_i, .reset_o(reset), .in_valid_i,
+    .in_ready_o(in_ready), .in_data_i, .in_last_i, .out_valid_o(out_valid), .out_ready_i,
+    .out_data_o(out_data), .out_last_o(out_last), .bus_start_o(bus_start),
+    .bus_write_o(bus_write), .bus_at_o(bus_at), .bus_word_o(bus_word), .bus_done_i, .bus_word_i,
+    .bus_error_i, .tile_start_o(tile_start), .tile_o(), .tile_coding_o(),
+    .tile_empty_o(tile_empty), .tile_valid_o(tile_valid), .tile_ready_i, .tile_data_o(),
+    .tile_last_o(tile_last), .tile_done_i, .tile_ok_i, .stale_o(), .tile_bad_o(), .table_busy_i,
+    .table_front_o(), .table_at_o(), .table_crc_i, .present_start_o(present_start),
+    .present_epoch_o(), .present_crc_o(), .present_done_i,
+    .present_status_i(status_e'(present_status_i)), .ray_valid_o(ray_valid), .ray_ready_i,
+    .ray_o(), .trace_o(trace), .exit_valid_i, .exit_ready_o(exit_ready), .exit_i, .sign_o(sign),
+    .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i
+  );
+
+  logic started_q = 1'b0;
+  always_ff @(posedge clk_i) started_q <= 1'b1;
+  always_comb if (!started_q) assume (!rst_ni);
+
+  wire in_take = in_valid_i && in_ready;
+  wire out_take = out_valid && out_ready_i;
+  wire tile_take = tile_valid && tile_ready_i;
+  wire ray_take = ray_valid && ray_ready_i;
+  wire exit_take = trace && exit_valid_i && exit_ready;
+
+  // ---- the neighbours: what each is doing, and for how many clocks ----
+  logic [1:0] byte_q;                      // bytes of the request, up to 3
+  logic bus_q, tile_open_q, tile_end_q, present_q, ray_q;
+  logic [2:0] bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, table_for_q;
+  logic table_q;                           // the table is being cleared
+  logic [1:0] looks_q;                     // at the status, since the last write
+  logic running_q;                         // a frame may run
+  logic look_q;
+  logic [2:0] polls_q;                     // looks of one operation, since its last write
+  logic signed_q;                          // there is a signature, as before
+  localparam logic [2:0] Late = 3'(Slow);
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {byte_q, bus_q, tile_open_q, tile_end_q, present_q, ray_q, looks_q, running_q} <= '0;
+      {bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, look_q, polls_q} <= '0;
+      {table_q, table_for_q, signed_q} <= {1'b1, 3'd0, 1'b0};
+    end else begin
+      if (in_take) byte_q <= in_last_i ? 2'd0 : byte_q == 2'd3 ? 2'd3 : byte_q + 2'd1;
+      // the bus
+      bus_q <= bus_start || (bus_q && !bus_done_i);
+      bus_for_q <= bus_start ? 3'd0 : bus_for_q + 3'd1;
+      if (bus_start) look_q <= !bus_write && bus_at == 10'h210;
+      if (bus_start && bus_write) looks_q <= '0;
+      else if (bus_start && bus_at == 10'h210 && looks_q != 2'd3) looks_q <= looks_q + 2'd1;
+      if (bus_start && bus_write && bus_at == 10'h20c) begin
+        running_q <= bus_word[1] || (running_q && !bus_word[2]);
+      end else if (bus_done_i && look_q && !bus_word_i[1]) begin
+        running_q <= 1'b0;
+      end
+      if (i_dut.ray_start || (bus_start && bus_write)) polls_q <= '0;
+      else if (bus_start && i_dut.i_rays.on_bus) polls_q <= polls_q + 3'd1;
+      // the tile writer
+      if (tile_start) {tile_open_q, tile_end_q} <= {!tile_empty, tile_empty};
+      else if (tile_take && tile_last) {tile_open_q, tile_end_q} <= 2'b01;
+      else if (tile_done_i) tile_end_q <= 1'b0;
+      tile_for_q <= tile_end_q && !tile_done_i ? tile_for_q + 3'd1 : 3'd0;
+      tile_shut_q <= tile_valid && !tile_ready_i ? tile_shut_q + 3'd1 : 3'd0;
+      // the presenter
+      present_q <= present_start || (present_q && !present_done_i);
+      present_for_q <= present_start ? 3'd0 : present_for_q + 3'd1;
+      // the optics
+      ray_q <= ray_take || (ray_q && !exit_take);
+      ray_shut_q <= ray_valid && !ray_ready_i ? ray_shut_q + 3'd1 : 3'd0;
+      ray_for_q <= ray_take ? 3'd0 : ray_for_q + 3'd1;
+      signed_q <= sign_done_i && !sign_start && !reset;
+      // the table
+      table_q <= reset || (table_q && table_busy_i);
+      table_for_q <= reset || !table_q ? 3'd0 : table_for_q + 3'd1;
+    end
+  end
+  always_comb begin
+    assume (!in_take || !in_last_i || byte_q >= 2'd2);
+    assume (!bus_done_i || bus_q);
+    assume (!bus_q || bus_for_q < Late || bus_done_i);
+    // The third look at the status finds an apply taken, and no rays left by an abort.
+    assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
+    assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
+        || (!bus_word_i[0] && !bus_word_i[3]));
+    assume (!tile_ready_i || tile_open_q);
+    assume (!(tile_valid && tile_open_q) || tile_shut_q < Late || tile_ready_i);
+    assume (!tile_done_i || tile_end_q);
+    assume (!tile_end_q || tile_for_q < Late || tile_done_i);
+    assume (!present_done_i || present_q);
+    assume (!present_q || present_for_q < Late || present_done_i);
+    assume (!ray_valid || ray_shut_q < Late || ray_ready_i);
+    assume (!(trace && exit_valid_i) || ray_q);
+    assume (!(trace && ray_q) || ray_for_q < Late || exit_valid_i);
+    assume (!signed_q || sign_done_i);
+    assume (!table_busy_i || table_q);
+    assume (table_q || !reset);
+    assume (!table_q || table_for_q < Late || !table_busy_i);
+  end
+
+  if (Guide) begin : gen_guide
+    always_comb begin
+      assume (rst_ni == started_q && in_valid_i && out_ready_i && bus_done_i == bus_q);
+      assume (in_data_i == (byte_q == 2'd0 ? RequestAbort : 8'd5) && in_last_i == (byte_q == 2'd2));
+    end
+  end
+
+  // ---- what is proved ----
+  logic [4:0] still_q;    // clocks in which nothing moved that could
+  logic [1:0] unsent_q;   // requests received, replies not sent to their end
+  wire moves = in_take || out_take || bus_done_i || tile_take || tile_done_i || present_done_i
+      || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;  // a word is looked up
+  wire line_waits = (in_ready && !in_valid_i) || (out_valid && !out_ready_i) || table_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {still_q, unsent_q} <= '0;
+    end else begin
+      still_q <= moves || line_waits ? 5'd0 : still_q + 5'd1;
+      unsent_q <= unsent_q + 2'(in_take && in_last_i) - 2'(out_take && out_last);
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      answered: assert (still_q < 5'(Bound));
+      no_reply_unasked: assert (!out_valid || unsent_q != '0);
+      one_at_a_time: assert (!in_ready || unsent_q == 2'(out_valid));
+      never_three: assert (unsent_q != 2'd3);
+      few_looks: assert (polls_q <= 3'd3);
+      one_access: assert (!bus_start || !bus_q || bus_done_i);
+      one_tile: assert (!tile_start || !(tile_open_q || tile_end_q));
+      one_frame: assert (!present_start || !present_q);
+      rays_for_one: assert (!(trace && sign));
+    end
+  end
+
+  // ---- invariants: what each part does in each state of the whole; numbers are those of enums ----
+  localparam int Receive = 0, Judge = 1, Execute = 2, Reply = 3, Words = 4;
+  localparam int ReaderTile = 5, ReaderDone = 7;
+  localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 4, RegWait = 5, RegWord = 6;
+  localparam int RayClaim = 0, RayTakenOver = 3, RayBegun = 5, RayEnd = 6, RayEnded = 7, RayIdle = 8;
+  localparam int RaySettle = 9, RayPlace = 10, RayFetch = 11, RayOffer = 12, RayExit = 13;
+  localparam int RayWords = 14;
+  wire [2:0] state = i_dut.state_q;
+  wire [2:0] reader = i_dut.i_reader.state_q;
+  wire [2:0] regs = i_dut.i_registers.state_q;
+  wire [3:0] rays = i_dut.i_rays.state_q;
+  wire [7:0] kind = i_dut.request.kind;
+  wire ok = i_dut.status_q == StatusOk;
+  wire [9:0] reply_left = i_dut.i_reply.left_q;
+  wire [9:0] table_left = i_dut.i_table.left_q;
+  wire [9:0] reg_left = 10'(i_dut.i_registers.left_q);
+  wire [8:0] ray_left = i_dut.i_rays.left_q;
+  wire [1:0] ray_at = i_dut.i_rays.at_q[1:0];
+  wire asked = i_dut.i_rays.asked_q;
+  wire reg_write = i_dut.i_registers.write_q;
+  wire regs_idle = regs == RegIdle && !i_dut.register_start && !i_dut.register_done;
+  wire rays_idle = rays == RayIdle && !i_dut.ray_start && !i_dut.ray_done;
+  wire table_idle = table_left == '0 && !i_dut.table_start && !i_dut.table_valid;
+  wire tile_busy = tile_start || tile_open_q || tile_end_q;
+  wire is_write = kind == RequestWrite;
+  wire on_optics = is_write && i_dut.first >= 16'h200;
+  // The parts that a request of this kind uses while it is executed.
+  wire uses_regs = kind inside {RequestHello, RequestRead, RequestWrite};
+  wire uses_rays = kind inside {RequestTrace, RequestSign, RequestAbort} || on_optics;
+  wire reg_reads = regs inside {RegAsk, RegWait, RegWord} && !reg_write;
+  wire ray_looks = rays inside {RayClaim, RayTakenOver, RayBegun, RayEnded};
+  wire ray_list = rays inside {[RayPlace:RayWords]};
+  wire [9:0] rays_left = 10'(ray_left[8:2]) + 10'(rays inside {RayPlace, RayFetch} && ray_at != '0)
+      + 10'(rays inside {RayOffer, RayExit});
+  wire [9:0] exit_left = 10'(i_dut.i_rays.exit_left_q);
+  wire [9:0] ray_words = 10'd8 * rays_left + rays_left + (rays == RayWords ? exit_left : '0);
+  logic reg_part, ray_part;
+  always_comb begin
+    case (kind)
+      RequestHello: reg_part = (i_dut.register_start && regs == RegIdle) || (!reg_write && reg_left == 10'd1
+          && ((regs == RegRange && i_dut.i_registers.optics_q) || regs inside {RegAsk, RegWait, RegWord}));
+      RequestRead: reg_part = (i_dut.register_start && regs == RegIdle)
+          || (!reg_write && regs == RegRange && reg_left == 10'(i_dut.request.arguments[2]))
+          || (i_dut.register_done && (i_dut.register_status == StatusOk ?
+              regs == RegAsk && !reg_write && reg_left == 10'(i_dut.request.arguments[2])
+              : regs == RegIdle));
+      default: reg_part = (i_dut.register_start && regs == RegIdle)
+          || (reg_write && regs inside {[RegRange:RegWait]} && reg_left != '0)
+          || (i_dut.register_done && regs == RegIdle);
+    endcase
+    case (i_dut.op)
+      OpClaim: ray_part = rays == RayClaim || (i_dut.ray_done && rays == RayIdle);
+      OpTrace: ray_part = (rays <= RayTakenOver && ray_left == i_dut.request.words && ray_at == '0)
+          || (i_dut.ray_done && (i_dut.ray_status == StatusOk ?
+              rays == RayPlace && ray_left == i_dut.request.words && ray_at == '0
+              : rays == RayIdle));
+      OpSign: ray_part = rays <= RayBegun || rays == RaySettle
+          || (i_dut.ray_done && rays == RayIdle);
+      OpResult: ray_part = i_dut.ray_done && rays == RayIdle;
+      default: ray_part = rays inside {RayEnd, RayEnded} || (i_dut.ray_done && rays == RayIdle);
+    endcase
+    ray_part = ray_part || (i_dut.ray_start && rays == RayIdle);
+  end
+  // Clocks after which something moves at the latest, counted down by each that stands still.
+  logic [5:0] todo;
+  always_comb begin
+    todo = 6'd10;
+    case (state)
+      Receive: todo = reader == ReaderDone ? 6'd24 : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
+      Judge: todo = 6'd23;
+      Execute: begin
+        todo = 6'd12;
+        if (i_dut.register_start || i_dut.ray_start) todo = 6'd22;
+        else if (i_dut.ray_done) todo = on_optics ? 6'd23 : 6'd12;
+        else if (i_dut.register_done && kind != RequestHello) todo = 6'd12;
+        else if (regs == RegWait) todo = 6'd17 - bus_for_q;
+        else if (regs == RegWord) todo = 6'd12;
+        else if (regs != RegIdle) todo = 6'd22 - regs;
+        else if (rays <= RayEnded) todo = asked ? 6'd17 - bus_for_q : 6'd18;
+        else if (rays == RaySettle) todo = 6'd19 + i_dut.i_rays.pause_q;
+        else if (kind == RequestTile && !i_dut.tile_done_q)
+          todo = tile_start ? 6'd18 : tile_open_q ? 6'd17 - tile_shut_q : 6'd16 - tile_for_q;
+        else if (kind == RequestPresent) todo = present_start ? 6'd18 : 6'd17 - present_for_q;
+        else if (kind == RequestReset) todo = 6'd13 + i_dut.reset_q;
+      end
+      Reply: todo = 6'd11;
+      default: begin
+        if (out_valid) todo = 6'd1;
+        else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
+        else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
+        else if (rays == RayPlace) todo = 6'd20 - {ray_at, 1'b0};
+        else if (rays == RayFetch) todo = 6'd19 - {ray_at, 1'b0};
+        else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q : 6'd3;
+      end
+    endcase
+  end
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      in_todo: assert (6'(still_q) + todo <= 6'd31);
+      in_late: assert ((!bus_q || bus_for_q <= Late) && (!present_q || present_for_q <= Late)
+          && (!ray_q || ray_for_q <= Late || !exit_ready) && tile_for_q <= Late && tile_shut_q <= Late
+          && ray_shut_q <= Late);
+      in_states: assert (state <= Words && regs <= RegWord && rays <= RayWords);
+      in_reader: assert (state == Receive || reader == ReaderDone);
+      in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
+          && kind inside {RequestRead, RequestTrace, RequestTiles}))
+          || (i_dut.i_reader.length_ok && kind inside {[RequestHello:RequestReset]}));
+      in_unsent: assert (unsent_q == 2'(reader == ReaderDone && state != Words)
+          + 2'(state == Words || out_valid));
+      in_last: assert (!out_valid || i_dut.i_reply.i_writer.last_q == (state != Words));
+      in_out: assert (!out_valid || i_dut.i_reply.i_writer.left_q <= 6'd34);
+      in_reply: assert ((state == Words) == (reply_left != '0));
+      in_rest: assert (!(state inside {Receive, Judge}) || (regs_idle && rays_idle && table_idle));
+      in_present: assert ((present_start || present_q) == (state == Execute && kind == RequestPresent));
+      in_reset: assert (i_dut.reset_q == '0 || (state == Execute && kind == RequestReset));
+      in_execute: assert (state != Execute || kind != RequestTiles);
+      in_ray_start: assert (!i_dut.ray_start || (rays == RayIdle && !i_dut.ray_done && state == Execute));
+      in_reg_start: assert (!i_dut.register_start
+          || (regs == RegIdle && !i_dut.register_done && state == Execute));
+      in_reader_words: assert (reader != 3'd4 || kind inside {RequestWrite, RequestTrace});
+      in_reader_rest: assert (reader != 3'd6 || i_dut.i_reader.status_q != StatusOk);
+      in_reader_arguments: assert (reader != 3'd3 || kind inside {[RequestHello:RequestTiles]});
+      in_reader_kind: assert (reader != ReaderDone || i_dut.read_status != StatusOk
+          || kind inside {[RequestHello:RequestReset]});
+      in_reader_fine: assert (!(reader inside {[3'd1:3'd5]}) || i_dut.i_reader.status_q == StatusOk);
+      in_tile_start: assert (!tile_start || state == Receive);
+      in_bytes: assert (byte_q == (reader == ReaderDone ? 2'd0 : reader > 3'd3 ? 2'd3 : reader[1:0]));
+      in_ray_done: assert (!i_dut.ray_done || rays inside {RayIdle, RayPlace});
+      in_reg_done: assert (!i_dut.register_done || regs == RegIdle || (regs == RegAsk && !reg_write));
+      in_words_few: assert (i_dut.request.words <= 9'd256);
+      in_part: assert (state != Execute
+          || (on_optics ? (ray_part && regs_idle) || (reg_part && rays_idle)
+          : (uses_regs ? reg_part : regs_idle) && (uses_rays ? ray_part : rays_idle)));
+      in_table: assert (state != Execute || table_idle);
+      in_read: assert (!(state inside {Reply, Words}) || (kind == RequestRead && ok ? reg_reads
+          && reg_left == (state == Words ? reply_left : i_dut.words) : regs == RegIdle && !i_dut.register_start));
+      in_trace: assert (!(state inside {Reply, Words}) || (kind == RequestTrace && ok ? ray_list
+          && ray_words == (state == Words ? reply_left : i_dut.words) : rays_idle));
+      in_tiles: assert (!(state inside {Reply, Words}) || (kind == RequestTiles && ok ?
+          (state == Reply && i_dut.table_start && table_left == '0 && !i_dut.table_valid)
+          || (!i_dut.table_start && table_left == (state == Words ? reply_left : i_dut.words)) : table_idle));
+      in_words: assert (state != Words || (ok && kind inside {RequestRead, RequestTrace, RequestTiles}));
+      in_list_few: assert (!ray_list || ray_left <= 9'd256);
+      in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
+      in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);
+      in_list: assert (!(rays inside {RayPlace, RayFetch}) || (ray_left != '0
+          && 2'(ray_left[1:0] + ray_at) == '0));
+      in_ray: assert (!(rays inside {[RayOffer:RayWords]}) || (ray_left[1:0] == '0 && ray_at == '0));
+      in_exit: assert (rays != RayWords || (exit_left != '0 && exit_left <= 10'd9));
+      in_traced: assert (ray_q == (rays == RayExit));
+      in_trace_o: assert (!trace || ray_list);
+      in_trace_off: assert (rays != RayWords || trace == (ray_left != '0));
+      in_trace_on: assert (!(rays inside {[RayPlace:RayExit]}) || trace);
+      in_sign: assert (!(rays inside {[1:3]} || ray_list || trace) || !sign);
+      in_sign_start: assert (!sign_start || rays == 4'd4);
+      in_bus: assert (bus_q == (regs == RegWait || asked));
+      in_asked: assert (!asked || (rays <= RayEnded && regs == RegIdle));
+      in_tile: assert (!tile_busy || (kind == RequestTile && i_dut.read_status == StatusOk && (reader == ReaderTile
+          || (reader == ReaderDone && state inside {Receive, Judge, Execute}))));
+      in_tile_reader: assert (reader != ReaderTile
+          || (kind == RequestTile && (tile_start || tile_open_q) && !tile_end_q));
+      in_tile_empty: assert (!tile_start || (tile_empty == (reader == ReaderDone) && !tile_valid));
+      in_tile_data: assert (!tile_valid || (tile_open_q && tile_last == (reader == ReaderDone)));
+      in_tile_open: assert (!tile_open_q || reader == ReaderTile || tile_valid);
+      in_tile_one: assert (!(tile_open_q && tile_end_q) && !(tile_start && (tile_open_q || tile_end_q)));
+      in_tile_done: assert (!i_dut.tile_done_q || !(tile_open_q || tile_end_q));
+      in_tile_executed: assert (!(kind == RequestTile && reader == ReaderDone
+          && i_dut.read_status == StatusOk && state inside {Receive, Judge, Execute})
+          || tile_busy || i_dut.tile_done_q);
+      in_tile_state: assert (state != Execute || kind != RequestTile || i_dut.read_status == StatusOk);
+      in_polls: assert (!ray_looks || asked || polls_q <= 3'd2);
+      in_polls_new: assert (!((asked && !ray_looks) || rays == RaySettle) || polls_q == '0);
+      in_looks: assert (polls_q <= 3'(looks_q));
+      in_look: assert (!asked || look_q == ray_looks);
+      in_running: assert (!(rays inside {[4'd1:RayTakenOver], RayEnded} || (rays == RayEnd && asked))
+          || !running_q);
+    end
+  end
+
+  // ---- covers ----
+  logic [1:0] replies_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) replies_q <= '0;
+    else if (out_take && out_last && replies_q != 2'd3) replies_q <= replies_q + 2'd1;
+  end
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      cover_answered: cover (out_take && out_last);
+      cover_again: cover (replies_q == 2'd1 && i_dut.repeated && out_take && out_last);
+    end
+  end
+
+endmodule

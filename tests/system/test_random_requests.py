@@ -1,0 +1,455 @@
+"""Random requests to the whole board, legal ones and others, in every order: each gets the model board's reply.
+
+The model (tests/host/model_board.py) speaks the protocol of docs/reference/protocol.md; here it gets the board's
+registers, from the tables of docs/reference, and rays of the integer twin. Only the reply can tell whether a frame
+still ran: the model takes it from there, and judges all else, also whether it may have run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import random
+import re
+import struct
+import zlib
+from collections import Counter, deque
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.display import load_display
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.raster import Raster, raster
+from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.link.packets import packed
+from lippmann.link.port import Line
+from lippmann.sim import virtual_board
+from model_board import (
+    ABORT,
+    ADDRESS,
+    BAD_TILE,
+    BUSY,
+    CONTROL,
+    CRC_DIFFERS,
+    HELLO,
+    OK,
+    PRESENT,
+    READ,
+    RESET,
+    SIGN,
+    SIGN_RUNS,
+    SOURCE,
+    START,
+    THIS_RUNS,
+    TILE,
+    TILES,
+    TRACE,
+    WRITE,
+    ModelBoard,
+    RefusedError,
+)  # fmt: skip
+
+ROOT = Path(__file__).resolve().parents[2]
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+#: Requests; LIPPMANN_REQUESTS=1000000 takes half an hour. Over a line of bits a tenth, which take as long.
+COUNT = 10_000
+#: Bytes on their way to the board, and longest silence of it, s.
+WINDOW, PATIENCE_S = 6_000, 60.0
+WIDTH, HEIGHT = 112, 80
+STATUS, TABLE, WHOLE = 0x210, 0x300, 0xFFFF_FFFF
+#: Registers whose words depend on the clock: they are only read.
+TIMED = (0x24, 0x28, 0x2C, 0x40)
+COUNTERS = dict(zip(("stale", "tile_bad", "frame_bad"), (0x5C, 0x60, 0x64), strict=True))
+
+
+def display_of(grid):
+    display = load_display(f"scenes/displays/paper-{grid}.toml")
+    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
+    return dataclasses.replace(display, name=f"small {grid}", panel=panel)
+
+
+def register_map():
+    """By address the bits that can be read, that can be written, and that are set at reset, as documented."""
+    found = {}
+    for page, base in (("board-registers", 0), ("registers", 0x200)):
+        text = (ROOT / f"docs/reference/{page}.md").read_text()
+        row = r"^\| `0x(\w+)` \| `(\w+)` \| (\d+)(?::(\d+))? \| `\w+` \| ([\w, ]+) \| (?:`(\w+)`)?"
+        for at, _, high, lowest, access, reset in re.findall(row, text, re.M):
+            low = int(lowest or high)
+            bits = (1 << int(high) + 1) - (1 << low)
+            one = found.setdefault(base + int(at, 16), Counter())
+            for what in access.split(", "):
+                one[what] |= bits
+            one["reset"] |= (int(reset or "0", 16) << low) & bits
+    return found
+
+
+REGISTERS = register_map()
+
+
+class Judge(ModelBoard):
+    """The model of one board; `reply` takes each request with the reply that came, and says what must have come."""
+
+    def __init__(self, display, configurations, pool):
+        self.build_of_optics = virtual_board.board_build(display)
+        self.configurations, self.pool = configurations, pool
+        self.clock_hz = virtual_board.CLOCK_HZ
+        self.table = {}
+        self.known = {}
+        super().__init__(WIDTH, HEIGHT, int(display.identity, 16))
+        self._ended.set()  # it listens to nobody
+        self._thread.join()
+
+    def power_up(self):
+        # No reset clears the frames' memory. Of a tile with bad data it may hold some pixels.
+        kept = getattr(self, "buffers", None)
+        super().power_up()
+        self.buffers = kept or self.buffers
+        self.unsure = getattr(self, "unsure", (set(), set()))
+        self.registers = {at: one["reset"] for at, one in REGISTERS.items()}
+        self.registers[0x8], self.registers[0xC] = self.identity & WHOLE, self.identity >> 32
+        self.registers[0x10], self.registers[0x14] = HEIGHT << 16 | WIDTH, self.clock_hz
+        self.counts = Counter()
+        self.refused_window = False
+        self.least_rays = 0
+
+    @property
+    def build(self):
+        """The word of the register: as in docs/reference/registers.md."""
+        build = self.build_of_optics
+        return (
+            build.fraction_bits
+            | (build.grid == "hex") << 5
+            | 2 << 6
+            | build.viewer << 8
+            | (build.max_cell_steps << 10 | build.cross_cells << 13 | build.converge << 14 | build.shear << 15)
+        )
+
+    def reply(self, packet, came):
+        """The reply that had to come, given the one that came."""
+        self.came, self.polled = came, False
+        kind, seq = struct.unpack("<BH", packet[:3])
+        try:
+            answer = b"\0" + self._do(kind, seq, packet[3:])
+        except RefusedError as refused:
+            answer = bytes([refused.status]) + refused.body
+            self.counts[{4: "stale", 5: "tile_bad", 6: "frame_bad"}.get(refused.status, "other")] += 1
+        return struct.pack("<BH", kind | 0x80, seq) + answer
+
+    # --- what only the reply can tell -----------------------------------------------------------------
+
+    def frame_is_over(self):
+        return self.came[3] != BUSY or (self.came[4] == THIS_RUNS and not self.polled)
+
+    def rays_so_far(self):
+        if len(self.came) != 9:
+            return 0
+        (rays,) = struct.unpack("<I", self.came[5:])
+        assert self.least_rays <= rays <= self.rays
+        self.least_rays = rays
+        return rays
+
+    # --- registers ------------------------------------------------------------------------------------
+
+    def addresses(self, first, count):
+        behind = first + 4 * count
+        if first % 4 or not (behind <= 0x100 or 0x200 <= first < behind <= 0x400):
+            raise RefusedError(ADDRESS)
+        return range(first, behind, 4)
+
+    def can_write(self, at):
+        return at >= TABLE or bool(REGISTERS.get(at, {}).get("write"))
+
+    def load(self, at):
+        (came,) = self.came_word
+        if at >= TABLE or at not in REGISTERS or not REGISTERS[at]["read"]:
+            return 0
+        if at in TIMED:
+            return came
+        if at == STATUS:
+            return self._status(came)
+        if at in COUNTERS.values():
+            return self.counts[next(name for name, address in COUNTERS.items() if address == at)]
+        return {0x20: self.epoch, 0x208: self.build}.get(at, self.registers[at])
+
+    def _read(self, body):
+        first, count = struct.unpack("<HB", body)
+        found = []
+        for k, at in enumerate(self.addresses(first, count)):
+            self.came_word = struct.unpack("<I", self.came[4 + 4 * k : 8 + 4 * k].ljust(4, b"\0"))
+            found.append(self.load(at))
+        return struct.pack(f"<{count}I", *found)
+
+    def _status(self, came):
+        """An apply and rays may be left over; a frame may run if one began, and one that waits does."""
+        if self.runs and not came & 2 and not self.stream and self.runs != SIGN_RUNS:
+            self.runs = 0
+        may_run = 2 if self.runs else 0
+        must_run = 2 if self.runs and self.stream else 0
+        return (came & (0b1001 | may_run)) | must_run | self.refused_window << 2
+
+    def store(self, at, word):
+        if at >= TABLE:
+            self.table[(at - TABLE) // 4] = word
+        elif at != CONTROL:
+            self.registers[at] = word & REGISTERS[at]["write"]
+        elif word & 4:
+            self.runs = 0
+
+    # --- tiles ----------------------------------------------------------------------------------------
+
+    def _tile(self, body):
+        _, tile, coding = struct.unpack("<HHB", body[:5])
+        back, front = self.unsure[1 - self.front], self.unsure[self.front]
+        try:
+            answer = super()._tile(body)
+        except RefusedError as refused:
+            if refused.status == BAD_TILE:
+                back.add(tile)
+            raise
+        if coding == 3 and tile in front:
+            back.add(tile)
+        else:
+            back.discard(tile)
+        return answer
+
+    def _tiles(self, body):
+        answer = bytearray(super()._tiles(body))
+        buffer, first, count = struct.unpack("<BHH", body)
+        which = self.front if buffer else 1 - self.front
+        for k in range(count):
+            if first + k in self.unsure[which] and self.tables[which][first + k]:
+                answer[4 + 4 * k : 8 + 4 * k] = self.came[8 + 4 * k : 12 + 4 * k]
+        return bytes(answer)
+
+    def _present(self, body):
+        if (
+            self.unsure[1 - self.front]
+            and struct.unpack("<H", body[:2])[0] == self.epoch
+            and self.came[3] == CRC_DIFFERS
+        ):
+            raise RefusedError(CRC_DIFFERS)
+        answer = super()._present(body)
+        self.unsure[self.front].clear()
+        return answer
+
+    # --- rays -----------------------------------------------------------------------------------------
+
+    def window(self):
+        """The window's frame, or None where it is refused."""
+        columns, rows, panel, jitter, seed = (self.registers[0x200 + at] for at in range(0xC0, 0xD4, 4))
+        pairs = [(word & 0x3FFF, word >> 16) for word in (columns, rows, panel)]
+        if any(not first <= last < size for (first, last), size in zip(pairs, pairs[2], strict=False)):
+            return None
+        mode = ("off", "table", "lfsr", "off")[jitter >> 16 & 3]
+        return Raster(*pairs[2], *pairs[:2], (jitter & 0xFFFF) or 1 << 16, mode, jitter >> 24, seed)
+
+    def window_is_refused(self):
+        frame = self.window()
+        self.refused_window = frame is None
+        self.least_rays, self.rays = 0, frame.rays if frame else 0
+        return self.refused_window
+
+    def _optics(self):
+        """The written optics, where they are those of a display; others the twin need not know."""
+        words = tuple(
+            self.registers[at] for at in range(0x240, 0x300, 4) if at in REGISTERS and not 0x2C0 <= at < 0x2E0
+        )
+        return self.configurations.get(words)
+
+    def signature(self):
+        frame, optics = self.window(), self._optics()
+        table = [self.table.get(k) for k in range(64)]
+        usual = (frame.width, frame.height) == (WIDTH, HEIGHT) and frame.rays <= 3000
+        if optics is None or not usual or (frame.jitter == "table" and None in table):
+            return None
+        key = frame, tuple(table) if frame.jitter == "table" else (), id(optics)
+        if key not in self.known:
+            rays = raster(frame, np.array([k or 0 for k in table], np.int64), self.build_of_optics.fraction_bits)
+            zero = np.zeros_like(rays.u)
+            traced = ray_pipeline(rays.u, rays.v, zero, zero, optics, self.build_of_optics)
+            self.known[key] = frame.rays, zlib.crc32(np.stack(traced, axis=1).astype("<i4").tobytes())
+        return self.known[key]
+
+    def _signed(self, began=False):
+        unknown = self.signed is None
+        if unknown:
+            self.signed = struct.unpack("<II", self.came[4:12].ljust(8, b"\0"))
+            if self.came[3] == OK:
+                assert self.signed[0] == self.rays
+        self.polled = not began
+        try:
+            return super()._signed(began)
+        finally:
+            if unknown:
+                self.signed = None
+
+    def traced(self, u, v, a, b):
+        optics = self._optics()
+        if optics is None:
+            return np.frombuffer(self.came[4:].ljust(36 * len(u)), "<i4").reshape(len(u), -1)
+        return np.array([self.pool[id(optics)][pair] for pair in zip(u.tolist(), v.tolist(), strict=True)])
+
+
+class Traffic:
+    """Random requests, from what the model knows of the board."""
+
+    def __init__(self, rng, judge, displays):
+        self.rng, self.judge, self.displays = rng, judge, displays
+        self.seq = rng.getrandbits(16)
+        self.sent = deque(maxlen=3)
+        self.wanted = deque()
+
+    def packet(self):
+        rng = self.rng
+        if self.wanted:
+            kind, body = self.wanted.popleft()
+        elif self.sent and rng.random() < 0.2:
+            return rng.choice(self.sent)
+        else:
+            kind = rng.choice([HELLO, READ, READ, WRITE, WRITE, WRITE, TILE, TILES, TRACE, TRACE, SIGN, SIGN, ABORT])
+            kind = rng.choices([kind, PRESENT, RESET, 0, rng.randrange(11, 256)], [97, 1, 0.5, 0.5, 1])[0]
+            body = {
+                HELLO: self.hello, READ: self.read, WRITE: self.write, TILE: self.tile, PRESENT: self.present,
+                TILES: self.tiles, TRACE: self.trace,
+            }.get(kind, bytes)()  # fmt: skip
+            if rng.random() < 0.05:
+                body = rng.choice(
+                    [body[:-1], body + b"\1", body + rng.randbytes(4), rng.randbytes(rng.choice([1, 40]))]
+                )
+        self.seq = (self.seq + rng.choice([1] * 30 + [0, -1, 5, 0x7FFF])) % 65536
+        self.sent.append(struct.pack("<BH", kind, self.seq) + body)
+        return self.sent[-1]
+
+    def hello(self):
+        return struct.pack("<BI", self.rng.choice([2, 2, 2, 1]), self.rng.choice([1, 2, self.rng.getrandbits(32)]))
+
+    def read(self):
+        count = self.rng.choice([1, 1, 2, 5, 64])
+        first = self.rng.choice([STATUS, STATUS, 4 * self.rng.randrange(257), self.rng.getrandbits(16)])
+        return struct.pack("<HB", first, count)
+
+    def write(self):
+        rng = self.rng
+        chance = rng.random()
+        if chance < 0.45:
+            at, word = rng.choice(
+                [(CONTROL, START), (CONTROL, START), (CONTROL, rng.randrange(8)), (SOURCE, 0), (SOURCE, 1)]
+            )
+            return struct.pack("<HI", at, word)
+        if chance < 0.65:  # a small window; now and then a long one
+            left, top = rng.randrange(WIDTH - 4), rng.randrange(HEIGHT - 4)
+            samples = rng.randint(1, 3) if rng.random() < 0.9 else 1 << 16
+            frame = Raster(
+                WIDTH, HEIGHT, (left, left + rng.randrange(4)), (top, top + rng.randrange(4)), samples,
+                rng.choice(["off", "table", "lfsr"]), rng.randrange(64), rng.getrandbits(32),
+            )  # fmt: skip
+            writes = raster_writes(frame)
+            return struct.pack("<H5I", 0x200 + writes[0].address, *(one.word for one in writes))
+        if chance < 0.75:  # a display's optics, in three requests
+            writes = {0x200 + one.address: one.word for one in optics_writes(rng.choice(self.displays))}
+            for low, high in ((0x240, 0x280), (0x2E0, 0x300)):
+                words = [writes[at] for at in range(low, high, 4)]
+                self.wanted.append((WRITE, struct.pack(f"<H{len(words)}I", low, *words)))
+            return struct.pack("<H16I", 0x280, *(writes[at] for at in range(0x280, 0x2C0, 4)))
+        if chance < 0.85:
+            count = rng.randint(1, 64)
+            return struct.pack(
+                f"<H{count}I", TABLE + 4 * rng.randrange(65 - count), *(rng.getrandbits(32) for _ in range(count))
+            )
+        count = rng.choice([1, 2, 16, 64])
+        return struct.pack(f"<H{count}I", 4 * rng.randrange(257), *(rng.getrandbits(32) for _ in range(count)))
+
+    def tile(self):
+        rng = self.rng
+        epoch, tile, coding = self.judge.epoch + rng.choice([0] * 8 + [1]), rng.randrange(13), rng.randrange(5)
+        data = [rng.randbytes(rng.choice([3072, 1024, 700])), rng.randbytes(3), b"\xfd" * 17, b"", b"x"][coding]
+        return struct.pack("<HHB", epoch % 65536, tile, coding) + (data if rng.random() < 0.9 else b"12")
+
+    def present(self):
+        right = zlib.crc32(self.judge.buffers[1 - self.judge.front].tobytes())
+        return struct.pack("<HI", self.judge.epoch, self.rng.choice([right, right, right, 5]))
+
+    def tiles(self):
+        return struct.pack("<BHH", self.rng.choice([0, 1, 1, 2]), self.rng.randrange(12), self.rng.randint(0, 6))
+
+    def trace(self):
+        # Bits beyond a word's own, and aims, which this board's optics do not have, change nothing.
+        rays = [
+            (*self.rng.choice(self.judge.places), self.rng.getrandbits(31), 7)
+            for _ in range(self.rng.choice([1, 2, 5, 64]))
+        ]
+        return b"".join(struct.pack("<4i", *ray) for ray in rays)
+
+
+@pytest.mark.parametrize(
+    ("grid", "line"),
+    [
+        ("square", "bytes"),
+        pytest.param("square", "bits", marks=pytest.mark.full),
+        pytest.param("hex", "bytes", marks=pytest.mark.full),
+    ],
+)
+def test_each_request_has_the_models_reply(grid, line):
+    count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 1)
+    print(f"seed {SEED}, {count} requests")
+    rng = random.Random(f"{SEED} {grid} {line}")
+    display = display_of(grid)
+    build = virtual_board.board_build(display)
+    lens = dataclasses.replace(display.array, index=display.array.index + 0.05)
+    displays = [configuration(one, build, "exact") for one in (display, dataclasses.replace(display, array=lens))]
+    places = [(rng.randrange(-8 * WIDTH, 8 * WIDTH), rng.randrange(-8 * HEIGHT, 8 * HEIGHT)) for _ in range(4000)]
+    pool = {id(one): traced(places, one, build) for one in displays}
+    judge = Judge(display, {words_of(one): one for one in displays}, pool)
+    judge.places = places
+    traffic = Traffic(rng, judge, displays)
+    seen = Counter()
+    baud = 18_000_000 if line == "bits" else None
+    with virtual_board.running(display, baud=baud, stalls=rng.randrange(1, 1 << 31)) as virtual:
+        wire = Line(virtual.url)
+        under_way, size = deque(), 0
+        while sum(seen.values()) < count:
+            # What comes next is drawn from what the model knows: it runs behind, by what is under way.
+            while size < WINDOW and rng.random() < 0.9:
+                packet = traffic.packet()
+                wire.send(packed(packet[0], *struct.unpack("<H", packet[1:3]), packet[3:]), PATIENCE_S)
+                under_way.append(packet)
+                size += len(packet)
+            while under_way and (size >= WINDOW or rng.random() < 0.9):
+                packet = under_way.popleft()
+                size -= len(packet)
+                came = wire.receive(PATIENCE_S)
+                after = f"after {sum(seen.values())} requests, seed {SEED}"
+                assert came is not None, f"no reply to {packet[:40].hex()} {after}"
+                came = struct.pack("<BH", came.kind, came.seq) + came.body
+                wanted = judge.reply(packet, came)
+                assert came == wanted, f"{packet[:40].hex()}: {came[:60].hex()}, not {wanted[:60].hex()}, {after}"
+                seen[packet[0] if packet[0] in range(1, 11) else 0, came[3]] += 1
+        wire.close()
+        assert virtual.stop()["bytes_lost"] == 0
+    print(sorted(seen.items()))
+    if count >= COUNT:
+        common = {
+            (WRITE, BUSY),
+            (TRACE, BUSY),
+            (SIGN, BUSY),
+            (SIGN, OK),
+            (TRACE, OK),
+            (ABORT, OK),
+            (RESET, OK),
+            (SIGN, 9),
+        }
+        assert common <= set(seen)
+
+
+def words_of(config: Configuration):
+    writes = {one.address: one.word for one in optics_writes(config)}
+    return tuple(writes[at] for at in sorted(writes))
+
+
+def traced(places, config, build):
+    u, v = np.array(places).T
+    rays = ray_pipeline(u, v, 0 * u, 0 * u, config, build)
+    return dict(zip(places, np.stack(rays, axis=1).tolist(), strict=True))
