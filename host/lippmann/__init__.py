@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lippmann.optics.rays import Hits, Rays, Status
     from lippmann.rendering.placement import Placement
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 old_names.watch()
 

@@ -9,12 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from lippmann import interrupts
+from lippmann import __version__, interrupts
 from lippmann.cli import COMMANDS, doctor, run
 from lippmann.errors import MissingLibraryError
 from lippmann.images import read_picture
@@ -92,7 +93,8 @@ def test_no_command_shows_the_help(capfd):
     assert out == ""
     assert all(command in err for command in COMMANDS)
     assert lippmann(capfd, "--help")[0] == 0
-    assert "0.1.0" in lippmann(capfd, "--version")[1]
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert lippmann(capfd, "--version")[1] == f"lippmann, version {version}\n"
 
 
 @pytest.mark.parametrize("display", SHIPPED, ids=lambda path: path.stem)
@@ -271,7 +273,7 @@ def test_true_processes(place):
     command = Path(sys.executable).with_name("lippmann")
     assert command.exists()
     version = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
-    assert "0.1.0" in version.stdout
+    assert __version__ in version.stdout
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def _tones_of(panel: Panel) -> dict[str, Any]:
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str, Any]:
     """Return the transfer curve and the bits of the panel that an image's metadata name.
 
-    An early version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
+    Version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
     """
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
