@@ -1,10 +1,12 @@
 /// The contract of `raster` towards those who take its rays: an offered ray stays as it is until it
-/// is taken; a frame's first ray, and no other, is marked first, and the raster runs to its last.
+/// is taken, but for an abort; a frame's first ray, and no other, is marked first, and the raster
+/// runs to its last.
 module raster_checks #(
   parameter int F = 23
 ) (
   input logic                                    clk_i,
   input logic                                    rst_ni,
+  input logic                                    abort_i,
   input logic                                    running_o,
   input logic                                    refused_o,
   input logic                                    ray_valid_o,
@@ -32,8 +34,9 @@ module raster_checks #(
       stalled_q <= 0;
       within_q <= 0;
     end else begin
-      stalled_q <= ray_valid_o && !ray_ready_i;
-      if (accept) within_q <= !ray_last_o;
+      stalled_q <= ray_valid_o && !ray_ready_i && !abort_i;
+      if (abort_i) within_q <= 0;
+      else if (accept) within_q <= !ray_last_o;
     end
   end
   always @(posedge clk_i) ray_q <= ray;

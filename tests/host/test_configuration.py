@@ -98,8 +98,8 @@ def test_exit_points_are_as_far_off_as_stated(grid, side, displays, rays):
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_only_what_passes_the_sphere_by_is_missed_in_its_own_cell(grid):
-    """Steep domes towards the panel: where golden finds a dome and the twin none, the ray passes its own sphere by."""
+def test_what_passes_its_own_sphere_by_goes_on_as_goldens_does(grid):
+    """Steep domes towards the panel: the twin finds the dome that golden finds."""
     gap = 1.26
     corner = np.sqrt(0.5) if grid == "square" else np.sqrt(1.0 / 3.0)
     radius = 1.05 * float(corner)
@@ -109,17 +109,18 @@ def test_only_what_passes_the_sphere_by_is_missed_in_its_own_cell(grid):
     aims = aims_of_words(display, *words_of_aims(display, aims, 23), 23)
     twin = trace_fixed(display, pixels, aims, "exact", max_cell_steps=4)
     golden = trace(display, twin.pixel, aims, "exact")
-    lost = (twin.status == Status.MISSED) & (golden.status != Status.MISSED)
-    assert 20 < lost.sum() < 2000
-    assert ((twin.status == golden.status) | lost).mean() > 0.9999
+    assert (twin.status == golden.status).mean() > 0.9999
     # From the pixel to the aim, local to the lenslet; the sphere's centre is a radius behind the vertex.
     home = trace(display, twin.pixel, None, "pinhole").centre_mm
     x = (twin.pixel - np.array([100.0, 80.0])) * np.array([0.0625, -0.0625]) - home
     start = np.column_stack([x, np.full(len(x), -gap)])
     direction = np.column_stack([aims, np.zeros(len(x))]) - start
     away = np.linalg.norm(np.cross(direction, start - (0.0, 0.0, radius)), axis=1) / np.linalg.norm(direction, axis=1)
-    assert (away[lost] > radius - 1e-6).all()
-    assert (away[twin.status == Status.OK] < radius + 1e-6).all()
+    beside = away > radius + 1e-6
+    assert beside.sum() > 20
+    assert (twin.status == golden.status)[beside].mean() > 0.99
+    assert not (twin.status == Status.OK)[beside].any()
+    assert (twin.status != Status.MISSED)[beside].any()
 
 
 @pytest.mark.parametrize("pixel", [(8192.0, 0.0), (-8192.1, 0.0), (0.0, 8192.1), (0.0, -8192.0), (1e300, 0.0)])

@@ -145,7 +145,15 @@ def test_a_raster_is_signed_once():
         assert model.executed[8] == executed + 1
 
 
-def test_a_signature_is_waited_for_and_ended():
+@pytest.fixture
+def interruptible():
+    """A SIGINT raises KeyboardInterrupt, also where the tests run in the background of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_signature_is_waited_for_and_ended(interruptible):
     with joined() as (model, board):
         model.frame_requests = 5
         assert board.sign(100) == (4711, 0x12345678)
