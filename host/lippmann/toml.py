@@ -253,7 +253,8 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
         node = here["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        value = any(unknown.lower() in str(one) for one in options)  # the key's value in place of its name
+        # The key's value in place of its name; a letter is in too many.
+        value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 
     similar = [name for name in sorted(here["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]

@@ -10,7 +10,8 @@ function systemOf(display, built) {
   // The last lenslets within the extent, in half steps, and half such a step more: nothing is there.
   const steps = [pitch[0], pitch[1] * (hex ? HALF_SQRT3 : 1)];
   const ends = steps.map((step, k) =>
-    array.extent_mm ? 0.5 * step * (Math.floor((array.extent_mm[k] / step) * (1 + 1e-12)) + 0.5) : 3e38);
+    array.extent_mm  // a stretched array keeps its lenslets
+      ? 0.5 * step * (Math.floor(((array.extent_mm[k] * built.pitchScale) / step) * (1 + 1e-12)) + 0.5) : 3e38);
   const radius = array.radius_mm;
   const flatDistance = Math.sqrt(Math.max(radius ** 2 - halfDiagonal ** 2, 0));
   const sag = halfDiagonal ** 2 / (radius + flatDistance);
