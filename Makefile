@@ -94,7 +94,7 @@ report-hard: $(READY) ## every engine and the formulas on the hard cases, into d
 mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)
 	$(BIN)/python -m lippmann.dev.mutation
 
-mutation-host: $(READY) ## put faults into the host's Python and report how many the quick tests catch (an hour)
+mutation-host: $(READY) ## put faults into the host's Python and report how many the quick tests catch (half an hour)
 	$(BIN)/python -m lippmann.dev.host_mutation --jobs $(JOBS)
 
 scenes: $(READY) ## make the shipped scenes' assets again

@@ -11,6 +11,7 @@ from fault_line import Proxy
 from lippmann.board.board import Board
 from lippmann.board.stream import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
+from lippmann.link import round_trip
 from lippmann.link.packets import BACK, FRONT, Kind, packed
 from lippmann.link.round_trip import RoundTrip
 from model_board import ModelBoard
@@ -267,7 +268,10 @@ def test_resume_after_a_replug(share):
     assert sum(count - 1 for count in model.tile_writes.values()) <= 1
 
 
-def test_what_a_frame_took_is_summed_over_a_loss_of_the_line():
+def test_what_a_frame_took_is_summed_over_a_loss_of_the_line(monkeypatch):
+    # Time-outs that a slow machine does not reach: the loss alone has tiles sent again.
+    monkeypatch.setattr(round_trip, "FIRST_S", round_trip.LONGEST_S)
+    monkeypatch.setattr(round_trip, "SHORTEST_S", round_trip.LONGEST_S)
     with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
         image = noise(model)
         sent = Sent()
@@ -277,8 +281,8 @@ def test_what_a_frame_took_is_summed_over_a_loss_of_the_line():
             with pytest.raises(NoBoardError, match="connection is lost"):
                 send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent, window_bytes=3000)
             written += board.line.written - before
-        assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70 + sent.resends
-        assert sent.rounds == 1
+        assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70
+        assert (sent.rounds, sent.resends) == (1, 0)
         with Board.open(line.url, FAST_BAUD) as board:
             before = board.line.written
             assert send_frame(board, image, sent=sent) is sent
