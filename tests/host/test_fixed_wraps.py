@@ -164,7 +164,7 @@ def ideal(words: tuple[np.ndarray, ...], config: Configuration, build: Build, tw
     lost |= (np.abs(n) > 1.0 + n_error).any(axis=0)
     if build.aims or build.viewer or build.converge:
         lost |= outside(n, n_error, c, build)
-    sine = 1.0 - square
+    sine = 1.0 - np.minimum(square, 1.0)
     if build.viewer:
         return _through_flat(n, n_error, (dx, dy), d_error, cos, cos_error, sine, square_error, c, build, lost)
 
