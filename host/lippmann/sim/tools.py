@@ -7,11 +7,12 @@ import os
 import re
 import shutil
 import sys
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from lippmann.errors import MissingLibraryError
+from lippmann.errors import LippmannError, MissingLibraryError
 
 
 class Tool(NamedTuple):
@@ -88,13 +89,27 @@ def verilator_environment() -> dict[str, str]:
 #: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
 #: project's own programs and tests name a module without it.
 PREFIX = "lipp_"
-#: The folders of rtl/, each before those that use its packages.
-RTL_FOLDERS = ("registers", "common", "math", "optics", "link", "panel", "board")
+
+
+def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
+    """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
+
+    Each folder stands before those that use its packages. `devices`: the folders of devices instead; a file there
+    stands in for the generic file of its name. Raises LippmannError when the list and the folders differ.
+    """
+    rtl = top / "rtl"
+    generic = tomllib.loads((rtl / "sources.toml").read_text())
+    cells = generic.pop("devices")
+    listed = [rtl / folder / f"{PREFIX}{name}.sv" for part in (generic, cells) for folder in part for name in part[folder]]
+    for path in sorted({*listed} ^ {*rtl.glob("*/*.sv")}):
+        what = "does not exist" if path in listed else "is not in it"
+        raise LippmannError(f"rtl/sources.toml: {path.relative_to(top)} {what}; mend the list, then make manifests")
+    return {folder: [path for path in listed if path.parent.name == folder] for folder in (cells if devices else generic)}
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
-    """Return the SystemVerilog files of some folders of rtl/, packages first."""
-    files = [path for name in folders for path in sorted((top / "rtl" / name).glob("*.sv"))]
+    """Return the SystemVerilog files of some folders of rtl/, or of all, packages first; without devices' cells."""
+    files = [path for name, some in rtl_folders(top).items() if name in folders or not folders for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 

@@ -29,7 +29,7 @@ from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
 from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
+from lippmann.sim.tools import needed, repository, rtl_sources
 
 Port = Literal["tcp", "pty"]
 
@@ -231,7 +231,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = repository()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top, *RTL_FOLDERS))]
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)

@@ -6,10 +6,10 @@ import subprocess
 import pytest
 from click.testing import CliRunner
 from lippmann.dev.lint import folder_of_modules, lint, main
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, rtl_sources, verilator_environment
 from runner import TOP
 
-SOURCES = rtl_sources(TOP, *RTL_FOLDERS)
+SOURCES = rtl_sources(TOP)
 FOLDER_OF = folder_of_modules()
 MODULES = sorted(FOLDER_OF)
 
