@@ -138,7 +138,7 @@ def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
     """It is the deepest memory of the board: an entry for each tile of both buffers, 64 tiles to 32768."""
     read = f"read_slang --threads 1 --empty-blackboxes -GWidth={width} -GHeight={height} --top lipp_tile_table"
     files = "rtl/math/lipp_math_pkg.sv rtl/optics/lipp_optics_pkg.sv rtl/panel/lipp_panel_pkg.sv"
-    files += " rtl/panel/lipp_tile_table.sv rtl/ecp5/lipp_memory_1w1r.sv sim/synth/ecp5_cells.sv"
+    files += " rtl/panel/lipp_tile_table.sv rtl/ecp5/lipp_memory_1w1r.sv rtl/ecp5/black_boxes.v"
     entries = 2 << (-(-width // 32) * -(-height // 32)).bit_length()
     bits = next(bits for bits in (18, 9, 4, 2, 1) if bits * entries <= 1024 * 18)
     count = f"select -assert-count {-(-32 // bits)} t:DP16KD"

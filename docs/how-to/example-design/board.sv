@@ -12,7 +12,7 @@ module board
   import display_pkg::F, lipp_optics_pkg::IndexBits, lipp_optics_pkg::PixelBits;
 (
   input  logic                        clk_i,
-  input  logic                        rst_ni,
+  input  logic                        rst_ni,         // asynchronous
 
   output logic                        exit_valid_o,
   input  logic                        exit_ready_i,
@@ -25,12 +25,12 @@ module board
   output logic signed [F+1:0]         exit_dy_o,
   output logic signed [F+1:0]         exit_dz_o,
   output lipp_optics_pkg::ray_status_e    exit_status_o,
-  output logic                        exit_last_o     // of the frame
+  output logic                        exit_last_o,    // of the frame
+  output logic                        lost_o          // a ray left two clocks ago and is not good
 );
 
-  // The reset's end, four clocks late.
   logic rst_n;
-  delay #(.Clocks(4)) i_reset (.clk_i, .rst_ni, .bit_i(1'b1), .bit_o(rst_n));
+  lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
 
   // ---- registers ----
   logic sel, enable, ready;
@@ -72,6 +72,10 @@ module board
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
     .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o, .exit_first_o(unused_first), .exit_last_o,
     .optics_o(unused_optics)
+  );
+  delay #(.Clocks(2)) i_lost (
+    .clk_i, .bit_i(exit_valid_o && exit_ready_i && exit_status_o != lipp_optics_pkg::StatusOk),
+    .bit_o(lost_o)
   );
 
 endmodule

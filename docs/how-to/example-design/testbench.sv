@@ -11,7 +11,7 @@ module testbench;
 
   logic clk = 1'b0;
   logic rst_n = 1'b0;
-  logic valid, last;
+  logic valid, last, lost;
   logic ready = 1'b0;
   logic signed [lipp_optics_pkg::IndexBits-1:0] i, j;
   logic signed [F+3:0] x, y, z;
@@ -20,7 +20,8 @@ module testbench;
   board dut (
     .clk_i(clk), .rst_ni(rst_n), .exit_valid_o(valid), .exit_ready_i(ready), .exit_i_o(i),
     .exit_j_o(j), .exit_x_o(x), .exit_y_o(y), .exit_z_o(z), .exit_dx_o(dx), .exit_dy_o(dy),
-    .exit_dz_o(dz), .exit_status_o(status), .exit_last_o(last)
+    .exit_dz_o(dz), .exit_status_o(status), .exit_last_o(last),
+    .lost_o(lost)
   );
 
   always #5 clk = !clk;
@@ -50,6 +51,8 @@ module testbench;
       patience--;
       if (patience == 0) $fatal(1, "%0d rays came, not %0d", count, Rays);
     end
+    repeat (3) @(negedge clk);
+    if (lost) $fatal(1, "the last ray is lost");
     $display("%0d rays as expected", Rays);
     $finish;
   end

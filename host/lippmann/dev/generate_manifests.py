@@ -16,6 +16,8 @@ from lippmann.cli import run
 from lippmann.sim.tools import repository, rtl_folders, rtl_sources
 
 _BY = "Generated from rtl/sources.toml by `make manifests`; do not edit."
+#: In a device's folder: the ports of its cells, for tools without a library of them, such as yosys with slang.
+BLACK_BOXES = "black_boxes.v"
 _SPDX = "SPDX-License-Identifier: Apache-2.0"
 
 
@@ -28,7 +30,6 @@ def manifests(top: Path) -> dict[Path, str]:
     replaced = {path.name for cells in devices.values() for path in cells}
     everything = rtl_sources(top)
     shared = [path for path in everything if path.name not in replaced]
-    # Packages first there too: no cell is a package.
     generic = [path for path in everything if path.name in replaced]
     texts = {
         Path("rtl/lippmann.core"): _fusesoc(top, shared, generic, devices),
@@ -36,16 +37,17 @@ def manifests(top: Path) -> dict[Path, str]:
         Path("rtl/lippmann.f"): _file_list(top, [*shared, *generic]),
     }
     for device, cells in devices.items():
-        rest = [path for path in generic if path.name not in {cell.name for cell in cells}]
-        texts[Path(f"rtl/lippmann_{device}.f")] = _file_list(top, [*shared, *rest, *cells])
+        texts[Path(f"rtl/lippmann_{device}.f")] = _file_list(top, [*shared, *cells])
     return texts
 
 
 def _fusesoc(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices: dict[str, list[Path]]) -> str:
-    """Return the FuseSoC core; a device's flag selects its cells."""
+    """Return the FuseSoC core; a device's flag selects its cells, the flag `black_boxes` their ports."""
     version = tomllib.loads((top / "pyproject.toml").read_text())["project"]["version"].partition(".dev")[0]
     none = "".join(f"!{device} ? (" for device in devices) + "generic" + ")" * len(devices)
-    chosen = ["rtl", "tool_verilator ? (lint)", none, *(f"{device} ? ({device})" for device in devices)]
+    chosen = ["rtl", "tool_verilator ? (lint)", none]
+    for device in devices:
+        chosen += [f"{device} ? ({device})", f"{device} ? (black_boxes ? ({device}_black_boxes))"]
     filesets = {"rtl": shared, "generic": generic, **devices}
     lines = [
         "CAPI=2:",
@@ -60,7 +62,9 @@ def _fusesoc(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices
     for name, files in filesets.items():
         lines += [f"  {name}:", "    file_type: systemVerilogSource", "    files:"]
         lines += [f"      - {path.relative_to(top / 'rtl')}" for path in files]
-    lines += ["  lint:", "    file_type: vlt", "    files:", "      - registers/lint.vlt"]
+    for device in devices:
+        lines += [f"  {device}_black_boxes:", "    file_type: verilogSource", f"    files: [{device}/{BLACK_BOXES}]"]
+    lines += ["  lint:", "    file_type: vlt", "    files: [registers/lint.vlt]"]
     lines += ["", "targets:", "  default: &default", "    filesets:"]
     lines += [f'      - "{one}"' for one in chosen]
     lines += ["  lint:", "    <<: *default", "    description: The whole board under Verilator, all warnings on"]
@@ -70,10 +74,11 @@ def _fusesoc(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices
 
 
 def _bender(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices: dict[str, list[Path]]) -> str:
-    """Return Bender's manifest; a device's target selects its cells."""
+    """Return Bender's manifest; a device's target selects its cells, `black_boxes` their ports."""
     none = f"not(any({', '.join(devices)}))"
     lines = [f"# {_SPDX}", f"# {_BY}", "package:", "  name: lippmann", "", "sources:"]
-    for target, files in (("", shared), (none, generic), *devices.items()):
+    ports = {f"all({device}, black_boxes)": [cells[0].with_name(BLACK_BOXES)] for device, cells in devices.items()}
+    for target, files in {"": shared, none: generic, **devices, **ports}.items():
         lines += [f"  - target: {target}", "    files:"] if target else ["  - files:"]
         lines += [f"      - {path.relative_to(top)}" for path in files]
     return "\n".join(lines) + "\n"

@@ -54,7 +54,7 @@ def sources(top: Path) -> list[Path]:
     folder = top / "sim" / "synth"
     probe = folder / "probe_top.sv"
     files = {path.stem: path for path in [*optics_sources(top), *rtl_folders(top, devices=True)["ecp5"], probe]}
-    return [*needed("probe_top", files), folder / "ecp5_cells.sv"]
+    return [*needed("probe_top", files), top / "rtl" / "ecp5" / "black_boxes.v"]
 
 
 def elaboration(named: Named, top: Path) -> str:

