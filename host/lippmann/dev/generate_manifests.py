@@ -45,7 +45,7 @@ def _fusesoc(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices
     """Return the FuseSoC core; a device's flag selects its cells, the flag `black_boxes` their ports."""
     version = tomllib.loads((top / "pyproject.toml").read_text())["project"]["version"].partition(".dev")[0]
     none = "".join(f"!{device} ? (" for device in devices) + "generic" + ")" * len(devices)
-    chosen = ["rtl", "tool_verilator ? (lint)", none]
+    chosen = ["rtl", "lint", none]
     for device in devices:
         chosen += [f"{device} ? ({device})", f"{device} ? (black_boxes ? ({device}_black_boxes))"]
     filesets = {"rtl": shared, "generic": generic, **devices}

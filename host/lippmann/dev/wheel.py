@@ -18,7 +18,7 @@ def carried() -> list[str]:
     return sorted(str(path) for pattern in CARRIED for path in Path().glob(pattern) if path.is_file())
 
 
-class BuildPy(build_py):
+class BuildPy(build_py):  # type: ignore[misc]
     """setuptools' command with the RTL's files behind the package's own."""
 
     def run(self) -> None:

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from lippmann.errors import LippmannError, MissingLibraryError
 
-
 #: Folder of the installed package that holds rtl/ and what is needed of sim/ (lippmann.dev.wheel).
 INSTALLED = "hardware"
 
@@ -71,7 +70,7 @@ def repository() -> Path:
     """Return the folder of the checkout; raise MissingLibraryError when there is none."""
     top = _checkout()
     if top is None:
-        raise MissingLibraryError("this needs Lippmann's checkout, which pip does not install; git clone it, make setup")
+        raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
     return top
 
 
@@ -122,13 +121,16 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     stands in for the generic file of its name. Raises LippmannError when the list and the folders differ.
     """
     rtl = top / "rtl"
-    generic = tomllib.loads((rtl / "sources.toml").read_text())
-    cells = generic.pop("devices")
-    listed = [rtl / folder / f"{PREFIX}{name}.sv" for part in (generic, cells) for folder in part for name in part[folder]]
-    for path in sorted({*listed} ^ {*rtl.glob("*/*.sv")}):
+    names = tomllib.loads((rtl / "sources.toml").read_text())
+    cells = names.pop("devices")
+    both = {
+        folder: [rtl / folder / f"{PREFIX}{name}.sv" for name in some] for folder, some in {**names, **cells}.items()
+    }
+    listed = {path for some in both.values() for path in some}
+    for path in sorted(listed ^ {*rtl.glob("*/*.sv")}):
         what = "does not exist" if path in listed else "is not in it"
         raise LippmannError(f"rtl/sources.toml: {path.relative_to(top)} {what}; mend the list, then make manifests")
-    return {folder: [path for path in listed if path.parent.name == folder] for folder in (cells if devices else generic)}
+    return {folder: both[folder] for folder in (cells if devices else names)}
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
