@@ -111,16 +111,16 @@ def test_a_folder_uses_itself_and_those_above_it_only():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda rtl: (rtl / "optics/lipp_new.sv").write_text(""), "rtl/optics/lipp_new.sv is not in it; mend the list"),
-        (lambda rtl: (rtl / "ecp5/lipp_ring.sv").unlink(), "rtl/ecp5/lipp_ring.sv does not exist; mend the list"),
-        (lambda rtl: (rtl / "common/lipp_fifo.sv").unlink(), "rtl/common/lipp_fifo.sv does not exist; mend the list"),
+        (lambda rtl: (rtl / "optics/lipp_new.sv").write_text(""), "lacks rtl/optics/lipp_new.sv; mend the list"),
+        (lambda rtl: (rtl / "ecp5/lipp_ring.sv").unlink(), "names no file rtl/ecp5/lipp_ring.sv; mend the list"),
+        (lambda rtl: (rtl / "common/lipp_fifo.sv").unlink(), "names no file rtl/common/lipp_fifo.sv; mend the list"),
     ],
 )
 def test_a_list_that_is_not_that_of_the_files_is_refused(tmp_path, change, said):
     shutil.copytree(TOP / "rtl", tmp_path / "rtl")
     assert rtl_sources(tmp_path)
     change(tmp_path / "rtl")
-    with pytest.raises(LippmannError, match=f"^rtl/sources.toml: {said}"):
+    with pytest.raises(LippmannError, match=f"^rtl/sources.toml {said}"):
         rtl_sources(tmp_path)
 
 

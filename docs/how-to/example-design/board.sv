@@ -60,9 +60,7 @@ module board
   logic [31:0] unused_rdata;
   logic unused_error, unused_first;
   lipp_optics_pkg::optics_config_t unused_optics;
-  lipp_optics_block #(
-    .F(F), .Grid(lipp_optics_pkg::GridSquare), .Model(lipp_optics_pkg::ModelPinhole)
-  ) i_optics (
+  lipp_optics_block #(.Build(display_pkg::Build)) i_optics (
     .clk_i, .rst_ni(rst_n),
     .apb_sel_i(sel), .apb_enable_i(enable), .apb_write_i(1'b1), .apb_addr_i(addr),
     .apb_wdata_i(wdata), .apb_ready_o(ready), .apb_rdata_o(unused_rdata),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Made by make_data.py from display.toml; do not edit.
 package display_pkg;
+  localparam lipp_optics_pkg::build_t Build = 16'h0010;
   localparam int F = 16;
   localparam int Columns = 32;
   localparam int Rows = 24;

@@ -13,7 +13,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, write
+from lippmann.fixed.register_file import build_word, optics_writes, write
 
 HERE = Path(__file__).parent
 MODEL, FRACTION_BITS = "pinhole", 16
@@ -22,6 +22,7 @@ PACKAGE = """\
 // SPDX-License-Identifier: Apache-2.0
 // Made by make_data.py from display.toml; do not edit.
 package display_pkg;
+  localparam lipp_optics_pkg::build_t Build = 16'h{build:04x};
   localparam int F = {f};
   localparam int Columns = {columns};
   localparam int Rows = {rows};
@@ -46,7 +47,7 @@ def texts() -> dict[str, str]:
     chief = np.zeros_like(u)
     rays = ray_pipeline(u, v, chief, chief, registers, build)
     package = PACKAGE.format(
-        f=FRACTION_BITS, columns=panel.width_px, rows=panel.height_px, count=len(writes),
+        build=build_word(build), f=FRACTION_BITS, columns=panel.width_px, rows=panel.height_px, count=len(writes),
         writes=",\n    ".join(f"{{9'h{one.address:03x}, 32'h{one.word:08x}}}" for one in writes),
     )  # fmt: skip
     expected = "\n".join(memory_lines(rays, widths(OUTPUTS, FRACTION_BITS))) + "\n"

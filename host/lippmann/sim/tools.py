@@ -127,9 +127,14 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
         folder: [rtl / folder / f"{PREFIX}{name}.sv" for name in some] for folder, some in {**names, **cells}.items()
     }
     listed = {path for some in both.values() for path in some}
-    for path in sorted(listed ^ {*rtl.glob("*/*.sv")}):
-        what = "does not exist" if path in listed else "is not in it"
-        raise LippmannError(f"rtl/sources.toml: {path.relative_to(top)} {what}; mend the list, then make manifests")
+    there = {*rtl.glob("*/*.sv")}
+    if listed != there:
+        said = [
+            f"{what} {path.relative_to(top)}"
+            for what, some in (("lacks", there - listed), ("names no file", listed - there))
+            for path in sorted(some)
+        ]
+        raise LippmannError(f"rtl/sources.toml {', '.join(said)}; mend the list, then make manifests")
     return {folder: both[folder] for folder in (cells if devices else names)}
 
 
