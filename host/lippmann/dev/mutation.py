@@ -44,6 +44,9 @@ WITHIN = {
 #: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
     ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
+    ("enter_flat.sv", ".Drop(SquareDrop), .Square(1'b0)) i_ty2 ("): "a square as a product of two equal words",
+    ("blend.sv", "sum_q <= (Wp + 0)'(kx)"): "kx has so many bits, and a sum extends its words",
+    ("lenslet_hex.sv", "j_q4 <= (IndexBits + 0)'(j0_q3)"): "j0_q3 has so many bits, and a sum extends its words",
     ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
