@@ -86,7 +86,7 @@ def verilator_environment() -> dict[str, str]:
 
 
 #: The folders of rtl/, each before those that use its packages.
-RTL_FOLDERS = ("registers", "common", "optics", "link", "panel", "board")
+RTL_FOLDERS = ("registers", "common", "optics", "bus", "link", "panel", "board")
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
