@@ -7,7 +7,7 @@
 /// struct { int16_t i, j; uint32_t status; int32_t x, y, z, dx, dy, dz; }:
 ///
 ///   tdata[ 15:  0], tdata[ 31: 16]   i, j of the lenslet that the ray leaves through, signed
-///   tdata[ 63: 32]                   status, the ray's fate: status_e of the package
+///   tdata[ 63: 32]                   status, the ray's fate: ray_status_e
 ///   tdata[ 95: 64], [127: 96], [159:128]   x, y, z of the origin from its centre, signed
 ///   tdata[191:160], [223:192], [255:224]   dx, dy, dz of the unit direction, signed
 ///   tuser                            1: the first ray of its frame
@@ -25,15 +25,15 @@ module lipp_axis_from_rays #(
 
   input  logic                                    exit_valid_i,
   output logic                                    exit_ready_o,
-  input  logic signed [optics_pkg::IndexBits-1:0] exit_i_i,
-  input  logic signed [optics_pkg::IndexBits-1:0] exit_j_i,
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_i,
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_i,
   input  logic signed [F+3:0]                     exit_x_i,
   input  logic signed [F+3:0]                     exit_y_i,
   input  logic signed [F+3:0]                     exit_z_i,
   input  logic signed [F+1:0]                     exit_dx_i,
   input  logic signed [F+1:0]                     exit_dy_i,
   input  logic signed [F+1:0]                     exit_dz_i,
-  input  optics_pkg::status_e                     exit_status_i,
+  input  lipp_optics_pkg::ray_status_e                     exit_status_i,
   input  logic                                    exit_first_i,
   input  logic                                    exit_last_i,
 
@@ -43,7 +43,7 @@ module lipp_axis_from_rays #(
   output logic                                    m_axis_tlast,
   output logic                                    m_axis_tuser
 );
-  import optics_pkg::*;
+  import lipp_optics_pkg::*;
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_axis_from_rays: F must be 14 to 23");
@@ -52,8 +52,8 @@ module lipp_axis_from_rays #(
   logic signed [IndexBits-1:0] i, j;
   logic signed [F+3:0] x, y, z;
   logic signed [F+1:0] dx, dy, dz;
-  status_e status;
-  localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + $bits(status_e) + 2;
+  ray_status_e status;
+  localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + $bits(ray_status_e) + 2;
   lipp_skid_buffer #(.Width(Width)) i_buffer (
     .clk_i, .rst_ni, .in_valid_i(exit_valid_i), .in_ready_o(exit_ready_o),
     .in_data_i({

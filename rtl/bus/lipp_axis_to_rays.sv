@@ -29,14 +29,14 @@ module lipp_axis_to_rays #(
 
   output logic                                    ray_valid_o,
   input  logic                                    ray_ready_i,
-  output logic signed [optics_pkg::PixelBits-1:0] ray_u_o,
-  output logic signed [optics_pkg::PixelBits-1:0] ray_v_o,
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,
   output logic signed [F+1:0]                     ray_a_o,
   output logic signed [F+1:0]                     ray_b_o,
   output logic                                    ray_first_o,
   output logic                                    ray_last_o
 );
-  import optics_pkg::*;
+  import lipp_optics_pkg::*;
 
   if (F < 14 || F > 23) begin : gen_illegal_f
     $fatal(1, "lipp_axis_to_rays: F must be 14 to 23");

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Access to the registers of the board and of the optics block, one at a time.
+///
+/// start_i requests an access with write_i, at_i (byte address, a multiple of 4) and word_i. done_o
+/// is a pulse two or more clocks later, valid with word_o of a read, and with error_o if no
+/// register allows the access. The next access may start with that pulse. Addresses:
+///
+///   0x000 to 0x07f   board_registers
+///   0x200 to 0x3ff   optics_block, from its address 0 on
+///
+/// Other addresses are empty. Both blocks are on one APB4 bus, with a select each; all writes are of
+/// whole words.
+module lipp_register_bus (
+  input  logic        clk_i,
+  input  logic        rst_ni,
+
+  input  logic        start_i,
+  input  logic        write_i,
+  input  logic [9:0]  at_i,
+  input  logic [31:0] word_i,
+  output logic        done_o,
+  output logic [31:0] word_o,
+  output logic        error_o,
+
+  output logic        m_apb_psel_board,
+  output logic        m_apb_psel_optics,
+  output logic        m_apb_penable,
+  output logic        m_apb_pwrite,
+  output logic [2:0]  m_apb_pprot,
+  output logic [8:0]  m_apb_paddr,
+  output logic [31:0] m_apb_pwdata,
+  output logic [3:0]  m_apb_pstrb,
+  input  logic        m_apb_pready_board,
+  input  logic [31:0] m_apb_prdata_board,
+  input  logic        m_apb_pslverr_board,
+  input  logic        m_apb_pready_optics,
+  input  logic [31:0] m_apb_prdata_optics,
+  input  logic        m_apb_pslverr_optics
+);
+
+  logic optics_q, nowhere_q, ack;
+  assign m_apb_pprot = '0;
+  assign m_apb_pstrb = {4{m_apb_pwrite}};
+  assign ack = m_apb_penable && ((m_apb_psel_board && m_apb_pready_board) ||
+                                 (m_apb_psel_optics && m_apb_pready_optics));
+
+  always_ff @(posedge clk_i) begin
+    if (start_i) begin
+      {m_apb_pwrite, optics_q, m_apb_paddr, m_apb_pwdata} <= {write_i, at_i[9], at_i[8:0], word_i};
+    end
+    word_o <= optics_q ? m_apb_prdata_optics : m_apb_prdata_board;
+    error_o <= nowhere_q || (optics_q ? m_apb_pslverr_optics : m_apb_pslverr_board);
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {m_apb_psel_board, m_apb_psel_optics, m_apb_penable, nowhere_q, done_o} <= '0;
+    end else begin
+      m_apb_psel_board <= (start_i && at_i[9:7] == '0) || (m_apb_psel_board && !ack);
+      m_apb_psel_optics <= (start_i && at_i[9]) || (m_apb_psel_optics && !ack);
+      m_apb_penable <= (m_apb_psel_board || m_apb_psel_optics) && !ack;
+      nowhere_q <= start_i && !at_i[9] && at_i[8:7] != '0;
+      done_o <= ack || nowhere_q;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
