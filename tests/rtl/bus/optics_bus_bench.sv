@@ -1,9 +1,8 @@
 // optics_block in a system: its registers behind AXI4-Lite, or behind Wishbone where wishbone_i is 1;
 // its rays behind AXI4-Stream.
 module optics_bus_bench #(
-  parameter int F = 16,
-  parameter int Model = 2,
-  parameter bit Aims = 1'b1
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic         clk_i,
   input  logic         rst_ni,
@@ -85,7 +84,7 @@ module optics_bus_bench #(
     .*, .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_u_o(u), .ray_v_o(v), .ray_a_o(a),
     .ray_b_o(b), .ray_first_o(ray_first), .ray_last_o(ray_last)
   );
-  lipp_optics_block #(.F(F), .Model(Model), .Aims(Aims)) i_optics (
+  lipp_optics_block #(.Build(Build)) i_optics (
     .clk_i, .rst_ni, .s_apb_psel(apb.psel), .s_apb_penable(apb.penable), .s_apb_pwrite(apb.pwrite),
     .s_apb_pprot(apb.pprot), .s_apb_paddr(apb.paddr), .s_apb_pwdata(apb.pwdata),
     .s_apb_pstrb(apb.pstrb), .s_apb_pready(pready), .s_apb_prdata(prdata), .s_apb_pslverr(pslverr),

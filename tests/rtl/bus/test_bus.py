@@ -3,6 +3,9 @@
 from pathlib import Path
 
 import pytest
+from lippmann.display import load_display
+from lippmann.fixed.build import Build
+from lippmann.sim.harness import parameters
 from lippmann.sim.tools import repository
 from runner import compiled, seed, simulate
 
@@ -31,6 +34,7 @@ def test_streams(f, transfers):
 
 def test_optics_block_in_a_system():
     f, display = 16, repository() / "scenes" / "displays" / "paper-square.toml"
-    program = compiled("optics_bus_bench", {"F": f}, bench=bench("optics_bus_bench"))
+    build = Build.of(load_display(display), "exact", f, True, 0)
+    program = compiled("optics_bus_bench", parameters(build), bench=bench("optics_bus_bench"))
     environment = {"BUS_F": str(f), "BUS_DISPLAY": str(display), "TRANSFERS": "0"}
     simulate(program, "optics_bus_bench", "cocotb_optics_bus", seed(), environment)
