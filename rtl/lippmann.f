@@ -14,6 +14,7 @@ common/lipp_reset_sync.sv
 common/lipp_bit_sync.sv
 common/lipp_pulse_sync.sv
 common/lipp_async_fifo.sv
+common/lipp_skid_buffer.sv
 common/lipp_delay.sv
 common/lipp_fifo.sv
 common/lipp_flow_control.sv
@@ -51,6 +52,10 @@ optics/lipp_ray_pipeline.sv
 optics/lipp_ray_lenslet.sv
 optics/lipp_frame_gate.sv
 optics/lipp_optics_block.sv
+bus/lipp_axil_to_apb.sv
+bus/lipp_wishbone_to_apb.sv
+bus/lipp_axis_to_rays.sv
+bus/lipp_axis_from_rays.sv
 link/lipp_uart_rx.sv
 link/lipp_cobs_decoder.sv
 link/lipp_packet_fifo.sv

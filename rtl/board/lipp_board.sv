@@ -160,34 +160,26 @@ module lipp_board #(
   // ---- registers ----
   lipp_board_registers_pkg::board_registers__in_t told;
   lipp_board_registers_pkg::board_registers__out_t set;
-  logic board_request, board_write, board_read_ack, board_write_ack;
-  logic board_read_error, board_write_error;
-  logic [6:0] board_at;
-  logic [31:0] board_word, board_answer;
-  logic apb_sel, apb_enable, apb_write, apb_ready, apb_error;
-  logic [8:0] apb_addr;
-  logic [31:0] apb_wdata, apb_rdata;
+  logic psel_board, psel_optics, penable, pwrite, pready_board, pready_optics;
+  logic pslverr_board, pslverr_optics;
+  logic [2:0] pprot;
+  logic [8:0] paddr;
+  logic [3:0] pstrb;
+  logic [31:0] pwdata, prdata_board, prdata_optics;
   lipp_register_bus i_register_bus (
     .clk_i, .rst_ni(core_rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
     .word_i(bus_word), .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
-    .board_request_o(board_request), .board_write_o(board_write), .board_at_o(board_at),
-    .board_word_o(board_word), .board_read_ack_i(board_read_ack),
-    .board_write_ack_i(board_write_ack),
-    .board_error_i((board_read_ack && board_read_error) || (board_write_ack && board_write_error)),
-    .board_word_i(board_answer),
-    .apb_sel_o(apb_sel), .apb_enable_o(apb_enable), .apb_write_o(apb_write),
-    .apb_addr_o(apb_addr), .apb_wdata_o(apb_wdata), .apb_ready_i(apb_ready),
-    .apb_rdata_i(apb_rdata), .apb_error_i(apb_error)
+    .m_apb_psel_board(psel_board), .m_apb_psel_optics(psel_optics), .m_apb_penable(penable),
+    .m_apb_pwrite(pwrite), .m_apb_pprot(pprot), .m_apb_paddr(paddr), .m_apb_pwdata(pwdata),
+    .m_apb_pstrb(pstrb), .m_apb_pready_board(pready_board), .m_apb_prdata_board(prdata_board),
+    .m_apb_pslverr_board(pslverr_board), .m_apb_pready_optics(pready_optics),
+    .m_apb_prdata_optics(prdata_optics), .m_apb_pslverr_optics(pslverr_optics)
   );
-  logic unused_stall_read, unused_stall_write;
   lipp_board_registers i_registers (
     .clk(clk_i), .arst_n(core_rst_n),
-    .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at),
-    .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
-    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
-    .s_cpuif_rd_ack(board_read_ack), .s_cpuif_rd_err(board_read_error),
-    .s_cpuif_rd_data(board_answer),
-    .s_cpuif_wr_ack(board_write_ack), .s_cpuif_wr_err(board_write_error),
+    .s_apb_psel(psel_board), .s_apb_penable(penable), .s_apb_pwrite(pwrite), .s_apb_pprot(pprot),
+    .s_apb_paddr(paddr[6:0]), .s_apb_pwdata(pwdata), .s_apb_pstrb(pstrb),
+    .s_apb_pready(pready_board), .s_apb_prdata(prdata_board), .s_apb_pslverr(pslverr_board),
     .hwif_in(told), .hwif_out(set)
   );
   logic [31:0] shown_crc, frames, clocks_q;
@@ -285,9 +277,10 @@ module lipp_board #(
   logic unused_first, unused_ray;
   assign unused_ray = ^ray;
   lipp_optics_block #(.Build(Build)) i_optics (
-    .clk_i, .rst_ni(core_rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable),
-    .apb_write_i(apb_write), .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
-    .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),
+    .clk_i, .rst_ni(core_rst_n), .s_apb_psel(psel_optics), .s_apb_penable(penable),
+    .s_apb_pwrite(pwrite), .s_apb_pprot(pprot), .s_apb_paddr(paddr), .s_apb_pwdata(pwdata),
+    .s_apb_pstrb(pstrb), .s_apb_pready(pready_optics), .s_apb_prdata(prdata_optics),
+    .s_apb_pslverr(pslverr_optics),
     .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
     .ray_v_i(ray[1][PixelBits-1:0]), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
     .ray_first_i(1'b1), .ray_last_i(1'b1),

@@ -10,10 +10,8 @@
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
 ///
-/// Other addresses are empty.
-///
-/// The board's registers have PeakRDL's pass-through port (request and acknowledge), the optics
-/// block APB4.
+/// Other addresses are empty. Both blocks are on one APB4 bus, with a select each; all writes are of
+/// whole words.
 module lipp_register_bus (
   input  logic        clk_i,
   input  logic        rst_ni,
@@ -26,53 +24,44 @@ module lipp_register_bus (
   output logic [31:0] word_o,
   output logic        error_o,
 
-  output logic        board_request_o,
-  output logic        board_write_o,
-  output logic [6:0]  board_at_o,
-  output logic [31:0] board_word_o,
-  input  logic        board_read_ack_i,
-  input  logic        board_write_ack_i,
-  input  logic        board_error_i,
-  input  logic [31:0] board_word_i,
-
-  output logic        apb_sel_o,
-  output logic        apb_enable_o,
-  output logic        apb_write_o,
-  output logic [8:0]  apb_addr_o,
-  output logic [31:0] apb_wdata_o,
-  input  logic        apb_ready_i,
-  input  logic [31:0] apb_rdata_i,
-  input  logic        apb_error_i
+  output logic        m_apb_psel_board,
+  output logic        m_apb_psel_optics,
+  output logic        m_apb_penable,
+  output logic        m_apb_pwrite,
+  output logic [2:0]  m_apb_pprot,
+  output logic [8:0]  m_apb_paddr,
+  output logic [31:0] m_apb_pwdata,
+  output logic [3:0]  m_apb_pstrb,
+  input  logic        m_apb_pready_board,
+  input  logic [31:0] m_apb_prdata_board,
+  input  logic        m_apb_pslverr_board,
+  input  logic        m_apb_pready_optics,
+  input  logic [31:0] m_apb_prdata_optics,
+  input  logic        m_apb_pslverr_optics
 );
 
-  logic write_q, optics_q;
-  logic [8:0] at_q;
-  logic [31:0] word_q;
-  logic board_request_q, sel_q, enable_q;
-
-  assign {board_request_o, board_write_o, board_at_o} = {board_request_q, write_q, at_q[6:0]};
-  assign {apb_sel_o, apb_enable_o, apb_write_o, apb_addr_o} = {sel_q, enable_q, write_q, at_q};
-  assign board_word_o = word_q;
-  assign apb_wdata_o = word_q;
-
-  logic board_ack, apb_ack, nowhere_q;
-  assign board_ack = board_read_ack_i || board_write_ack_i;
-  assign apb_ack = enable_q && apb_ready_i;
+  logic optics_q, nowhere_q, ack;
+  assign m_apb_pprot = '0;
+  assign m_apb_pstrb = {4{m_apb_pwrite}};
+  assign ack = m_apb_penable && ((m_apb_psel_board && m_apb_pready_board) ||
+                                 (m_apb_psel_optics && m_apb_pready_optics));
 
   always_ff @(posedge clk_i) begin
-    if (start_i) {write_q, optics_q, at_q, word_q} <= {write_i, at_i[9], at_i[8:0], word_i};
-    word_o <= optics_q ? apb_rdata_i : board_word_i;
-    error_o <= nowhere_q || (optics_q ? apb_error_i : board_error_i);
+    if (start_i) begin
+      {m_apb_pwrite, optics_q, m_apb_paddr, m_apb_pwdata} <= {write_i, at_i[9], at_i[8:0], word_i};
+    end
+    word_o <= optics_q ? m_apb_prdata_optics : m_apb_prdata_board;
+    error_o <= nowhere_q || (optics_q ? m_apb_pslverr_optics : m_apb_pslverr_board);
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {board_request_q, sel_q, enable_q, nowhere_q, done_o} <= '0;
+      {m_apb_psel_board, m_apb_psel_optics, m_apb_penable, nowhere_q, done_o} <= '0;
     end else begin
-      board_request_q <= start_i && at_i[9:7] == '0;
+      m_apb_psel_board <= (start_i && at_i[9:7] == '0) || (m_apb_psel_board && !ack);
+      m_apb_psel_optics <= (start_i && at_i[9]) || (m_apb_psel_optics && !ack);
+      m_apb_penable <= (m_apb_psel_board || m_apb_psel_optics) && !ack;
       nowhere_q <= start_i && !at_i[9] && at_i[8:7] != '0;
-      sel_q <= (start_i && at_i[9]) || (sel_q && !apb_ack);
-      enable_q <= sel_q && !apb_ack;
-      done_o <= board_ack || apb_ack || nowhere_q;
+      done_o <= ack || nowhere_q;
     end
   end
 

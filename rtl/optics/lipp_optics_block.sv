@@ -14,8 +14,9 @@
 /// stream, and forgets the start remembered; rays that were accepted still leave. A start in the
 /// same write begins a new frame.
 ///
-/// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
-/// the registers; docs/reference/optics-block.md tells how software uses them.
+/// The registers' port is APB4. A write changes the bytes whose strobe is set; the low two address
+/// bits and the protection are not read. rtl/registers.rdl defines the registers;
+/// docs/reference/optics-block.md tells how software uses them.
 module lipp_optics_block #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
@@ -23,14 +24,16 @@ module lipp_optics_block #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  logic                                    apb_sel_i,
-  input  logic                                    apb_enable_i,
-  input  logic                                    apb_write_i,
-  input  logic [8:0]                              apb_addr_i,   // bytes
-  input  logic [31:0]                             apb_wdata_i,
-  output logic                                    apb_ready_o,
-  output logic [31:0]                             apb_rdata_o,
-  output logic                                    apb_error_o,  // no such register or access
+  input  logic                                    s_apb_psel,
+  input  logic                                    s_apb_penable,
+  input  logic                                    s_apb_pwrite,
+  input  logic [2:0]                              s_apb_pprot,
+  input  logic [8:0]                              s_apb_paddr,  // bytes
+  input  logic [31:0]                             s_apb_pwdata,
+  input  logic [3:0]                              s_apb_pstrb,
+  output logic                                    s_apb_pready,
+  output logic [31:0]                             s_apb_prdata,
+  output logic                                    s_apb_pslverr,  // no such register or access
 
   input  logic                                    ray_valid_i,
   output logic                                    ray_ready_o,
@@ -64,38 +67,23 @@ module lipp_optics_block #(
   lipp_optics_registers_pkg::optics_registers__out_t set;
   logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
-  // APB4 holds address and data until ready; this makes a request of one clock.
-  // The upper half of the addresses is the jitter table, which can only be written.
-  logic request_q, write_q, table_write, table_read, read_ack, read_error, write_ack, write_error;
-  logic [8:0] addr_q;
-  logic [31:0] wdata_q, rdata;
-  assign table_write = request_q && addr_q[8] && write_q;
-  assign table_read = request_q && addr_q[8] && !write_q;
-  always_ff @(posedge clk_i) begin
-    {write_q, addr_q, wdata_q} <= {apb_write_i, apb_addr_i, apb_wdata_i};
-    apb_rdata_o <= rdata;
-    apb_error_o <= (read_ack && read_error) || (write_ack && write_error) || table_read;
-  end
-  always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      {request_q, apb_ready_o} <= '0;
-    end else begin
-      request_q <= apb_sel_i && !apb_enable_i;
-      apb_ready_o <= read_ack || write_ack || table_write || table_read;
-    end
-  end
-  logic unused_stall_read, unused_stall_write;
+  // The upper half of the addresses is the jitter table, which can only be written. It answers in
+  // the first clock of the access.
+  logic registers_ready, registers_error, table_q, table_write;
   lipp_optics_registers i_registers (
     .clk(clk_i), .arst_n(rst_ni),
-    .s_cpuif_req(request_q && !addr_q[8]), .s_cpuif_req_is_wr(write_q),
-    .s_cpuif_addr({addr_q[7:2], 2'b0}), .s_cpuif_wr_data(wdata_q), .s_cpuif_wr_biten('1),
-    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
-    .s_cpuif_rd_ack(read_ack), .s_cpuif_rd_err(read_error), .s_cpuif_rd_data(rdata),
-    .s_cpuif_wr_ack(write_ack), .s_cpuif_wr_err(write_error),
+    .s_apb_psel(s_apb_psel && !s_apb_paddr[8]), .s_apb_penable, .s_apb_pwrite, .s_apb_pprot,
+    .s_apb_paddr(s_apb_paddr[7:0]), .s_apb_pwdata, .s_apb_pstrb,
+    .s_apb_pready(registers_ready), .s_apb_prdata, .s_apb_pslverr(registers_error),
     .hwif_in(status), .hwif_out(set)
   );
-  logic unused_address;
-  assign unused_address = ^addr_q[1:0];
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) table_q <= 1'b0;
+    else table_q <= s_apb_psel && !s_apb_penable && s_apb_paddr[8];
+  end
+  assign table_write = table_q && s_apb_pwrite;
+  assign s_apb_pready = registers_ready || table_q;
+  assign s_apb_pslverr = registers_error || (table_q && !s_apb_pwrite);
 
   assign {
     status.build.shear.next, status.build.converge.next, status.build.cross_cells.next,
@@ -164,7 +152,8 @@ module lipp_optics_block #(
   lipp_raster #(.F(F)) i_raster (
     .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame), .abort_i(abort),
     .running_o(running), .refused_o(refused),
-    .table_write_i(table_write), .table_at_i(addr_q[TableBits+1:2]), .table_entry_i(wdata_q),
+    .table_write_i({4{table_write}} & s_apb_pstrb), .table_at_i(s_apb_paddr[TableBits+1:2]),
+    .table_entry_i(s_apb_pwdata),
     .ray_valid_o(walked_valid), .ray_ready_i(walked_ready),
     .ray_u_o(walked_u), .ray_v_o(walked_v), .ray_a_o(walked_a), .ray_b_o(walked_b),
     .ray_first_o(walked_first), .ray_last_o(walked_last)

@@ -32,7 +32,7 @@ module lipp_raster #(
   output logic                                    running_o,  // until its last ray was taken
   output logic                                    refused_o,  // illegal window; until next start
 
-  input  logic                                    table_write_i,  // entry of the jitter table
+  input  logic [3:0]                              table_write_i,  // bytes of a jitter entry
   input  logic [lipp_optics_pkg::TableBits-1:0]        table_at_i,     // its place
   input  lipp_optics_pkg::jitter_t                     table_entry_i,
 
@@ -148,7 +148,9 @@ module lipp_raster #(
   logic [2:1] valid_q, ray_first_q, ray_last_q;
   logic signed [2:1][HalfBits-1:0] half_u_late_q, half_v_late_q;
   always_ff @(posedge clk_i) begin
-    if (table_write_i) jitter_table[table_at_i] <= table_entry_i;
+    for (int k = 0; k < 4; k++) begin
+      if (table_write_i[k]) jitter_table[table_at_i][8*k+:8] <= table_entry_i[8*k+:8];
+    end
     if (step) begin
       entry_q <= jitter_table[entry_at_q];
       drawn_q <= '0;

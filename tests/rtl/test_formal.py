@@ -22,6 +22,8 @@ TOOLS = Path(sys.executable).parent
 PROOFS = [
     "async_fifo prove",
     "async_fifo cover",
+    "axil_to_apb prove",
+    "axil_to_apb cover",
     "dispatcher prove",
     "dispatcher cover",
     "fifo prove_4",
@@ -46,6 +48,8 @@ PROOFS = [
     "pulse_sync cover",
     "ray_lenslet prove",
     "ray_lenslet cover",
+    "wishbone_to_apb prove",
+    "wishbone_to_apb cover",
 ]
 
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
@@ -57,6 +61,26 @@ FAULTS = {
         "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
     "word read while there is none": (
         "async_fifo bmc", "async_fifo.sv", "read = read_gray_q != written_gray && ", "read = ", "room|inside|in_order"),
+    "an answer is withdrawn before it is taken": (
+        "axil_to_apb bmc", "axil_to_apb.sv", "|| (s_axil_bvalid && !s_axil_bready)", "", "write_answered|b_stable"),
+    "a write begins without its data": (
+        "axil_to_apb bmc", "axil_to_apb.sv", "write_may = aw_q && w_q && ", "write_may = aw_q && ", "write_asked"),
+    "a read is done twice": (
+        "axil_to_apb bmc", "axil_to_apb.sv", "s_axil_arready)) && !start_read;", "s_axil_arready));",
+        "read_asked|places"),
+    "an answer takes the place of the one before it": (
+        "axil_to_apb bmc", "axil_to_apb.sv", " && (!s_axil_rvalid || s_axil_rready)", "", "room|r_stable"),
+    "a write waits as long as reads come": (
+        "axil_to_apb bmc", "axil_to_apb.sv", "!(read_may && m_apb_pwrite)", "!read_may", "turns|begins"),
+    "the access changes as the next address comes": (
+        "axil_to_apb bmc", "axil_to_apb.sv", "if (start_write || start_read) begin\n      m_apb_paddr",
+        "begin\n      m_apb_paddr", "apb_access"),
+    "a cycle given up is answered": (
+        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "s_wb_ack <= done && wanted_q && asked", "s_wb_ack <= done",
+        "answered"),
+    "a cycle is done twice": (
+        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "!m_apb_psel && !s_wb_ack && !s_wb_err", "!m_apb_psel",
+        "begins|one_clock"),
     "the bus is asked once and no more": (
         "dispatcher bmc", "ray_access.sv", "if (on_bus) asked_q <= !heard;", "if (on_bus) asked_q <= 1'b1;",
         "answered|todo|bus|asked"),
@@ -137,6 +161,8 @@ FAULTS = {
 
 # For every commit: one or two for each proof.
 SANITY = {
+    "an answer is withdrawn before it is taken",
+    "a cycle is done twice",
     "binary count brought over",
     "an abort waits for rays for ever",
     "read pointer stands still",

@@ -62,9 +62,9 @@ module board
   lipp_optics_pkg::optics_config_t unused_optics;
   lipp_optics_block #(.Build(display_pkg::Build)) i_optics (
     .clk_i, .rst_ni(rst_n),
-    .apb_sel_i(sel), .apb_enable_i(enable), .apb_write_i(1'b1), .apb_addr_i(addr),
-    .apb_wdata_i(wdata), .apb_ready_o(ready), .apb_rdata_o(unused_rdata),
-    .apb_error_o(unused_error),
+    .s_apb_psel(sel), .s_apb_penable(enable), .s_apb_pwrite(1'b1), .s_apb_pprot('0),
+    .s_apb_paddr(addr), .s_apb_pwdata(wdata), .s_apb_pstrb('1), .s_apb_pready(ready),
+    .s_apb_prdata(unused_rdata), .s_apb_pslverr(unused_error),
     .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray_u), .ray_v_i(ray_v),
     .ray_a_i('0), .ray_b_i('0), .ray_first_i(ray_first), .ray_last_i(ray_last),
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,

@@ -89,15 +89,15 @@ def generate(top: Path, into: Path) -> list[Path]:
 
 
 def _rtl(root: Any) -> dict[Path, str]:
-    """Return the register block and its package; optics_block puts an APB4 port before the block's plain one."""
+    """Return the register block, an APB4 completer, and its package."""
     from peakrdl_regblock import RegblockExporter  # type: ignore[import-untyped]
-    from peakrdl_regblock.cpuif.passthrough import PassthroughCpuif  # type: ignore[import-untyped]
+    from peakrdl_regblock.cpuif.apb4 import APB4_Cpuif_flattened  # type: ignore[import-untyped]
 
     with tempfile.TemporaryDirectory() as work:
         RegblockExporter().export(
             root,
             work,
-            cpuif_cls=PassthroughCpuif,
+            cpuif_cls=APB4_Cpuif_flattened,
             module_name=PREFIX + root.top.inst_name,
             default_reset_activelow=True,
             default_reset_async=True,

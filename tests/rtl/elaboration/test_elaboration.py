@@ -60,6 +60,9 @@ RAYS = [
 PARAMETERS = {
     "aim": GRID_SETS,
     "async_fifo": [{"Width": w, "AddressBits": b, "Stages": s} for w, b, s in ((1, 2, 2), (40, 9, 3))],
+    "axil_to_apb": [{"AddressBits": b} for b in (3, 32)],
+    "axis_from_rays": F_SETS,
+    "axis_to_rays": F_SETS,
     "bit_sync": [{"Stages": s, "ResetValue": r} for s, r in ((2, 1), (5, 0))],
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
               {"F": 23, "Wx": 27, "Wa": 27}],
@@ -123,11 +126,13 @@ PARAMETERS = {
     "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
     "scan_out": [{**panel, **grid} for panel, grid in zip(PANELS, GRID_SETS, strict=True)],
     "shear": [*F_SETS, *CELLS, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
+    "skid_buffer": [{"Width": w} for w in (1, 185)],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
     "test_pattern": [*GRID_SETS, *F_SETS, *PANELS],
     "tile_table": PANELS,
     "tile_writer": PANELS,
     "unit_slope": [*F_SETS, *CELLS],
+    "wishbone_to_apb": [{"AddressBits": b} for b in (3, 32)],
 }  # fmt: skip
 
 #: Modules that take F, and those of them that take Grid; each checks its own, so that it names itself.
@@ -147,6 +152,17 @@ REFUSED = [
         for x, a in ((17, 17), (21, 18), (18, 19), (20, 17))
     ),
     *(("shear", {"F": 16, "Wx": bits}, "shear: Wx must be F + 2 to F + 4") for bits in (17, 21)),
+    *(
+        (f"{bus}_to_apb", {"AddressBits": b}, f"{bus}_to_apb: AddressBits must be 3 to 32")
+        for bus in ("axil", "wishbone")
+        for b in (2, 33)
+    ),
+    *(
+        (module, {"F": f}, f"{module}: F must be 14 to 23")
+        for module in ("axis_to_rays", "axis_from_rays")
+        for f in (13, 24)
+    ),
+    ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("bit_sync", {"Stages": 1}, "bit_sync: Stages must be 2 or more"),

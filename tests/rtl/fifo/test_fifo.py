@@ -4,6 +4,7 @@ import re
 
 import pytest
 from lippmann.dev.lint import folder_of_modules
+from lippmann.sim.tools import PREFIX
 from runner import CHECKS, compiled, seed, simulate
 
 
@@ -28,5 +29,5 @@ def test_each_file_of_sim_checks_is_bound_to_its_module():
     assert len(files) >= 5
     for path in files:
         module = path.stem.removesuffix("_checks")
-        assert module in folder_of_modules()
+        assert module.removeprefix(PREFIX) in folder_of_modules()
         assert re.search(rf"^bind {module} {module}_checks .*i_checks \(", path.read_text(), re.M | re.S), path.name

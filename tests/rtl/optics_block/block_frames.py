@@ -43,9 +43,11 @@ class Block:
 
     async def begin(self):
         dut = self.dut
-        for name in ("apb_sel", "apb_enable", "apb_write", "apb_addr", "apb_wdata", "ray_valid", "ray_u", "ray_v",
-                     "ray_a", "ray_b", "ray_first", "ray_last", "exit_ready"):  # fmt: skip
-            getattr(dut, f"{name}_i").value = 0
+        for name in ("psel", "penable", "pwrite", "pprot", "paddr", "pwdata", "pstrb"):
+            getattr(dut, f"s_apb_{name}").value = 0
+        for name in ("valid", "u", "v", "a", "b", "first", "last"):
+            getattr(dut, f"ray_{name}_i").value = 0
+        dut.exit_ready_i.value = 0
         dut.rst_ni.value = 0
         cocotb.start_soon(Clock(dut.clk_i, 2, "ns").start())
         for _ in range(3):
@@ -75,24 +77,26 @@ class Block:
                 self.firsts.append(ends[0])
                 self.lasts.append(ends[1])
 
-    async def _access(self, address, word=None):
-        """One APB access: the word read, and whether it was an error."""
+    async def _access(self, address, word=None, strobes=0xF):
+        """One APB4 access: the word read, and whether it was an error. No protection is refused."""
         dut = self.dut
-        dut.apb_sel_i.value, dut.apb_enable_i.value = 1, 0
-        dut.apb_write_i.value = word is not None
-        dut.apb_addr_i.value = address
-        dut.apb_wdata_i.value = word or 0
+        dut.s_apb_psel.value, dut.s_apb_penable.value = 1, 0
+        dut.s_apb_pwrite.value = word is not None
+        dut.s_apb_pprot.value = RANDOM.randrange(8)
+        dut.s_apb_paddr.value = address
+        dut.s_apb_pwdata.value = word or 0
+        dut.s_apb_pstrb.value = 0 if word is None else strobes
         await FallingEdge(dut.clk_i)
-        dut.apb_enable_i.value = 1
+        dut.s_apb_penable.value = 1
         clocks = 2
-        while not dut.apb_ready_o.value:
+        while not dut.s_apb_pready.value:
             await FallingEdge(dut.clk_i)
             clocks += 1
             assert clocks < 10, f"no answer at 0x{address:03x}"
-        assert clocks == (4 if word is None and address < 0x100 else 3)
-        answer = dut.apb_rdata_o.value.to_unsigned(), bool(dut.apb_error_o.value)
+        assert clocks == (3 if word is None and address < 0x100 else 2)
+        answer = dut.s_apb_prdata.value.to_unsigned(), bool(dut.s_apb_pslverr.value)
         await FallingEdge(dut.clk_i)
-        dut.apb_sel_i.value = dut.apb_enable_i.value = 0
+        dut.s_apb_psel.value = dut.s_apb_penable.value = 0
         # Back to back now and then.
         for _ in range(RANDOM.randrange(3) if self.pause is None else self.pause):
             await FallingEdge(dut.clk_i)
@@ -128,7 +132,14 @@ class Block:
         self.table = np.array(
             [place | a << 8 | b << 20 for place, a, b in zip(places, aims[::2], aims[1::2], strict=True)], np.int64
         )
-        await self.write(table_writes(self.table))
+        # Byte by byte now and then, in any order, as the strobes say.
+        for address, word in table_writes(self.table):
+            split = RANDOM.choice([0xF, 0xF, RANDOM.randrange(16)])
+            for strobes in (split, 0xF & ~split):
+                other = RANDOM.randrange(1 << 32)
+                bits = sum(0xFF << 8 * byte for byte in range(4) if strobes >> byte & 1)
+                _, error = await self._access(address, word & bits | other & ~bits, strobes)
+                assert not error
 
     async def offer(self, rays, n):
         """Offer a ray to the stream until it is taken."""
@@ -192,9 +203,19 @@ async def registers_answer(dut):
         written = {name: RANDOM.randrange(1 << 32) for name in stored}
         for name, register in RANDOM.sample(list(stored.items()), len(stored)):
             await block.write([(register.address, written[name])])
+        # Some bytes of each: those without a strobe keep their value.
+        for name, register in RANDOM.sample(list(stored.items()), len(stored)):
+            strobes, word = RANDOM.randrange(16), RANDOM.randrange(1 << 32)
+            _, error = await block._access(register.address + RANDOM.randrange(4), word, strobes)
+            assert not error
+            bits = sum(0xFF << 8 * byte for byte in range(4) if strobes >> byte & 1)
+            written[name] = written[name] & ~bits | word & bits
         for name, register in stored.items():
             mask = sum(((1 << field.width) - 1) << field.low for field in register.fields.values())
             assert await block.read(name) == written[name] & mask, name
+    # A command without its strobe is none.
+    assert not (await block._access(OPTICS_REGISTERS["control"].address, 0xFFFFFFFF, 0b1110))[1]
+    assert not (await block.status())["running"]
     held = {name: await block.read(name) for name in stored}
     # What is not there, cannot be read or cannot be written, is an error and changes nothing.
     taken = {at for r in OPTICS_REGISTERS.values() for at in range(r.address, r.address + 4 * r.entries, 4)}

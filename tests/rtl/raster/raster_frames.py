@@ -93,9 +93,12 @@ class Bench:
         dut = self.dut
         for at in RANDOM.sample(range(TABLE_ENTRIES), TABLE_ENTRIES):
             self.table[at] = RANDOM.randrange(1 << 32)
-            dut.table_write_i.value, dut.table_at_i.value = 1, at
-            dut.table_entry_i.value = int(self.table[at])
-            await FallingEdge(dut.clk_i)
+            first = RANDOM.randrange(16)  # the bytes that are written first, the others after them
+            for strobes in (first, 0xF & ~first):
+                bits = sum(0xFF << 8 * byte for byte in range(4) if strobes >> byte & 1)
+                dut.table_write_i.value, dut.table_at_i.value = strobes, at
+                dut.table_entry_i.value = int(self.table[at]) & bits | RANDOM.randrange(1 << 32) & ~bits
+                await FallingEdge(dut.clk_i)
         dut.table_write_i.value = 0
 
     async def start(self, config):

@@ -28,11 +28,11 @@ class Bench:
     async def reset(self):
         dut = self.dut
         Clock(dut.clk_i, 2, unit="ns").start()
-        dut.start_i.value = dut.board_read_ack_i.value = dut.board_write_ack_i.value = dut.apb_ready_i.value = 0
+        dut.start_i.value = dut.m_apb_pready_board.value = dut.m_apb_pready_optics.value = 0
         dut.rst_ni.value = 0
         for _ in range(3):
             await self.edge
-        for handle in (dut.done_o, dut.board_request_o, dut.apb_sel_o, dut.apb_enable_o):
+        for handle in (dut.done_o, dut.m_apb_psel_board, dut.m_apb_psel_optics, dut.m_apb_penable):
             assert not handle.value, handle._name
         dut.rst_ni.value = 1
         self.access = None
@@ -44,40 +44,38 @@ class Bench:
         dut.start_i.value = 0
         dut.write_i.value, dut.at_i.value = random.getrandbits(1), random.getrandbits(8) << 2
         dut.word_i.value = random.getrandbits(32)
-        dut.board_word_i.value, dut.board_error_i.value = random.getrandbits(32), random.getrandbits(1)
-        dut.apb_rdata_i.value, dut.apb_error_i.value = random.getrandbits(32), random.getrandbits(1)
-        dut.board_read_ack_i.value = dut.board_write_ack_i.value = 0
-        select, enable = bool(dut.apb_sel_o.value), bool(dut.apb_enable_o.value)
-        # Without an enable, ready means nothing.
-        dut.apb_ready_i.value = not enable and random.getrandbits(1)
-        assert select or not enable
-        if dut.board_request_o.value:
-            assert self.access is None, "the board was asked twice"
-            asked = (dut.board_write_o, dut.board_at_o, dut.board_word_o)
-            self.access = ("board", *(int(handle.value) for handle in asked))
-            self.asked += 1
-        apb = ("optics", int(dut.apb_write_o.value), int(dut.apb_addr_o.value), int(dut.apb_wdata_o.value))
-        if select and self.access is None:
+        board, optics, enable = (
+            bool(handle.value) for handle in (dut.m_apb_psel_board, dut.m_apb_psel_optics, dut.m_apb_penable)
+        )
+        # Of a block that is not selected, and without an enable, ready means nothing.
+        for name, select in (("board", board), ("optics", optics)):
+            getattr(dut, f"m_apb_prdata_{name}").value = random.getrandbits(32)
+            getattr(dut, f"m_apb_pslverr_{name}").value = random.getrandbits(1)
+            getattr(dut, f"m_apb_pready_{name}").value = not (select and enable) and random.getrandbits(1)
+        assert not (board and optics), "both blocks were asked"
+        assert board or optics or not enable
+        name = "board" if board else "optics"
+        asked = (name, *(int(h.value) for h in (dut.m_apb_pwrite, dut.m_apb_paddr, dut.m_apb_pwdata, dut.m_apb_pstrb)))
+        if (board or optics) and self.access is None:
             assert not enable, "APB: no setup clock"
-            self.access, self.left, self.asked = apb, self.left + 1, self.asked + 1
-        elif select:
+            assert int(dut.m_apb_pstrb.value) == (0xF if dut.m_apb_pwrite.value else 0), "APB: strobes"
+            assert int(dut.m_apb_pprot.value) == 0
+            self.access, self.left, self.asked = asked, self.left + 1, self.asked + 1
+        elif board or optics:
             assert enable, "APB: two setup clocks"
-            assert apb == self.access, "APB: the access changed"
+            assert asked == self.access, "APB: the access changed"
         else:
-            assert self.access is None or self.access[0] == "board", "APB: deselected before ready"
+            assert self.access is None, "APB: deselected before ready"
         if self.access is None:
             return
         if self.left > 0:
             self.left -= 1
             return
-        kind, write, _, _ = self.access
         word, error = self.answer
-        if kind == "board":
-            (dut.board_write_ack_i if write else dut.board_read_ack_i).value = 1
-            dut.board_word_i.value, dut.board_error_i.value = word, error
-        else:
-            dut.apb_ready_i.value, dut.apb_rdata_i.value, dut.apb_error_i.value = 1, word, error
-        self.answered, self.access = self.access, None
+        getattr(dut, f"m_apb_pready_{name}").value = 1
+        getattr(dut, f"m_apb_prdata_{name}").value = word
+        getattr(dut, f"m_apb_pslverr_{name}").value = error
+        self.answered, self.access = self.access[:4], None
 
     async def ask(self, write, at, word):
         """One access; what the block saw, and what came back. It begins in this clock."""

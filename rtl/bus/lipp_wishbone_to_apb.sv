@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Wishbone B4 classic to APB4: a slave with 32-bit data, granularity 8, in front of a completer
+/// such as optics_block.
+///
+/// Each cycle is one APB4 access of the word at {adr, 2'b00}. PSTRB = SEL for a write, 0 for a read,
+/// which gives the whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK, one with
+/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register.
+///
+/// With a completer that answers in the n-th clock of its access phase (n >= 1) the pulse comes
+/// n + 2 clocks after STB, and cycles follow each other every n + 3 clocks. A master that drops CYC
+/// or STB before the pulse gets none; the access that began still ends. It must leave them low for
+/// a clock before the next cycle.
+module lipp_wishbone_to_apb #(
+  parameter int AddressBits = 9
+) (
+  input  logic                   clk_i,
+  input  logic                   rst_ni,
+
+  input  logic                   s_wb_cyc,
+  input  logic                   s_wb_stb,
+  input  logic                   s_wb_we,
+  input  logic [AddressBits-1:2] s_wb_adr,   // words: bits of a byte address
+  input  logic [31:0]            s_wb_dat_w, // DAT_I
+  input  logic [3:0]             s_wb_sel,
+  output logic [31:0]            s_wb_dat_r, // DAT_O
+  output logic                   s_wb_ack,
+  output logic                   s_wb_err,
+
+  output logic                   m_apb_psel,
+  output logic                   m_apb_penable,
+  output logic                   m_apb_pwrite,
+  output logic [2:0]             m_apb_pprot,
+  output logic [AddressBits-1:0] m_apb_paddr,
+  output logic [31:0]            m_apb_pwdata,
+  output logic [3:0]             m_apb_pstrb,
+  input  logic                   m_apb_pready,
+  input  logic [31:0]            m_apb_prdata,
+  input  logic                   m_apb_pslverr
+);
+
+  if (AddressBits < 3 || AddressBits > 32) begin : gen_illegal
+    $fatal(1, "lipp_wishbone_to_apb: AddressBits must be 3 to 32");
+  end
+
+  logic asked, start, done, wanted_q;  // the master still waits for the access that runs
+  assign asked = s_wb_cyc && s_wb_stb;
+  assign start = asked && !m_apb_psel && !s_wb_ack && !s_wb_err;
+  assign done = m_apb_penable && m_apb_pready;
+  assign m_apb_pprot = '0;
+
+  always_ff @(posedge clk_i) begin
+    if (start) begin
+      m_apb_pwrite <= s_wb_we;
+      m_apb_paddr <= {s_wb_adr, 2'b00};
+      m_apb_pwdata <= s_wb_dat_w;
+      m_apb_pstrb <= s_wb_we ? s_wb_sel : '0;
+    end
+    if (done) s_wb_dat_r <= m_apb_pslverr ? '0 : m_apb_prdata;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {m_apb_psel, m_apb_penable, wanted_q, s_wb_ack, s_wb_err} <= '0;
+    end else begin
+      m_apb_psel <= start || (m_apb_psel && !done);
+      m_apb_penable <= m_apb_psel && !done;
+      wanted_q <= start || (wanted_q && asked);
+      s_wb_ack <= done && wanted_q && asked && !m_apb_pslverr;
+      s_wb_err <= done && wanted_q && asked && m_apb_pslverr;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

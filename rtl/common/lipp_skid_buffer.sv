@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Registers between two valid/ready streams, so that no path leads through: a word leaves 1 clock
+/// after it came, and a word passes each clock.
+///
+/// in_ready_o is a register too, and so one clock late: the word that comes in that clock waits in
+/// a second place. in_ready_o is low during reset.
+module lipp_skid_buffer #(
+  parameter int Width = 8
+) (
+  input  logic             clk_i,
+  input  logic             rst_ni,
+  input  logic             in_valid_i,
+  output logic             in_ready_o,
+  input  logic [Width-1:0] in_data_i,
+  output logic             out_valid_o,
+  input  logic             out_ready_i,
+  output logic [Width-1:0] out_data_o
+);
+
+  if (Width < 1) begin : gen_illegal
+    $fatal(1, "lipp_skid_buffer: Width must be 1 or more");
+  end
+
+  logic into, move;       // a word comes in; the output's place is free for the next one
+  logic spare_d, spare_q; // a word is in the second place
+  logic [Width-1:0] spare_data_q;
+  assign into = in_valid_i && in_ready_o;
+  assign move = !out_valid_o || out_ready_i;
+  assign spare_d = !move && (spare_q || into);
+
+  always_ff @(posedge clk_i) begin
+    if (!spare_q) spare_data_q <= in_data_i;
+    if (move) out_data_o <= spare_q ? spare_data_q : in_data_i;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {in_ready_o, out_valid_o, spare_q} <= '0;
+    end else begin
+      in_ready_o <= !spare_d;
+      out_valid_o <= !move || spare_q || into;
+      spare_q <= spare_d;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

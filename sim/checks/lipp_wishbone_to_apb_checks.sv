@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The contract of `lipp_wishbone_to_apb`, at its ports. A master may give up a cycle at any time.
+module lipp_wishbone_to_apb_checks #(
+  parameter int AddressBits = 9
+) (
+  input logic                   clk_i,
+  input logic                   rst_ni,
+  input logic                   s_wb_cyc,
+  input logic                   s_wb_stb,
+  input logic                   s_wb_we,
+  input logic [AddressBits-1:2] s_wb_adr,
+  input logic [31:0]            s_wb_dat_w,
+  input logic [3:0]             s_wb_sel,
+  input logic [31:0]            s_wb_dat_r,
+  input logic                   s_wb_ack,
+  input logic                   s_wb_err,
+  input logic                   m_apb_psel,
+  input logic                   m_apb_penable,
+  input logic                   m_apb_pwrite,
+  input logic [2:0]             m_apb_pprot,
+  input logic [AddressBits-1:0] m_apb_paddr,
+  input logic [31:0]            m_apb_pwdata,
+  input logic [3:0]             m_apb_pstrb,
+  input logic                   m_apb_pready,
+  input logic [31:0]            m_apb_prdata,
+  input logic                   m_apb_pslverr
+);
+
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
+  localparam int A = AddressBits;
+  wire asked = s_wb_cyc && s_wb_stb;
+  wire pulse = s_wb_ack || s_wb_err;
+  wire setup = m_apb_psel && !m_apb_penable;
+  wire done = m_apb_psel && m_apb_penable && m_apb_pready;
+  wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}}, m_apb_pstrb};
+
+  reg known_q;   // the values below are of the clock before
+  reg kept_q;    // the master has held the cycle of this access from its begin on
+  reg asked_q, pulse_q, idle_q, wait_q, done_q, error_q;
+  reg [31:0] word_q;
+  reg [A+39:0] access_q;
+  reg [A+34:0] wanted_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {known_q, kept_q} <= 0;
+    else begin
+      known_q <= 1;
+      kept_q <= setup ? asked : kept_q && asked;
+    end
+  end
+  always @(posedge clk_i) begin
+    {asked_q, pulse_q, idle_q, wait_q} <= {asked, pulse, !m_apb_psel, m_apb_psel && !done};
+    {done_q, error_q, word_q, access_q} <= {done && kept_q && asked, m_apb_pslverr, m_apb_prdata, access};
+    wanted_q <= {s_wb_we, s_wb_adr, s_wb_dat_w, s_wb_sel};
+  end
+
+  always @(posedge clk_i) begin
+    if (checked && known_q) begin
+      // An access begins exactly when a cycle waits, and is that cycle's.
+      begins: assert(setup == (idle_q && asked_q && !pulse_q));
+      own_access: assert(!setup || access == {
+          wanted_q[A+34], 3'b000, wanted_q[A+33:36], 2'b00, wanted_q[35:4] & {32{wanted_q[A+34]}},
+          wanted_q[3:0] & {4{wanted_q[A+34]}}});
+      // Each is answered once, in the clock after its end, unless the master gave it up.
+      answered: assert(pulse == done_q && !(s_wb_ack && s_wb_err));
+      answer: assert(!pulse || (s_wb_err == error_q && s_wb_dat_r == (error_q ? 32'h0 : word_q)));
+      one_clock: assert(!(pulse && pulse_q));
+      // APB4: a clock of setup, then the access until ready, all of it unchanged.
+      apb_enable: assert(!m_apb_penable || (m_apb_psel && !idle_q));
+      apb_access: assert(!wait_q || (m_apb_psel && m_apb_penable && access == access_q));
+    end
+  end
+
+endmodule
+
+`ifndef FORMAL  // simulation: beside every instance
+bind lipp_wishbone_to_apb lipp_wishbone_to_apb_checks #(.AddressBits(AddressBits)) i_checks (.*);
+`endif

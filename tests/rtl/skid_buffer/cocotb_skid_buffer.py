@@ -1,0 +1,75 @@
+"""skid_buffer in the simulator: order, contract and throughput, under every pair of pauses."""
+
+import random
+
+import cocotb
+from cocotb.clock import Clock
+from rtl_coverage import Coverage
+from streams import PATTERNS, Monitor, pattern
+
+SEEN: dict[str, int] = {}
+
+
+async def start(dut):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
+
+    def put(word):
+        dut.in_data_i.value = word
+
+    monitor = Monitor(
+        dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, dut.out_data_o, put
+    )  # fmt: skip
+    monitor.seen = SEEN
+    dut.rst_ni.value = 0
+    for _ in range(3):
+        await monitor.edge
+        assert not dut.in_ready_o.value
+        assert not dut.out_valid_o.value
+    dut.rst_ni.value = 1
+    await monitor.edge
+    return monitor, [random.getrandbits(len(dut.in_data_i)) for _ in range(300)]
+
+
+@cocotb.test()
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+async def keeps_order_and_contract(dut, idle, pressure):
+    monitor, words = await start(dut)
+    await monitor.run(words, pattern(idle, random, 8), pattern(pressure, random, 8), 200)
+    assert monitor.got == words
+    # Two places: a third word waits outside.
+    inside = [sum(at <= clock for at in monitor.accepted) - sum(at <= clock for at in monitor.left)
+              for clock in range(monitor.clocks)]  # fmt: skip
+    assert max(inside) <= 2
+    SEEN["two words inside"] = SEEN.get("two words inside", 0) + inside.count(2)
+
+
+@cocotb.test()
+async def a_word_passes_each_clock(dut):
+    monitor, words = await start(dut)
+    await monitor.run(words, pattern("always", random, 0), pattern("always", random, 0), 50)
+    assert monitor.got == words
+    assert {out - into for into, out in zip(monitor.accepted, monitor.left, strict=True)} == {1}
+    assert monitor.left == list(range(monitor.left[0], monitor.left[0] + len(words)))
+
+
+@cocotb.test()
+async def no_path_leads_through(dut):
+    """Within a clock neither output follows an input."""
+    monitor, words = await start(dut)
+    for word in words:
+        await monitor.clock(word if random.random() < 0.6 else None, random.random() < 0.5)
+        was = bool(dut.in_ready_o.value), bool(dut.out_valid_o.value), int(dut.out_data_o.value)
+        for _ in range(4):
+            dut.in_valid_i.value, dut.out_ready_i.value = random.getrandbits(1), random.getrandbits(1)
+            dut.in_data_i.value = random.getrandbits(len(dut.in_data_i))
+            await cocotb.triggers.Timer(10, "ps")
+            assert (bool(dut.in_ready_o.value), bool(dut.out_valid_o.value), int(dut.out_data_o.value)) == was
+
+
+@cocotb.test()
+async def coverage_is_complete(dut):
+    seen = Coverage("skid_buffer", f"{len(dut.in_data_i)}")
+    for name, count in SEEN.items():
+        seen.point(name, count)
+    seen.close()
