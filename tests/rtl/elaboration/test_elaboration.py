@@ -42,7 +42,7 @@ PARAMETERS = {
     "bit_sync": [{"Stages": s, "ResetValue": r} for s, r in ((2, 1), (5, 0))],
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
               {"F": 23, "Wx": 27, "Wa": 27}],
-    "board": [{"ByteLink": 1, "F": 23, "Grid": 1, "HPositive": 0, "VPositive": 0}],
+    "board": [{"ByteLink": 1, "F": 23, "Grid": 1, "HPositive": 0, "VPositive": 0, "StoreLatency": 5}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
     "cell_product": [
@@ -57,7 +57,7 @@ PARAMETERS = {
     "extent": [{"Grid": g} for g in (0, 1)],
     "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "fifo_memory": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
-    "frame_check": PANELS,
+    "frame_check": [*PANELS, {"ReadLatency": 3}],
     "frame_gate": [{}],
     "frame_store": PANELS,
     "flow_control": [{"Latency": c, "AddressBits": b, "Width": 9} for c, b in ((1, 4), (120, 7))],
