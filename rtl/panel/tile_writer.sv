@@ -18,11 +18,11 @@
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
 /// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
-/// ReadLatency + 2 + ceil(log2(rows of tiles)) more (ReadLatency + 3 if there is only one row).
+/// ReadLatency + 3 + ceil(log2(rows of tiles)) more (ReadLatency + 4 if there is only one row).
 module tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int ReadLatency = 2,  // 2 or more
+  parameter int ReadLatency = 2,  // 1 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -57,6 +57,7 @@ module tile_writer #(
   localparam int Rows = tiles(Height);
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
+  localparam int LeftBits = 2 * SideBits + 1;
   // Last index along a side of a tile: for the last tile of a row or column, and for the others.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
@@ -70,20 +71,22 @@ module tile_writer #(
   state_e state_q;
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
-  logic start, take, emit, move, write;
+  logic start, take, emit, move;
+  logic [ReadLatency:0] write_q;  // a pixel was decoded, clocks ago less one
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
-  assign write = emit && !full_q;
 
   // ---- the tile's position: its row by division, one bit a clock ----
   logic [15:0] rest_q;     // the tile's number, in the end its column
   logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
   logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
-  logic [SideBits-1:0] x_q, y_q, last_x_q, last_y_q;
+  logic [SideBits-1:0] x_q, last_x_q;
+  logic last_column, last_row_q;  // of tiles
   logic [PlaceBits-1:0] row_at_q, at_q, tile_at, next_row_at;
   logic end_of_row, missing;
   assign missing = int'(tile_i) >= Columns * Rows;
   assign tile_at = row_at_q + PlaceBits'({rest_q, SideBits'(0)});
+  assign last_column = rest_q == 16'(Columns - 1);
   assign end_of_row = x_q == last_x_q;
   assign next_row_at = row_at_q + PlaceBits'(Width);
 
@@ -93,8 +96,8 @@ module tile_writer #(
       columns_q <= 16'(Columns << (RowBits - 1));
       rows_q <= PlaceBits'((Tile * Width) << (RowBits - 1));
       row_at_q <= '0;
-      last_y_q <= int'(tile_i) >= Columns * (Rows - 1) ? CutY : Whole;
-      {x_q, y_q} <= '0;
+      last_row_q <= int'(tile_i) >= Columns * (Rows - 1);
+      x_q <= '0;
     end
     if (state_q == Locate) begin
       columns_q <= columns_q >> 1;
@@ -105,17 +108,14 @@ module tile_writer #(
       end
     end
     if (state_q == Place) begin
-      last_x_q <= rest_q == 16'(Columns - 1) ? CutX : Whole;
+      last_x_q <= last_column ? CutX : Whole;
       row_at_q <= tile_at;
       at_q <= tile_at;
     end
-    if (write) begin
+    if (write_q[0]) begin
       x_q <= end_of_row ? '0 : x_q + 1'b1;
       at_q <= end_of_row ? next_row_at : at_q + 1'b1;
-      if (end_of_row) begin
-        row_at_q <= next_row_at;
-        y_q <= y_q + 1'b1;
-      end
+      if (end_of_row) row_at_q <= next_row_at;
     end
   end
 
@@ -125,7 +125,6 @@ module tile_writer #(
   logic [23:0] rgb_q, indexed;
   logic [5:0] hash;            // of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
   logic [5:0] hash_q, more_q;  // its two summands
-  logic pixel_q;               // rgb_q is a pixel
   localparam logic [5:0] BlackHash = 6'(11 * 255);
   logic known, previous;
   assign known = known_q[data_i[5:0]];
@@ -134,7 +133,7 @@ module tile_writer #(
   assign indexed = previous ? rgb_q : known ? index[data_i[5:0]] : '0;
   always_ff @(posedge clk_i) begin
     if (start) known_q <= '0;
-    else if (pixel_q) begin
+    else if (write_q[0]) begin  // rgb_q is a pixel
       known_q[hash] <= 1'b1;
       index[hash] <= rgb_q;
     end
@@ -144,13 +143,14 @@ module tile_writer #(
   logic [1:0] want_q, want_d;  // remaining bytes of the operation
   logic [15:0] before_q;       // the two previous bytes
   logic luma_q, luma_d;
-  logic [5:0] run_q, run_d;    // remaining repetitions of the pixel
+  logic [6:0] run_q, run_d;    // remaining repetitions of the pixel less 1: none if negative
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
+  logic [LeftBits-1:0] left_q; // pixels of the tile to come, less 2: negative at the last
   logic bad, repeating, colour, look_up;
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;
 
-  assign repeating = run_q != '0 || (fill_q && !full_q);
+  assign repeating = !run_q[6] || fill_q;
   assign ready_o = state_q == Decode && !repeating && !last_q;
 
   // The next pixel is this one plus a difference, black plus a difference, or one of the index. Its
@@ -176,7 +176,7 @@ module tile_writer #(
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
     if (state_q == Decode && repeating) begin
       emit = 1'b1;
-      run_d = run_q - 6'(run_q != '0);
+      if (!run_q[6]) run_d = run_q - 1'b1;
     end else if (take && !bad_q) begin
       if (want_q != '0) begin
         want_d = want_q - 1'b1;
@@ -205,7 +205,7 @@ module tile_writer #(
               {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
             };
           end
-          2'b11: run_d = data_i[5:0];
+          2'b11: run_d = {1'b0, data_i[5:0]} - 7'd1;
         endcase
       end
     end
@@ -216,27 +216,35 @@ module tile_writer #(
     if (start) begin
       coding_q <= coding_e'(coding_i);
       buffer_q <= buffer_i;
-      {rgb_q, hash_q, more_q, pixel_q} <= {24'd0, BlackHash, 6'd0, 1'b0};
+      {rgb_q, hash_q, more_q} <= {24'd0, BlackHash, 6'd0};
       want_q <= coding_i == CodingQoi ? 2'd0 : 2'd3;
-      {luma_q, run_q, full_q} <= '0;
+      {luma_q, run_q, full_q} <= {1'b0, -7'd1, 1'b0};
       fill_q <= coding_i == CodingCopy && empty_i && !missing;
       last_q <= empty_i;
       bad_q <= missing || coding_i > CodingCopy || (coding_i == CodingCopy && !empty_i);
     end else begin
-      {want_q, luma_q, run_q, fill_q} <= {want_d, luma_d, run_d, fill_d};
+      {want_q, luma_q, run_q} <= {want_d, luma_d, run_d};
+      fill_q <= fill_d && !(emit && left_q[LeftBits-1]);
       if (emit || move) {rgb_q, hash_q, more_q} <= {rgb, hash_d, more_d};
-      pixel_q <= emit;
       if (take) before_q <= {before_q[7:0], data_i};
       if (take) last_q <= last_i;
       if (bad) bad_q <= 1'b1;
-      if (write && end_of_row && y_q == last_y_q) full_q <= 1'b1;
+      if (emit) left_q <= left_q - 1'b1;
+      if (emit && left_q[LeftBits-1]) full_q <= 1'b1;
+    end
+    if (state_q == Place) begin
+      unique case ({last_row_q, last_column})
+        2'b00: left_q <= LeftBits'(Tile * Tile - 2);
+        2'b01: left_q <= LeftBits'((int'(CutX) + 1) * Tile - 2);
+        2'b10: left_q <= LeftBits'(Tile * (int'(CutY) + 1) - 2);
+        2'b11: left_q <= LeftBits'((int'(CutX) + 1) * (int'(CutY) + 1) - 2);
+      endcase
     end
   end
 
   // ---- pixels to the store, ReadLatency clocks later: a copied pixel has arrived by then ----
-  logic [ReadLatency:1] write_q;
   logic [ReadLatency:1][PlaceBits-1:0] write_at_q;
-  logic [ReadLatency:2][23:0] written_q;
+  logic [ReadLatency:1][23:0] written_q;
   logic [31:0] crc_q;
   assign copy_buffer_o = !buffer_q;
   assign copy_at_o = at_q;
@@ -247,7 +255,7 @@ module tile_writer #(
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin
     write_at_q <= (ReadLatency * PlaceBits)'({write_at_q, at_q});
-    written_q <= (24 * (ReadLatency - 1))'({written_q, rgb_q});
+    written_q <= (24 * ReadLatency)'({written_q, rgb_q});
     if (start) crc_q <= link_pkg::CrcStart;
     else if (write_o) crc_q <= link_pkg::crc32_pixel(crc_q, write_rgb_o);
   end
@@ -259,7 +267,7 @@ module tile_writer #(
       state_q <= Idle;
       write_q <= '0;
     end else begin
-      write_q <= ReadLatency'({write_q, write});
+      write_q <= (ReadLatency + 1)'({write_q, emit && !full_q});
       unique case (state_q)
         Idle: if (start_i) state_q <= Locate;
         Locate: if (columns_q == 16'(Columns)) state_q <= Place;
