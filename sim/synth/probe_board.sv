@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route of the whole `board`; the store of its frames is a memory beside the
+/// The top for place-and-route of the whole `lipp_board`; the store of its frames is a memory beside the
 /// FPGA, so its ports end in the registers of `probe`, as the board's other ports do.
 module probe_board #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int F = 23,
-  parameter bit CrossCells = 1'b0,
-  parameter int Grid = optics_pkg::GridSquare,
-  parameter int Model = optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  parameter int HFront = 16,
+  parameter int HSync = 96,
+  parameter int HBack = 48,
+  parameter int VFront = 10,
+  parameter int VSync = 2,
+  parameter int VBack = 33,
+  parameter bit HPositive = 1'b0,
+  parameter bit VPositive = 1'b0,
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (
   input  logic clk_i,
   input  logic rst_ni,
@@ -47,9 +48,10 @@ module probe_board #(
     tx, in_ready, out_valid, out_data, write, write_buffer, write_at, write_rgb, a_buffer, a_at,
     b_buffer, b_at, de, hsync, vsync, rgb
   };
-  board #(
-    .Width(Width), .Height(Height), .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model),
-    .Viewer(Viewer), .Walk(Walk), .Converge(Converge), .Shear(Shear)
+  lipp_board #(
+    .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
+    .Build(Build)
   ) i_board (
     .clk_i, .rst_ni(rst_n), .identity_i(identity), .step_i(step), .rx_i(rx), .tx_o(tx),
     .in_valid_i(in_valid), .in_ready_o(in_ready), .in_data_i(in_data), .out_valid_o(out_valid),

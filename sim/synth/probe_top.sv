@@ -1,26 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route: `ray_lenslet` between registers that a few pins fill and read.
+/// The top for place-and-route: `lipp_ray_lenslet` between registers that a few pins fill and read.
 ///
 /// Every input of the engine comes from a register or a shift register, and every output is
 /// combined into a register: no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
-  parameter int F = 23,
-  parameter bit CrossCells = 1'b0,
-  parameter int Grid = optics_pkg::GridSquare,
-  parameter int Model = optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter bit Aims = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic clk_i,
   input  logic rst_ni,
   input  logic bit_i,
   output logic bit_o
 );
-  import optics_pkg::*;
+  import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
   localparam int ConfigBits = $bits(optics_config_t);
@@ -35,7 +29,7 @@ module probe_top #(
   logic ready, valid, busy, idle;
   logic [OutBits-1:0] out;
   (* keep *) logic [OutBits+3:0] out_q, fold_q;
-  status_e status;
+  ray_status_e status;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) reset_q <= '0;
     else reset_q <= {reset_q[0], 1'b1};
@@ -49,10 +43,7 @@ module probe_top #(
     bit_o <= fold_q[OutBits+3];
   end
 
-  ray_lenslet #(
-    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge), .Shear(Shear)
-  ) i_lenslet (
+  lipp_ray_lenslet #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .idle_o(idle), .ray_valid_i(valid_q), .ray_ready_o(ready),
     .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),

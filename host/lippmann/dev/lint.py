@@ -13,17 +13,17 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the hand-written modules of rtl/, each with its folder."""
+    """Return the hand-written modules of rtl/, without their prefix, each with its folder."""
     paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
-    return {path.stem: path.parent.name for path in paths if not path.stem.endswith("_pkg")}
+    return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
 
 def elaborated(
-    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int], timeout: float | None = None
+    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Elaborate a module with Verilator; packages come first in `files`. The time-out is in seconds."""
     command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
@@ -33,7 +33,7 @@ def elaborated(
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=timeout)
 
 
-def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
+def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
     """Elaborate a module alone, with all warnings, from the files that it needs.
 
     Only its folder is searched, and those that it may build upon. Raises MissingLibraryError without Verilator, and
@@ -41,8 +41,8 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))]
-    return elaborated(module, files, "-Wall", parameters=parameters or {}, timeout=60)
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, rtl_sources(top, *folders))]
+    return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 
 @click.command()

