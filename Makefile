@@ -69,7 +69,7 @@ docs-tables: $(READY) ## make the key tables and JSON Schemas of the TOML files 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.dev.generate_registers
 
-synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
+synth: $(READY) ## place and route the RTL's named configurations and boards (hours; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis
 
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
