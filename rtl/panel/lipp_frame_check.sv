@@ -26,6 +26,10 @@ module lipp_frame_check #(
   input  logic [23:0]          read_rgb_i  // ReadLatency clocks after its address
 );
 
+  if (ReadLatency < 2) begin : gen_illegal
+    $fatal(1, "lipp_frame_check: ReadLatency must be 2 or more");
+  end
+
   logic ask_q, take;
   logic [ReadLatency:1] asked_q;  // clocks ago
   logic [31:0] crc_q;

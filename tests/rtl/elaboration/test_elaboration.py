@@ -194,6 +194,8 @@ REFUSED = [
     ("ray_pipeline", built(Walk=5, Aims=1), "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
     *(("ray_pipeline", built(F=f), "ray_pipeline: F must be 14 to 23") for f in (13, 24)),
     ("board", built(Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
+    ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
+    ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
     ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks"),
     ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: HSync, VSync and VFront must be 1 or"),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
