@@ -21,7 +21,7 @@ import click
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
 from lippmann.dev.lint import elaborated
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, repository, rtl_sources, verilator_environment
 
 SOURCES = Path("rtl")
 #: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
@@ -131,7 +131,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     module = path.stem.removeprefix(PREFIX)
     top = PREFIX + WITHIN.get(module, module)
     with scratch.faulty(fault):
-        files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder, *RTL_FOLDERS)]
+        files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder)]
         if elaborated(top, files, "-Wno-fatal", parameters={}).returncode:
             return "refused"
     near = f"tests/rtl/{WITHIN.get(module, module)}"
@@ -146,7 +146,7 @@ def main(**chosen: Any) -> None:
     Example: python -m lippmann.dev.mutation --count 20 --report out
     """
     verilator_environment()  # a missing tool must not count as a caught fault
-    own = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
+    own = [path for path in rtl_sources(repository()) if path.parent.name != "registers"]
     groups = {path.stem.removeprefix(PREFIX): faults_of(path) for path in own}
     report_faults("mutation", groups, fate, SAME, **chosen)
 

