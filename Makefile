@@ -72,7 +72,7 @@ registers: $(READY) ## make RTL, host constants and documentation of rtl/registe
 manifests: $(READY) ## make the FuseSoC core, Bender.yml and the .f lists of rtl/sources.toml again
 	$(BIN)/python -m lippmann.dev.generate_manifests
 
-synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
+synth: $(READY) ## place and route the RTL's named configurations and boards (hours; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis
 
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)

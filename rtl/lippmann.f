@@ -80,6 +80,7 @@ board/lipp_reply_builder.sv
 board/lipp_reply_writer.sv
 board/lipp_dispatcher.sv
 board/lipp_board.sv
+board/lipp_board_with_store.sv
 common/lipp_ring.sv
 common/lipp_block_ring.sv
 common/lipp_memory_1w1r.sv

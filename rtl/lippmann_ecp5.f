@@ -80,6 +80,7 @@ board/lipp_reply_builder.sv
 board/lipp_reply_writer.sv
 board/lipp_dispatcher.sv
 board/lipp_board.sv
+board/lipp_board_with_store.sv
 ecp5/lipp_mult18.sv
 ecp5/lipp_wide_product.sv
 ecp5/lipp_ring.sv

@@ -3,13 +3,19 @@
 
 /// A board: serial line, panel, and the ray-lenslet optics.
 ///
-///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> frame_store -> scan_out
+///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> store -> scan_out
 ///                                              |  |  |
 ///                    presenter, frame_check <--+  |  +--> register_bus -> board_registers
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
 /// The request RESET resets all but the line and its packets, so that no byte of them is lost.
+///
+/// The store of the frames is the memory at the ports store_*: two buffers of Width * Height pixels,
+/// 14.7 Mbit at 640 x 480, more than the block RAM of a small FPGA. A pixel is written in the clock
+/// of store_write_o. store_a_rgb_i(t) is the pixel at store_a_at_o(t - StoreLatency) of buffer
+/// store_a_buffer_o, as written before; likewise b. All these ports are registers. lipp_board_with_store
+/// has a memory there.
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
@@ -27,11 +33,13 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,   // polarities of the syncs
   parameter bit VPositive = 1'b1,
+  parameter int StoreLatency = 2,   // clocks from a port's address to its pixel, 1 or more
   // Chief rays through the optics of the whole board: aims must be 0.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
-  localparam int F = int'(Build.fraction_bits)
+  localparam int F = int'(Build.fraction_bits),
+  localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous
@@ -47,6 +55,17 @@ module lipp_board #(
   output logic        out_valid_o,
   input  logic        out_ready_i,
   output logic [7:0]  out_data_o,
+
+  output logic                 store_write_o,
+  output logic                 store_write_buffer_o,
+  output logic [PlaceBits-1:0] store_write_at_o,      // row by row
+  output logic [23:0]          store_write_rgb_o,
+  output logic                 store_a_buffer_o,
+  output logic [PlaceBits-1:0] store_a_at_o,
+  input  logic [23:0]          store_a_rgb_i,
+  output logic                 store_b_buffer_o,
+  output logic [PlaceBits-1:0] store_b_at_o,
+  input  logic [23:0]          store_b_rgb_i,
 
   output logic        de_o,
   output logic        hsync_o,
@@ -209,21 +228,21 @@ module lipp_board #(
 
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
-  localparam int PlaceBits = $clog2(Width * Height);
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
+  localparam int ReadLatency = StoreLatency + 2;  // the ports are registers
   logic front, swap, swapped;
   logic write, write_buffer, copy_buffer, check_buffer;
   logic [PlaceBits-1:0] write_at, copy_at, check_at, show_at;
-  logic [23:0] write_rgb, second_rgb, show_rgb;
+  logic [23:0] write_rgb, second_rgb_q, show_rgb_q;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc;
-  lipp_tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
+  lipp_tile_writer #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_tile_writer (
     .clk_i, .rst_ni(core_rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
     .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
     .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(tile_data),
     .last_i(tile_last), .write_o(write), .write_buffer_o(write_buffer),
     .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
-    .copy_at_o(copy_at), .copy_rgb_i(second_rgb)
+    .copy_at_o(copy_at), .copy_rgb_i(second_rgb_q)
   );
   // The table's entry of a tile is invalid from its start until it ended without an error.
   lipp_tile_table #(.Width(Width), .Height(Height)) i_tile_table (
@@ -235,10 +254,10 @@ module lipp_board #(
   );
   logic unused_table;
   assign unused_table = ^table_at[15:TileBits];
-  lipp_frame_check #(.Width(Width), .Height(Height)) i_frame_check (
+  lipp_frame_check #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_frame_check (
     .clk_i, .rst_ni(core_rst_n), .start_i(check_start), .buffer_i(!front),
     .busy_o(check_busy), .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
-    .read_rgb_i(second_rgb)
+    .read_rgb_i(second_rgb_q)
   );
   lipp_presenter i_presenter (
     .clk_i, .rst_ni(core_rst_n), .start_i(present_start), .epoch_i(present_epoch),
@@ -247,17 +266,23 @@ module lipp_board #(
     .swap_o(swap), .swapped_i(swapped)
   );
   // Requests are executed one at a time, so a tile is never copied while a frame is checked.
-  lipp_frame_store #(.Width(Width), .Height(Height)) i_frame_store (
-    .clk_i, .write_i(write), .write_buffer_i(write_buffer), .write_at_i(write_at),
-    .write_rgb_i(write_rgb), .a_buffer_i(front), .a_at_i(show_at), .a_rgb_o(show_rgb),
-    .b_buffer_i(check_busy ? check_buffer : copy_buffer),
-    .b_at_i(check_busy ? check_at : copy_at), .b_rgb_o(second_rgb)
-  );
+  always_ff @(posedge clk_i or negedge core_rst_n) begin
+    if (!core_rst_n) store_write_o <= 1'b0;
+    else store_write_o <= write;
+  end
+  always_ff @(posedge clk_i) begin
+    {store_write_buffer_o, store_write_at_o, store_write_rgb_o}
+        <= {write_buffer, write_at, write_rgb};
+    {store_a_buffer_o, store_a_at_o, show_rgb_q} <= {front, show_at, store_a_rgb_i};
+    {store_b_buffer_o, store_b_at_o} <=
+        check_busy ? {check_buffer, check_at} : {copy_buffer, copy_at};
+    second_rgb_q <= store_b_rgb_i;
+  end
   logic unused_start;
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .F(F), .Grid(int'(Build.grid))
+    .F(F), .Grid(int'(Build.grid)), .ReadLatency(ReadLatency)
   ) i_scan_out (
     .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
     .brightness_i(set.display.brightness.value),
@@ -265,7 +290,7 @@ module lipp_board #(
       kind: lipp_panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
       j: set.lens.j.value
     }),
-    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb), .de_o, .hsync_o, .vsync_o,
+    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb_q), .de_o, .hsync_o, .vsync_o,
     .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
   );
 

@@ -4,11 +4,12 @@
 /// CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
 ///
 /// start_i starts the check; it is ignored while busy_o is high. done_o is a pulse
-/// Width * Height + 3 clocks later; crc_o is then valid until the next start. The module reads one
-/// pixel a clock through a port of the store, which it owns while busy_o is high.
+/// Width * Height + ReadLatency + 1 clocks later; crc_o is then valid until the next start. The
+/// module reads one pixel a clock through a port of the store, which it owns while busy_o is high.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,
+  parameter int ReadLatency = 2,  // 2 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -22,11 +23,15 @@ module lipp_frame_check #(
 
   output logic                 read_buffer_o,
   output logic [PlaceBits-1:0] read_at_o,
-  input  logic [23:0]          read_rgb_i  // latency 2
+  input  logic [23:0]          read_rgb_i  // ReadLatency clocks after its address
 );
 
+  if (ReadLatency < 2) begin : gen_illegal
+    $fatal(1, "lipp_frame_check: ReadLatency must be 2 or more");
+  end
+
   logic ask_q, take;
-  logic [2:1] asked_q;  // clocks ago
+  logic [ReadLatency:1] asked_q;  // clocks ago
   logic [31:0] crc_q;
   assign take = start_i && !busy_o;
   assign busy_o = ask_q || asked_q != '0;
@@ -38,8 +43,8 @@ module lipp_frame_check #(
     end else begin
       if (take) ask_q <= 1'b1;
       else if (read_at_o == PlaceBits'(Width * Height - 1)) ask_q <= 1'b0;
-      asked_q <= {asked_q[1], ask_q};
-      done_o <= asked_q == 2'b10;
+      asked_q <= ReadLatency'({asked_q, ask_q});
+      done_o <= asked_q == ReadLatency'(1) << (ReadLatency - 1);
     end
   end
 
@@ -50,7 +55,7 @@ module lipp_frame_check #(
       crc_q <= lipp_link_pkg::CrcStart;
     end else begin
       if (ask_q) read_at_o <= read_at_o + 1'b1;
-      if (asked_q[2]) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, read_rgb_i);
+      if (asked_q[ReadLatency]) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, read_rgb_i);
     end
   end
 

@@ -27,6 +27,7 @@ module lipp_scan_out #(
   parameter bit VPositive = 1'b1,                // polarity of vertical sync
   parameter int F = 23,                          // of the test patterns' optics
   parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int ReadLatency = 2,                 // 1 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                       clk_i,
@@ -40,7 +41,7 @@ module lipp_scan_out #(
   input  lipp_optics_pkg::optics_config_t optics_i,
 
   output logic [PlaceBits-1:0]       read_at_o,  // in buffer front_o
-  input  logic [23:0]                read_rgb_i, // latency 2
+  input  logic [23:0]                read_rgb_i, // ReadLatency clocks after its address
 
   output logic                       de_o,
   output logic                       hsync_o,
@@ -60,10 +61,13 @@ module lipp_scan_out #(
   localparam int YBits = $clog2(Lines + 1);
   localparam int PanelBits = lipp_optics_pkg::PanelBits;
   localparam int Pattern = pattern_latency(Grid);
-  localparam int Latency = Pattern + 2;  // from the counters to the output
-  localparam int Read = Pattern - 2;     // from the counters to the store's address
+  localparam int Latency = Pattern + 3;  // from the counters to the output
+  localparam int Read = Pattern - ReadLatency;  // from the counters to the store's address
 
-  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks < Latency) begin : gen_illegal
+  if (ReadLatency < 1 || Read < 1) begin : gen_illegal_latency
+    $fatal(1, "lipp_scan_out: ReadLatency must be 1 or more, and below %0d", Pattern);
+  end
+  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks < Pattern + 2) begin : gen_illegal
     $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks");
   end
 
@@ -138,29 +142,33 @@ module lipp_scan_out #(
     else rgb_q <= shown_q ? read_rgb_i : '0;
   end
 
-  function automatic logic [7:0] dimmed(logic [7:0] value, logic [7:0] brightness);
-    return 8'((16'(value) * (16'(brightness) + 16'd1)) >> 8);
-  endfunction
+  // p (brightness + 1) in two steps: the products of the brightness' halves, and their sum.
+  logic [2:0][11:0] high_q;
+  logic [2:0][12:0] low_q;
   always_ff @(posedge clk_i) begin
     for (int k = 0; k < 3; k++) begin
-      rgb_o[8*k+:8] <= active_q[Latency-1] ? dimmed(rgb_q[8*k+:8], brightness_q) : '0;
+      high_q[k] <= 12'(rgb_q[8*k+:8]) * 12'(brightness_q[7:4]);
+      low_q[k] <= 13'(rgb_q[8*k+:8]) * 13'(brightness_q[3:0]) + 13'(rgb_q[8*k+:8]);
+      rgb_o[8*k+:8] <= '0;
+      if (active_q[Latency-1]) rgb_o[8*k+:8] <= 8'((high_q[k] + 12'(low_q[k][12:4])) >> 4);
     end
   end
 
   // ---- the frame: CRC and count ----
-  logic [4:1] first_q, last_q;
+  localparam int Shown = Latency - Read;  // from the store's address to the output
+  logic [Shown:1] first_q, last_q;
   logic ended_q;
   logic [31:0] crc_q;
-  assign frame_start_o = first_q[4];
+  assign frame_start_o = first_q[Shown];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {first_q, last_q, ended_q} <= '0;
       frames_o <= '0;
       shown_crc_o <= '0;
     end else begin
-      first_q <= {first_q[3:1], active_q[Read] && read_at_o == '0};
-      last_q <= {last_q[3:1], active_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)};
-      ended_q <= last_q[4];
+      first_q <= {first_q[Shown-1:1], active_q[Read] && read_at_o == '0};
+      last_q <= {last_q[Shown-1:1], active_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)};
+      ended_q <= last_q[Shown];
       if (ended_q) begin
         frames_o <= frames_o + 1'b1;
         shown_crc_o <= ~crc_q;

@@ -139,14 +139,18 @@ module lipp_test_pattern #(
 
   localparam int Wp = 2 * MulBits + 1;
   logic signed [Wp-1:0] u_det_q, v_det_q, det_q, limit_q;
+  logic signed [Wp:0] u_over, u_under, v_over, v_under;  // negative: beyond the limit
   logic centre_q;
+  assign u_over = (Wp + 1)'(limit_q) - (Wp + 1)'(u_det_q);
+  assign u_under = (Wp + 1)'(limit_q) + (Wp + 1)'(u_det_q);
+  assign v_over = (Wp + 1)'(limit_q) - (Wp + 1)'(v_det_q);
+  assign v_under = (Wp + 1)'(limit_q) + (Wp + 1)'(v_det_q);
   always_ff @(posedge clk_i) begin
     det_q <= Wp'(xu_yv) - Wp'(xv_yu);            // 38 fraction bits
     limit_q <= (det_q >>> 3) + (det_q >>> 7);    // 36 fraction bits, as the products
     u_det_q <= Wp'(yv_x) - Wp'(xv_y);
     v_det_q <= Wp'(xu_y) - Wp'(yu_x);
-    centre_q <= u_det_q <= limit_q && u_det_q >= -limit_q
-        && v_det_q <= limit_q && v_det_q >= -limit_q;
+    centre_q <= !(u_over[Wp] || u_under[Wp] || v_over[Wp] || v_under[Wp]);
   end
 
   // ---- the selected pattern ----

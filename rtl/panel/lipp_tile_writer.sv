@@ -19,10 +19,11 @@
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
 /// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
-/// 4 + ceil(log2(rows of tiles)) more (5 if there is only one row).
+/// ReadLatency + 3 + ceil(log2(rows of tiles)) more (ReadLatency + 4 if there is only one row).
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
+  parameter int ReadLatency = 2,  // 1 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -49,7 +50,7 @@ module lipp_tile_writer #(
 
   output logic                 copy_buffer_o,
   output logic [PlaceBits-1:0] copy_at_o,
-  input  logic [23:0]          copy_rgb_i   // latency 2
+  input  logic [23:0]          copy_rgb_i   // ReadLatency clocks after its address
 );
   import lipp_panel_pkg::*;
 
@@ -57,6 +58,7 @@ module lipp_tile_writer #(
   localparam int Rows = tiles(Height);
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
+  localparam int LeftBits = 2 * SideBits + 1;
   // Last index along a side of a tile: for the last tile of a row or column, and for the others.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
@@ -70,20 +72,22 @@ module lipp_tile_writer #(
   state_e state_q;
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
-  logic start, take, emit, write;
+  logic start, take, emit, move;
+  logic [ReadLatency:0] write_q;  // a pixel was decoded, clocks ago less one
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
-  assign write = emit && !full_q;
 
   // ---- the tile's position: its row by division, one bit a clock ----
   logic [15:0] rest_q;     // the tile's number, in the end its column
   logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
   logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
-  logic [SideBits-1:0] x_q, y_q, last_x_q, last_y_q;
+  logic [SideBits-1:0] x_q, last_x_q;
+  logic last_column, last_row_q;  // of tiles
   logic [PlaceBits-1:0] row_at_q, at_q, tile_at, next_row_at;
   logic end_of_row, missing;
   assign missing = int'(tile_i) >= Columns * Rows;
   assign tile_at = row_at_q + PlaceBits'({rest_q, SideBits'(0)});
+  assign last_column = rest_q == 16'(Columns - 1);
   assign end_of_row = x_q == last_x_q;
   assign next_row_at = row_at_q + PlaceBits'(Width);
 
@@ -93,8 +97,8 @@ module lipp_tile_writer #(
       columns_q <= 16'(Columns << (RowBits - 1));
       rows_q <= PlaceBits'((Tile * Width) << (RowBits - 1));
       row_at_q <= '0;
-      last_y_q <= int'(tile_i) >= Columns * (Rows - 1) ? CutY : Whole;
-      {x_q, y_q} <= '0;
+      last_row_q <= int'(tile_i) >= Columns * (Rows - 1);
+      x_q <= '0;
     end
     if (state_q == Locate) begin
       columns_q <= columns_q >> 1;
@@ -105,17 +109,14 @@ module lipp_tile_writer #(
       end
     end
     if (state_q == Place) begin
-      last_x_q <= rest_q == 16'(Columns - 1) ? CutX : Whole;
+      last_x_q <= last_column ? CutX : Whole;
       row_at_q <= tile_at;
       at_q <= tile_at;
     end
-    if (write) begin
+    if (write_q[0]) begin
       x_q <= end_of_row ? '0 : x_q + 1'b1;
       at_q <= end_of_row ? next_row_at : at_q + 1'b1;
-      if (end_of_row) begin
-        row_at_q <= next_row_at;
-        y_q <= y_q + 1'b1;
-      end
+      if (end_of_row) row_at_q <= next_row_at;
     end
   end
 
@@ -123,14 +124,17 @@ module lipp_tile_writer #(
   logic [23:0] index[64];
   logic [63:0] known_q;
   logic [23:0] rgb_q, indexed;
-  logic [5:0] hash;
-  // 3 r + 5 g + 7 b + 11 * 255, in sums: six bits are too few for multiplier cells.
-  assign hash = (rgb_q[21:16] + {rgb_q[20:16], 1'b0}) + (rgb_q[13:8] + {rgb_q[11:8], 2'b0})
-      + ({rgb_q[2:0], 3'b0} - rgb_q[5:0]) + 6'(11 * 255);
-  assign indexed = data_i[5:0] == hash ? rgb_q : known_q[data_i[5:0]] ? index[data_i[5:0]] : '0;
+  logic [5:0] hash;            // of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
+  logic [5:0] hash_q, more_q;  // its two summands
+  localparam logic [5:0] BlackHash = 6'(11 * 255);
+  logic known, previous;
+  assign known = known_q[data_i[5:0]];
+  assign hash = hash_q + more_q;
+  assign previous = data_i[5:0] == hash;
+  assign indexed = previous ? rgb_q : known ? index[data_i[5:0]] : '0;
   always_ff @(posedge clk_i) begin
     if (start) known_q <= '0;
-    else if (state_q == Decode) begin
+    else if (write_q[0]) begin  // rgb_q is a pixel
       known_q[hash] <= 1'b1;
       index[hash] <= rgb_q;
     end
@@ -140,36 +144,47 @@ module lipp_tile_writer #(
   logic [1:0] want_q, want_d;  // remaining bytes of the operation
   logic [15:0] before_q;       // the two previous bytes
   logic luma_q, luma_d;
-  logic [5:0] run_q, run_d;    // remaining repetitions of the pixel
+  logic [6:0] run_q, run_d;    // remaining repetitions of the pixel less 1: none if negative
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
-  logic bad, repeating;
-  logic [23:0] rgb;
-  logic [7:0] luma;
+  logic [LeftBits-1:0] left_q; // pixels of the tile to come, less 2: negative at the last
+  logic bad, repeating, colour, look_up;
+  logic [23:0] rgb, difference;
+  logic [5:0] hash_d, more_d;
 
-  /// The previous pixel plus differences.
-  function automatic logic [23:0] moved(
-      logic [23:0] from, logic [7:0] dr, logic [7:0] dg, logic [7:0] db);
-    return {from[23:16] + dr, from[15:8] + dg, from[7:0] + db};
-  endfunction
-
-  assign repeating = run_q != '0 || (fill_q && !full_q);
+  assign repeating = !run_q[6] || fill_q;
   assign ready_o = state_q == Decode && !repeating && !last_q;
-  assign luma = {2'b0, before_q[5:0]} - 8'd32;
+
+  // The next pixel is this one plus a difference, black plus a difference, or one of the index. Its
+  // hash follows from the same operation, since the hash of a sum is a sum: 3 r + 5 g + 7 b, modulo
+  // 64, in sums, for six bits are too few for multiplier cells. QOI_OP_LUMA moves the pixel twice.
+  function automatic logic [5:0] hashed(logic [5:0] r, logic [5:0] g, logic [5:0] b);
+    return (r + {r[4:0], 1'b0}) + (g + {g[3:0], 2'b0}) + ({b[2:0], 3'b0} - b);
+  endfunction
+  always_comb begin
+    rgb = colour ? difference : {
+      rgb_q[23:16] + difference[23:16], rgb_q[15:8] + difference[15:8], rgb_q[7:0] + difference[7:0]
+    };
+    {hash_d, more_d} = {colour ? BlackHash : hash,
+        hashed(difference[21:16], difference[13:8], difference[5:0])};
+    if (look_up) begin
+      rgb = indexed;
+      {hash_d, more_d} = {previous || known ? data_i[5:0] : BlackHash, 6'd0};
+    end
+  end
 
   always_comb begin
-    {emit, bad, rgb} = {1'b0, 1'b0, rgb_q};
+    {emit, bad, colour, look_up, move, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
     if (state_q == Decode && repeating) begin
       emit = 1'b1;
-      run_d = run_q - 6'(run_q != '0);
+      if (!run_q[6]) run_d = run_q - 1'b1;
     end else if (take && !bad_q) begin
       if (want_q != '0) begin
         want_d = want_q - 1'b1;
         if (want_q == 2'd1) begin
           emit = 1'b1;
-          rgb = luma_q ? moved(rgb_q, luma + {4'd0, data_i[7:4]} - 8'd8, luma,
-                               luma + {4'd0, data_i[3:0]} - 8'd8)
-              : {before_q, data_i};
+          colour = !luma_q;
+          difference = luma_q ? {4'd0, data_i[7:4], 8'd0, 4'd0, data_i[3:0]} : {before_q, data_i};
           luma_d = 1'b0;
           fill_d = coding_q == CodingSolid;
           if (coding_q == CodingRaw) want_d = 2'd3;
@@ -181,11 +196,17 @@ module lipp_tile_writer #(
       end else begin
         emit = 1'b1;
         unique case (data_i[7:6])
-          2'b00: rgb = indexed;
-          2'b01: rgb = moved(rgb_q, {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2,
-                             {6'd0, data_i[1:0]} - 8'd2);
-          2'b10: {emit, want_d, luma_d} = {1'b0, 2'd1, 1'b1};
-          2'b11: run_d = data_i[5:0];
+          2'b00: look_up = 1'b1;
+          2'b01: difference = {
+            {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2, {6'd0, data_i[1:0]} - 8'd2
+          };
+          2'b10: begin  // the rest of the differences of red and blue comes with the second byte
+            {emit, move, want_d, luma_d} = {1'b0, 1'b1, 2'd1, 1'b1};
+            difference = {
+              {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
+            };
+          end
+          2'b11: run_d = {1'b0, data_i[5:0]} - 7'd1;
         endcase
       end
     end
@@ -196,37 +217,46 @@ module lipp_tile_writer #(
     if (start) begin
       coding_q <= coding_e'(coding_i);
       buffer_q <= buffer_i;
-      rgb_q <= '0;
+      {rgb_q, hash_q, more_q} <= {24'd0, BlackHash, 6'd0};
       want_q <= coding_i == CodingQoi ? 2'd0 : 2'd3;
-      {luma_q, run_q, full_q} <= '0;
+      {luma_q, run_q, full_q} <= {1'b0, -7'd1, 1'b0};
       fill_q <= coding_i == CodingCopy && empty_i && !missing;
       last_q <= empty_i;
       bad_q <= missing || coding_i > CodingCopy || (coding_i == CodingCopy && !empty_i);
     end else begin
-      {want_q, luma_q, run_q, fill_q} <= {want_d, luma_d, run_d, fill_d};
-      if (emit) rgb_q <= rgb;
+      {want_q, luma_q, run_q} <= {want_d, luma_d, run_d};
+      fill_q <= fill_d && !(emit && left_q[LeftBits-1]);
+      if (emit || move) {rgb_q, hash_q, more_q} <= {rgb, hash_d, more_d};
       if (take) before_q <= {before_q[7:0], data_i};
       if (take) last_q <= last_i;
       if (bad) bad_q <= 1'b1;
-      if (write && end_of_row && y_q == last_y_q) full_q <= 1'b1;
+      if (emit) left_q <= left_q - 1'b1;
+      if (emit && left_q[LeftBits-1]) full_q <= 1'b1;
+    end
+    if (state_q == Place) begin
+      unique case ({last_row_q, last_column})
+        2'b00: left_q <= LeftBits'(Tile * Tile - 2);
+        2'b01: left_q <= LeftBits'((int'(CutX) + 1) * Tile - 2);
+        2'b10: left_q <= LeftBits'(Tile * (int'(CutY) + 1) - 2);
+        2'b11: left_q <= LeftBits'((int'(CutX) + 1) * (int'(CutY) + 1) - 2);
+      endcase
     end
   end
 
-  // ---- pixels to the store, two clocks later: a copied pixel has arrived by then ----
-  logic [2:1] write_q;
-  logic [2:1][PlaceBits-1:0] write_at_q;
-  logic [23:0] written_q;
+  // ---- pixels to the store, ReadLatency clocks later: a copied pixel has arrived by then ----
+  logic [ReadLatency:1][PlaceBits-1:0] write_at_q;
+  logic [ReadLatency:1][23:0] written_q;
   logic [31:0] crc_q;
   assign copy_buffer_o = !buffer_q;
   assign copy_at_o = at_q;
-  assign write_o = write_q[2];
+  assign write_o = write_q[ReadLatency];
   assign write_buffer_o = buffer_q;
-  assign write_at_o = write_at_q[2];
-  assign write_rgb_o = coding_q == CodingCopy ? copy_rgb_i : written_q;
+  assign write_at_o = write_at_q[ReadLatency];
+  assign write_rgb_o = coding_q == CodingCopy ? copy_rgb_i : written_q[ReadLatency];
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin
-    write_at_q <= {write_at_q[1], at_q};
-    written_q <= rgb_q;
+    write_at_q <= (ReadLatency * PlaceBits)'({write_at_q, at_q});
+    written_q <= (24 * ReadLatency)'({written_q, rgb_q});
     if (start) crc_q <= lipp_link_pkg::CrcStart;
     else if (write_o) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, write_rgb_o);
   end
@@ -238,7 +268,7 @@ module lipp_tile_writer #(
       state_q <= Idle;
       write_q <= '0;
     end else begin
-      write_q <= {write_q[1], write};
+      write_q <= (ReadLatency + 1)'({write_q, emit && !full_q});
       unique case (state_q)
         Idle: if (start_i) state_q <= Locate;
         Locate: if (columns_q == 16'(Columns)) state_q <= Place;

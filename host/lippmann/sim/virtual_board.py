@@ -231,7 +231,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = hardware()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top))]
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board_with_store", rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
@@ -253,7 +253,7 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
     flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 
     def make(path: Path) -> None:
-        verilated(path, "lipp_board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
+        verilated(path, "lipp_board_with_store", files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
     return kept(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

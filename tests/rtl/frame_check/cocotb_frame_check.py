@@ -8,6 +8,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
 PIXELS = int(cocotb.plusargs["Width"]) * int(cocotb.plusargs["Height"])
+LATENCY = int(cocotb.plusargs["ReadLatency"])
 
 
 async def begin(dut):
@@ -40,7 +41,7 @@ async def check(dut, edge, buffer, meddle):
         # While it runs, a start means nothing, and neither does the buffer.
         dut.start_i.value = meddle and bool(dut.busy_o.value) and random.random() < 0.5
         dut.buffer_i.value = random.getrandbits(1)
-        assert clocks < PIXELS + 10
+        assert clocks < PIXELS + LATENCY + 10
     assert not dut.busy_o.value
     return int(dut.crc_o.value), clocks
 
@@ -52,7 +53,7 @@ async def the_crc_of_either_buffer(dut):
         buffer = random.getrandbits(1)
         crc, clocks = await check(dut, edge, buffer, turn % 2)
         assert crc == zlib.crc32(frames[buffer])
-        assert clocks == PIXELS + 3
+        assert clocks == PIXELS + LATENCY + 1
         # The next start may come with the end of this one.
         dut.start_i.value = 0
         for _ in range(random.choice([0, 0, 1, 5])):
@@ -64,7 +65,7 @@ async def the_crc_of_either_buffer(dut):
 @cocotb.test()
 async def reset_ends_a_check(dut):
     edge, frames = await begin(dut)
-    for clocks in (1, 2, 3, 20, PIXELS + 1, PIXELS + 2):
+    for clocks in (1, 2, 3, 20, *range(PIXELS + 1, PIXELS + LATENCY + 1)):
         dut.start_i.value = 1
         for _ in range(clocks):
             await edge
@@ -72,7 +73,7 @@ async def reset_ends_a_check(dut):
         dut.rst_ni.value = 0
         await edge
         dut.rst_ni.value = 1
-        for _ in range(PIXELS + 5):
+        for _ in range(PIXELS + LATENCY + 3):
             assert not dut.done_o.value
             assert not dut.busy_o.value
             await edge

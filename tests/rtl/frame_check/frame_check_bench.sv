@@ -2,6 +2,7 @@
 module frame_check_bench #(
   parameter int Width = 9,
   parameter int Height = 5,
+  parameter int ReadLatency = 2,
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -19,11 +20,13 @@ module frame_check_bench #(
 
   logic read_buffer;
   logic [PlaceBits-1:0] read_at;
-  logic [23:0] read_rgb, unused_rgb;
-  lipp_frame_check #(.Width(Width), .Height(Height)) i_check (
+  logic [23:0] read_rgb, late_rgb, unused_rgb;
+  lipp_frame_check #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_check (
     .clk_i, .rst_ni, .start_i, .buffer_i, .busy_o, .done_o, .crc_o,
-    .read_buffer_o(read_buffer), .read_at_o(read_at), .read_rgb_i(read_rgb)
+    .read_buffer_o(read_buffer), .read_at_o(read_at), .read_rgb_i(late_rgb)
   );
+  // Behind the store's two clocks, as many as make ReadLatency.
+  lipp_delay #(.Width(24), .Cycles(ReadLatency - 2)) i_late (.clk_i, .d_i(read_rgb), .q_o(late_rgb));
   lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
     .clk_i, .write_i(fill_i), .write_buffer_i(fill_buffer_i), .write_at_i(fill_at_i),
     .write_rgb_i(fill_rgb_i), .a_buffer_i(1'b0), .a_at_i('0), .a_rgb_o(unused_rgb),

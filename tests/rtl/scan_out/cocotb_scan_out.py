@@ -9,7 +9,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from rtl_coverage import Coverage
 
-T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVWG"}
+T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVWGR"}
 WIDTH, HEIGHT = T["Width"], T["Height"]
 LEFT, TOP = T["HSync"] + T["HBack"], T["VSync"] + T["VBack"]
 LINE, LINES = LEFT + WIDTH + T["HFront"], TOP + HEIGHT + T["VFront"]
@@ -96,7 +96,7 @@ class Bench:
                 # A swap comes with the next vertical sync, a few clocks ahead of the output.
                 front = out >> 29 if front is None else front
                 if out >> 28 & 1:
-                    assert (LINES - y) * LINE - x == 3
+                    assert (LINES - y) * LINE - x == T["ReadLatency"] + 2
                     self.release = random.randint(1, 4)
                     swapped, front, self.shown = True, 1 - front, True
                 self.release -= 1

@@ -11,6 +11,7 @@ module scan_out_bench #(
   parameter bit HPositive = 1'b1,
   parameter bit VPositive = 1'b1,
   parameter int Grid = 0,
+  parameter int ReadLatency = 2,
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -35,7 +36,7 @@ module scan_out_bench #(
 
   logic front, swapped;
   logic [PlaceBits-1:0] read_at;
-  logic [23:0] read_rgb, unused_rgb, rgb;
+  logic [23:0] read_rgb, late_rgb, unused_rgb, rgb;
   lipp_panel_pkg::pattern_t pattern;
   // Every pixel lies on the same point of lenslet (0, 0): (view + 1/2) / 256 - 1/2 pitches.
   lipp_optics_pkg::optics_config_t optics;
@@ -50,12 +51,14 @@ module scan_out_bench #(
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .Grid(Grid)
+    .Grid(Grid), .ReadLatency(ReadLatency)
   ) i_scan_out (
     .clk_i, .rst_ni, .swap_i, .swapped_o(swapped), .front_o(front), .brightness_i,
-    .pattern_i(pattern), .optics_i(optics), .read_at_o(read_at), .read_rgb_i(read_rgb),
+    .pattern_i(pattern), .optics_i(optics), .read_at_o(read_at), .read_rgb_i(late_rgb),
     .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
   );
+  // Behind the store's two clocks, as many as make ReadLatency.
+  lipp_delay #(.Width(24), .Cycles(ReadLatency - 2)) i_late (.clk_i, .d_i(read_rgb), .q_o(late_rgb));
   lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
     .clk_i, .write_i(fill_i), .write_buffer_i(fill_buffer_i), .write_at_i(fill_at_i),
     .write_rgb_i(fill_rgb_i), .a_buffer_i(front), .a_at_i(read_at), .a_rgb_o(read_rgb),

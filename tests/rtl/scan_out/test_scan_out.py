@@ -11,17 +11,17 @@ TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VB
 
 
 @pytest.mark.parametrize(
-    ("timing", "grid"),
+    ("timing", "grid", "latency"),
     [
-        ((70, 3, 5, 4, 35, 2, 3, 1, 1, 0), 0),
-        ((70, 3, 5, 4, 35, 2, 3, 1, 0, 1), 1),
-        ((7, 0, 14, 0, 2, 1, 1, 0, 0, 0), 0),
-        ((7, 0, 14, 0, 2, 1, 1, 0, 1, 1), 1),
+        ((70, 3, 5, 4, 35, 2, 3, 1, 1, 0), 0, 4),
+        ((70, 3, 5, 4, 35, 2, 3, 1, 0, 1), 1, 2),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 0, 0), 0, 2),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 1, 1), 1, 7),
     ],
     ids=["small-square", "small-hex", "tiny-square", "tiny-hex"],
 )
-def test_every_clock(timing, grid):
-    parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid}
+def test_every_clock(timing, grid, latency):
+    parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid, "ReadLatency": latency}
     program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}")
     simulate(program, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
 

@@ -10,10 +10,14 @@ FOLDERS = ("registers", "optics", "link", "panel")
 
 
 @pytest.mark.parametrize(
-    ("width", "height"),
-    [(72, 56), (7, 5), *(pytest.param(*p, marks=pytest.mark.full) for p in ((64, 32), (33, 129), (1920, 1080)))],
+    ("width", "height", "latency"),
+    [
+        (72, 56, 4),
+        (7, 5, 2),
+        *(pytest.param(*p, marks=pytest.mark.full) for p in ((64, 32, 2), (33, 129, 3), (1920, 1080, 7))),
+    ],
 )
-def test_tile_writer(width, height):
-    parameters = {"Width": width, "Height": height}
+def test_tile_writer(width, height, latency):
+    parameters = {"Width": width, "Height": height, "ReadLatency": latency}
     program = compiled("tile_writer_bench", parameters, BENCH.read_text())
     simulate(program, "tile_writer_bench", "cocotb_tile_writer", seed(), plusargs=parameters)

@@ -2,6 +2,7 @@
 module tile_writer_bench #(
   parameter int Width = 72,
   parameter int Height = 56,
+  parameter int ReadLatency = 2,
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                  clk_i,
@@ -33,15 +34,17 @@ module tile_writer_bench #(
 
   logic write, write_buffer, copy_buffer;
   logic [PlaceBits-1:0] write_at, copy_at;
-  logic [23:0] write_rgb, copy_rgb;
+  logic [23:0] write_rgb, copy_rgb, late_rgb;
   assign written_o = {write, write_buffer, write_at, write_rgb};
 
-  lipp_tile_writer #(.Width(Width), .Height(Height)) i_writer (
+  lipp_tile_writer #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_writer (
     .clk_i, .rst_ni, .start_i, .tile_i, .coding_i, .buffer_i, .empty_i, .done_o, .ok_o, .crc_o,
     .valid_i, .ready_o, .data_i, .last_i, .write_o(write), .write_buffer_o(write_buffer),
     .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
-    .copy_at_o(copy_at), .copy_rgb_i(copy_rgb)
+    .copy_at_o(copy_at), .copy_rgb_i(late_rgb)
   );
+  // Behind the store's two clocks, as many as make ReadLatency.
+  lipp_delay #(.Width(24), .Cycles(ReadLatency - 2)) i_late (.clk_i, .d_i(copy_rgb), .q_o(late_rgb));
   lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
     .clk_i, .write_i(fill_i || write), .write_buffer_i(fill_i ? at_buffer_i : write_buffer),
     .write_at_i(fill_i ? at_i : write_at), .write_rgb_i(fill_i ? rgb_i : write_rgb),
