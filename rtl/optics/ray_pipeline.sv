@@ -86,12 +86,15 @@ module ray_pipeline #(
   localparam bit SlopeAims = Aims && (Model == ModelParaxial || Converge);
   localparam bit Exact = Model == ModelExact;
   localparam bit Cells = Exact && Strays;
+  // Slopes and directions in the air have these bits more.
+  localparam int Air = Exact && !Viewer ? extra_bits(F) : 0;
+  localparam int Wm = W + Air;
   logic [24:0] unfit_d, unfit_q;
   logic unfit_q2;
   assign unfit_d = {
-    beyond_bits(config_i.slope_x, W), beyond_bits(config_i.slope_y, W),
-    SlopeAims && beyond_bits(config_i.slope_aim_x, W),
-    SlopeAims && beyond_bits(config_i.slope_aim_y, W),
+    beyond_bits(config_i.slope_x, Wm), beyond_bits(config_i.slope_y, Wm),
+    SlopeAims && beyond_bits(config_i.slope_aim_x, Wm),
+    SlopeAims && beyond_bits(config_i.slope_aim_y, Wm),
     Model != ModelPinhole && beyond_bits(config_i.point_x, W),
     Model != ModelPinhole && beyond_bits(config_i.point_y, W),
     Aims && beyond_bits(config_i.point_aim_x, W), Aims && beyond_bits(config_i.point_aim_y, W),
@@ -283,16 +286,16 @@ module ray_pipeline #(
         || towards_y_d[Wx] != towards_y_d[Wx-1]));
   end
 
-  logic signed [W-1:0] mx, my;
+  logic signed [Wm-1:0] mx, my;
   logic signed [Wh-1:0] hx, hy;
   logic [3:0] blend_beyond;
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_mx (
-    .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
-    .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx), .beyond_o(blend_beyond[0])
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa), .Wk(Wm)) i_mx (
+    .clk_i, .k_i(config_i.slope_x[Wm-1:0]), .x_i(from_x_q),
+    .l_i(config_i.slope_aim_x[Wm-1:0]), .a_i(a_q), .y_o(mx), .beyond_o(blend_beyond[0])
   );
-  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_my (
-    .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
-    .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my), .beyond_o(blend_beyond[1])
+  blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa), .Wk(Wm)) i_my (
+    .clk_i, .k_i(config_i.slope_y[Wm-1:0]), .x_i(from_y_q),
+    .l_i(config_i.slope_aim_y[Wm-1:0]), .a_i(b_q), .y_o(my), .beyond_o(blend_beyond[1])
   );
   if (Model == ModelPinhole) begin : gen_centre
     assign hx = '0;
@@ -316,9 +319,9 @@ module ray_pipeline #(
   end
 
   localparam int UnitAt = SlopeAt + unit_latency(F);
-  logic signed [W-1:0] ex, ey, ez;
+  logic signed [Wm-1:0] ex, ey, ez;
   logic steep;
-  unit_slope #(.F(F), .CrossCells(CrossCells)) i_unit_slope (
+  unit_slope #(.F(F), .Extra(Air), .CrossCells(CrossCells)) i_unit_slope (
     .clk_i, .mx_i(mx), .my_i(my), .ex_o(ex), .ey_o(ey), .ez_o(ez), .beyond_o(steep)
   );
 
@@ -360,10 +363,17 @@ module ray_pipeline #(
   end else begin : gen_exact
     // Direction at the dome, and the tangential part of n d.
     localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
-    logic signed [W-1:0] first_dx, first_dy, first_dz;
+    localparam int Wt = W + extra_bits(F);
+    localparam int Wz = W + 3 * extra_bits(F);
+    localparam int Wd = 2 * Wt + Wz;
+    logic signed [Wt-1:0] first_dx, first_dy;
+    logic signed [Wz-1:0] first_dz;
     logic first_beyond;
     if (Viewer) begin : gen_air
-      assign {first_dx, first_dy, first_dz, first_beyond} = {ex, ey, ez, 1'b0};
+      assign first_dx = Wt'(ex) <<< (Wt - W);
+      assign first_dy = Wt'(ey) <<< (Wt - W);
+      assign first_dz = Wz'(ez) <<< (Wz - W);
+      assign first_beyond = 1'b0;
     end else begin : gen_glass
       enter_flat #(.F(F), .CrossCells(CrossCells)) i_enter_flat (
         .clk_i, .ex_i(ex), .ey_i(ey), .index_inverse_i(config_i.index_inverse[W-1:0]),
@@ -379,7 +389,9 @@ module ray_pipeline #(
     localparam int MeetLatency = meet_dome_latency(F);
     localparam int LastAt = FirstAt + Walk * WalkLatency;  // the last dome's test starts here
     logic [Walk:0][Wh-1:0] walk_hx, walk_hy;
-    logic [Walk:0][W-1:0] walk_dx, walk_dy, walk_dz, walk_nx, walk_ny, walk_nz, walk_cos;
+    logic [Walk:0][Wt-1:0] walk_dx, walk_dy;
+    logic [Walk:0][Wz-1:0] walk_dz;
+    logic [Walk:0][W-1:0] walk_nx, walk_ny, walk_nz, walk_cos;
     logic [Walk:0][IndexBits-1:0] walk_i, walk_j;
     logic [Walk:0][Wf-1:0] walk_s;
     logic [Walk:0] walk_missed, walk_beyond, meet_beyond;  // before the dome, and there
@@ -441,7 +453,7 @@ module ray_pipeline #(
               || j_q[IndexBits] != j_q[IndexBits-1];
         end
         assign walk_beyond[k+1] = index_beyond_q || moved_beyond;
-        delay #(.Width(3 * W), .Cycles(WalkLatency)) i_d (
+        delay #(.Width(Wd), .Cycles(WalkLatency)) i_d (
           .clk_i, .d_i({walk_dx[k], walk_dy[k], walk_dz[k]}),
           .q_o({walk_dx[k+1], walk_dy[k+1], walk_dz[k+1]})
         );
@@ -452,10 +464,11 @@ module ray_pipeline #(
 
     // ---- the dome that the ray meets ----
     localparam int DomeAt = LastAt + MeetLatency;
-    logic signed [W-1:0] nx, ny, nz, dome_ex, dome_ey;
+    logic signed [W-1:0] nx, ny, nz;
+    logic signed [Wm-1:0] dome_ex, dome_ey;
     logic dome_steep;
     assign {nx, ny, nz} = {walk_nx[Walk], walk_ny[Walk], walk_nz[Walk]};
-    delay #(.Width(2 * W + 1), .Cycles(DomeAt - UnitAt)) i_e (
+    delay #(.Width(2 * Wm + 1), .Cycles(DomeAt - UnitAt)) i_e (
       .clk_i, .d_i({ex, ey, steep}), .q_o({dome_ex, dome_ey, dome_steep})
     );
     logic inside_late, missed_late, reflected, walk_beyond_late, dome_beyond_late, leave_beyond;
@@ -518,10 +531,11 @@ module ray_pipeline #(
       logic unused_dz;
       assign unused_dz = ^walk_dz[Walk];
     end else begin : gen_panel
-      logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
+      logic signed [Wz-1:0] dome_dz;
+      logic signed [W-1:0] air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
       logic reflected_early, beyond_early, keep_q;
       logic signed [W-1:0] late_nx, late_ny, late_nz, glass_dx, glass_dy, glass_dz;
-      delay #(.Width(W), .Cycles(DomeAt - LastAt)) i_dz (
+      delay #(.Width(Wz), .Cycles(DomeAt - LastAt)) i_dz (
         .clk_i, .d_i(walk_dz[Walk]), .q_o(dome_dz)
       );
       leave_dome #(.F(F), .CrossCells(CrossCells)) i_leave_dome (
@@ -534,9 +548,17 @@ module ray_pipeline #(
       delay #(.Width(3 * W), .Cycles(OutAt - DomeAt)) i_n (
         .clk_i, .d_i({nx, ny, nz}), .q_o({late_nx, late_ny, late_nz})
       );
-      delay #(.Width(3 * W), .Cycles(OutAt - LastAt)) i_glass (
-        .clk_i, .d_i({walk_dx[Walk], walk_dy[Walk], walk_dz[Walk]}),
-        .q_o({glass_dx, glass_dy, glass_dz})
+      // The direction in the glass, rounded to near words.
+      logic signed [W-1:0] round_dx_q, round_dy_q, round_dz_q;
+      logic [Wz-1:0] round_dz;
+      assign round_dz = (walk_dz[Walk] + Wz'((1 << (Wz - W)) >> 1)) >> (Wz - W);
+      always_ff @(posedge clk_i) begin
+        round_dx_q <= W'(($signed(walk_dx[Walk]) + Wt'(Wt - W)) >>> (Wt - W));
+        round_dy_q <= W'(($signed(walk_dy[Walk]) + Wt'(Wt - W)) >>> (Wt - W));
+        round_dz_q <= round_dz[W-1] ? {1'b0, {(W - 1){1'b1}}} : round_dz[W-1:0];  // 1 overflows
+      end
+      delay #(.Width(3 * W), .Cycles(OutAt - LastAt - 1)) i_glass (
+        .clk_i, .d_i({round_dx_q, round_dy_q, round_dz_q}), .q_o({glass_dx, glass_dy, glass_dz})
       );
       assign out_x = Wf'(late_nx);
       assign out_y = Wf'(late_ny);
