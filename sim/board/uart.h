@@ -5,7 +5,7 @@
 
 class Uart {
  public:
-  // Bits per clock = step / 2^16, as in rtl/link/uart_tx.sv.
+  // Bits per clock = step / 2^16, as in rtl/link/lipp_uart_tx.sv.
   explicit Uart(uint32_t step) : step_(step) {}
 
   // Ready for the next byte.

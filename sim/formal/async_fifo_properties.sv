@@ -1,4 +1,4 @@
-/// `async_fifo` between any two clocks: the solver chooses when each of them ticks.
+/// `lipp_async_fifo` between any two clocks: the solver chooses when each of them ticks.
 ///
 /// A synchroniser samples a bit before a tick of the other clock or after it. A bit that changes
 /// while it is sampled gives one of both values; so does the whole count, if no two of its bits
@@ -20,7 +20,7 @@ module async_fifo_properties #(
 
   logic in_ready, out_valid;
   logic [Width-1:0] out_data;
-  async_fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
+  lipp_async_fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
     .in_clk_i, .in_rst_ni(rst_ni), .in_valid_i, .in_ready_o(in_ready), .in_data_i,
     .out_clk_i, .out_rst_ni(rst_ni), .out_valid_o(out_valid), .out_ready_i,
     .out_data_o(out_data)

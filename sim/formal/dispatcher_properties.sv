@@ -1,4 +1,4 @@
-/// `dispatcher`: each request is answered, whatever it is and however slow its neighbours are.
+/// `lipp_dispatcher`: each request is answered, whatever it is and however slow its neighbours are.
 ///
 /// Neighbours answer within Slow clocks, each as its module says; otherwise they do as they like,
 /// and so do both ends of the line. Proved: within Bound clocks something moves, unless the line
@@ -35,14 +35,14 @@ module dispatcher_properties #(
   input logic [31:0]      sign_rays_i,
   input logic [31:0]      sign_crc_i
 );
-  import link_pkg::*;
+  import lipp_link_pkg::*;
 
   logic in_ready, out_valid, out_last, reset, bus_start, bus_write, tile_start, tile_empty;
   logic tile_valid, tile_last, present_start, ray_valid, trace, exit_ready, sign, sign_start;
   logic [7:0] out_data;
   logic [9:0] bus_at;
   logic [31:0] bus_word;
-  dispatcher #(.Width(64), .Height(64)) i_dut (
+  lipp_dispatcher #(.Width(64), .Height(64)) i_dut (
     .clk_i, .rst_ni, .identity_i(64'd0), .epoch_i, .reset_o(reset), .in_valid_i,
     .in_ready_o(in_ready), .in_data_i, .in_last_i, .out_valid_o(out_valid), .out_ready_i,
     .out_data_o(out_data), .out_last_o(out_last), .bus_start_o(bus_start),
@@ -52,7 +52,7 @@ module dispatcher_properties #(
     .tile_last_o(tile_last), .tile_done_i, .tile_ok_i, .stale_o(), .tile_bad_o(), .table_busy_i,
     .table_front_o(), .table_at_o(), .table_crc_i, .present_start_o(present_start),
     .present_epoch_o(), .present_crc_o(), .present_done_i,
-    .present_status_i(status_e'(present_status_i)), .ray_valid_o(ray_valid), .ray_ready_i,
+    .present_status_i(reply_status_e'(present_status_i)), .ray_valid_o(ray_valid), .ray_ready_i,
     .ray_o(), .trace_o(trace), .exit_valid_i, .exit_ready_o(exit_ready), .exit_i, .sign_o(sign),
     .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i
   );

@@ -1,6 +1,6 @@
-/// `fifo` for proofs of what is around it: its outputs are free. fifo_checks, with AssumeFifo,
-/// holds them to the contract that the proof `fifo` proves.
-module fifo #(
+/// `lipp_fifo` for proofs of what is around it: its outputs are free. fifo_checks, with AssumeFifo,
+/// holds them to the contract that the proof `lipp_fifo` proves.
+module lipp_fifo #(
   parameter int Width = 36,
   parameter int AddressBits = 9
 ) (

@@ -1,4 +1,4 @@
-/// `fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks, and
+/// `lipp_fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks, and
 /// the invariants that make it inductive.
 module fifo_properties #(
   parameter int Width = 2,
@@ -49,7 +49,7 @@ module fifo_properties #(
 
   logic valid;
   logic [Width-1:0] data;
-  fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
+  lipp_fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data)
   );
 
@@ -58,7 +58,7 @@ module fifo_properties #(
   wire [3:0] wrote;
   wire watching;
   wire [Width-1:0] watched;
-  fifo_checks #(.Width(Width), .AddressBits(AddressBits), .AssumeWriter(1'b1)) i_checks (
+  lipp_fifo_checks #(.Width(Width), .AddressBits(AddressBits), .AssumeWriter(1'b1)) i_checks (
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data),
     .watch_i(watch_i && \i_fifo.write_at_q == \i_fifo.i_memory.kept_at ),
     .count_o(count), .wrote_o(wrote), .watching_o(watching), .ahead_o(ahead), .watched_o(watched)

@@ -1,4 +1,4 @@
-/// `flow_control` around a pipeline of any function: a ray carries its index instead of data.
+/// `lipp_flow_control` around a pipeline of any function: a ray carries its index instead of data.
 ///
 /// Two proofs. The first counts: room, hold, idle, full rate and latency. Rays in the pipeline are
 /// counted by a tree, so that the induction is short at any Latency: each node holds the number of
@@ -14,7 +14,7 @@ module flow_control_properties #(
   parameter int AddressBits = 4,
   parameter int Index = AddressBits + 1,
   parameter bit Order = 1'b0,    // 1: the second proof
-  parameter bit AnyFifo = 1'b1,  // 1: a FIFO that its contract describes, 0: `fifo` itself
+  parameter bit AnyFifo = 1'b1,  // 1: a FIFO that its contract describes, 0: `lipp_fifo` itself
   parameter bit Guide = 1'b0     // covers: a ray is always offered, none is taken until full
 ) (
   input  logic             clk_i,
@@ -89,7 +89,7 @@ module flow_control_properties #(
   wire [Index-1:0] written = before_q[(Latency-1)*Index +: Index];  // rays that left the pipeline
   wire [Index-1:0] piped = last ? written : junk_i;
 
-  flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_flow (
+  lipp_flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_flow (
     .clk_i, .rst_ni, .hold_i, .idle_o(idle), .valid_i, .ready_o(ready), .piped_i(piped),
     .valid_o(valid), .ready_i, .data_o(index)
   );
@@ -100,7 +100,7 @@ module flow_control_properties #(
   wire [3:0] wrote;
   wire watching;
   wire [Index-1:0] watched;
-  fifo_checks #(
+  lipp_fifo_checks #(
     .Width(Index), .AddressBits(AddressBits), .AssumeWriter(Order), .AssumeFifo(AnyFifo)
   ) i_fifo_checks (
     .clk_i, .rst_ni, .write_i(\i_flow.i_fifo.write_i ), .data_i(\i_flow.i_fifo.data_i ),
@@ -162,7 +162,7 @@ module flow_control_properties #(
       end
     end
 
-    flow_control_checks #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_checks (
+    lipp_flow_control_checks #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_checks (
       .clk_i, .rst_ni, .hold_i, .idle_o(idle), .valid_i, .ready_o(ready), .valid_o(valid),
       .ready_i, .data_o(index)
     );

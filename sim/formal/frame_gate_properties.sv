@@ -1,4 +1,4 @@
-/// `frame_gate` with any software, any rays at both inputs and any reader: the contract of
+/// `lipp_frame_gate` with any software, any rays at both inputs and any reader: the contract of
 /// frame_gate_checks, and the invariants that make it inductive.
 module frame_gate_properties (
   input logic clk_i,
@@ -21,12 +21,12 @@ module frame_gate_properties (
 
   logic apply_waits_o, take_o, stream_o, start_waits_o, begin_o, valid_o;
   logic raster_ready_o, stream_ready_o;
-  frame_gate i_gate (
+  lipp_frame_gate i_gate (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
     .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
-  frame_gate_checks #(.AssumeRaster(1'b1)) i_checks (
+  lipp_frame_gate_checks #(.AssumeRaster(1'b1)) i_checks (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
     .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i

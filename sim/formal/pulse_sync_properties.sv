@@ -1,4 +1,4 @@
-/// `pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse comes
+/// `lipp_pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse comes
 /// out for each that was accepted, before the next can be.
 module pulse_sync_properties (
   input logic from_clk_i,
@@ -8,7 +8,7 @@ module pulse_sync_properties (
 );
 
   logic busy, pulse;
-  pulse_sync i_sync (
+  lipp_pulse_sync i_sync (
     .from_clk_i, .from_rst_ni(rst_ni), .from_pulse_i(pulse_i), .from_busy_o(busy),
     .to_clk_i, .to_rst_ni(rst_ni), .to_pulse_o(pulse)
   );

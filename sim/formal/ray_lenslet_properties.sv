@@ -1,7 +1,7 @@
-/// `ray_lenslet` as a whole: `config_bank` makes a copy only while `flow_control` is idle.
+/// `lipp_ray_lenslet` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
 ///
-/// In the place of `flow_control` and the pipeline, at any latency: an input that hold closes, and
-/// a number of rays inside, which leave at any time. That is what the proof `flow_control` says of
+/// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes, and
+/// a number of rays inside, which leave at any time. That is what the proof `lipp_flow_control` says of
 /// it. The properties say that all rays inside see one configuration, which does not change.
 module ray_lenslet_properties #(
   parameter int Width = 2  // of the configuration
@@ -31,7 +31,7 @@ module ray_lenslet_properties #(
   end
 
   logic [Width-1:0] used;
-  config_bank #(.Width(Width)) i_config_bank (
+  lipp_config_bank #(.Width(Width)) i_config_bank (
     .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
   );
   (* hierconn *) wire \i_config_bank.copy_q ;

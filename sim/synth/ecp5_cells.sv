@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
 /// Ports of ECP5's multiplier cell, as a black box; place-and-route knows the rest.

@@ -1,10 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
 /// Prints the latency of a build during elaboration, for the report of place-and-route.
 module latency #(
   parameter int F = 23,
-  parameter int Grid = optics_pkg::GridSquare,
-  parameter int Model = optics_pkg::ModelExact,
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int Model = lipp_optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
@@ -13,7 +14,7 @@ module latency #(
 );
 
   $info("ray_latency = %0d",
-        optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear));
+        lipp_optics_pkg::ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear));
 
 endmodule
 

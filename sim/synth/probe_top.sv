@@ -1,14 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route: `ray_lenslet` between registers that a few pins fill and read.
+/// The top for place-and-route: `lipp_ray_lenslet` between registers that a few pins fill and read.
 ///
 /// Every input of the engine comes from a register or a shift register, and every output is
 /// combined into a register: no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,
-  parameter int Grid = optics_pkg::GridSquare,
-  parameter int Model = optics_pkg::ModelExact,
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int Model = lipp_optics_pkg::ModelExact,
   parameter bit Viewer = 1'b0,
   parameter bit Aims = 1'b0,
   parameter int Walk = 0,
@@ -20,7 +21,7 @@ module probe_top #(
   input  logic bit_i,
   output logic bit_o
 );
-  import optics_pkg::*;
+  import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
   localparam int ConfigBits = $bits(optics_config_t);
@@ -35,7 +36,7 @@ module probe_top #(
   logic ready, valid, busy, idle;
   logic [OutBits-1:0] out;
   (* keep *) logic [OutBits+3:0] out_q, fold_q;
-  status_e status;
+  ray_status_e status;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) reset_q <= '0;
     else reset_q <= {reset_q[0], 1'b1};
@@ -49,7 +50,7 @@ module probe_top #(
     bit_o <= fold_q[OutBits+3];
   end
 
-  ray_lenslet #(
+  lipp_ray_lenslet #(
     .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
     .Walk(Walk), .Converge(Converge), .Shear(Shear)
   ) i_lenslet (

@@ -57,7 +57,9 @@ def test_no_fault_among_the_changes_that_were_tried_is_no_division_by_zero(tmp_p
 
 def test_faults_leave_elaboration_checks_alone():
     """Also where the condition stands on a line of its own, before the block's name."""
-    tried = [fault.was for fault in mutation.faults_of(mutation.repository() / "rtl" / "optics" / "ray_pipeline.sv")]
+    tried = [
+        fault.was for fault in mutation.faults_of(mutation.repository() / "rtl" / "optics" / "lipp_ray_pipeline.sv")
+    ]
     assert any("keep_q" in line for line in tried)
     assert not [line for line in tried if line.startswith("  if (Walk < 0") or line.startswith("  if (Model != ModelP")]
 

@@ -25,6 +25,7 @@ from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import Panel, load_display
 from lippmann.film.film import load_film
 from lippmann.rendering.placement import load_placement
+from lippmann.sim.tools import PREFIX
 
 TOP = Path(__file__).parents[2]
 PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/**/*.md")])
@@ -369,8 +370,8 @@ def test_promises_that_are_not_kept_are_told():
 def test_twin_and_rtl_state_the_same_formulas():
     """Every rounding as an integer formula, word for word in both."""
     found = 0
-    for source in (TOP / "rtl/optics").glob("*.sv"):
-        twin = TOP / "host/lippmann/fixed" / f"{source.stem}.py"
+    for source in (TOP / "rtl").glob("*/*.sv"):
+        twin = TOP / "host/lippmann/fixed" / f"{source.stem.removeprefix(PREFIX)}.py"
         formulas = re.findall(r"^/// {3}(\S+ += .* >> .*)$", source.read_text(), re.M)
         if formulas and twin.exists():
             assert "round(" not in "".join(formulas)
@@ -383,7 +384,8 @@ def test_twin_and_rtl_state_the_same_formulas():
 @pytest.mark.parametrize("module", ["aim", "fifo", "optics_block", "raster", "ray_lenslet"])
 def test_ports_carry_their_meaning(module):
     """A comment behind each; or behind the one before, of a pair or a triple; clock, handshake and bus say enough."""
-    text = (TOP / f"rtl/optics/{module}.sv").read_text()
+    (source,) = (TOP / "rtl").glob(f"*/{PREFIX}{module}.sv")
+    text = source.read_text()
     ports = re.findall(r"^  (?:in|out)put .*?(\w+_n?[io]),?( +// .+)?$", text, re.M)
     assert len(ports) >= 7
     for (_, before), (name, said) in itertools.pairwise(ports):

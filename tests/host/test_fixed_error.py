@@ -236,7 +236,7 @@ def test_a_worse_step_shows_in_its_own_row(monkeypatch):
     worse, sound = after["leave_dome"], before["leave_dome"]
     assert worse["rms_direction_urad"] == pytest.approx(64 * 2.0**-24 * 1e6, rel=0.02)
     assert worse["left_rms_direction_urad"] == pytest.approx(sound["left_rms_direction_urad"])
-    for stage in ("configuration", "pixel_to_panel", "blend", "unit_slope", "enter_flat", "meet_dome"):
+    for stage in ("configuration", "pixel_to_lattice", "blend", "unit_slope", "enter_flat", "meet_dome"):
         assert after[stage]["rms_direction_urad"] == before[stage]["rms_direction_urad"]
 
 

@@ -64,7 +64,7 @@ def test_a_wrong_definition_is_refused(tmp_path, capsys):
 
 def package_fields():
     """Name: (bits, comment) of optics_config_t, read from the package's text."""
-    text = (TOP / "rtl/optics/optics_pkg.sv").read_text()
+    text = (TOP / "rtl/optics/lipp_optics_pkg.sv").read_text()
     constants = {name: int(value) for name, value in re.findall(r"localparam int (\w+) = (\d+);", text)}
     body = re.search(r"typedef struct packed \{([^}]*)\} optics_config_t;", text).group(1)
     fields = {}

@@ -12,7 +12,7 @@ from random_cases import configured_display
 
 
 def bits_and_fraction(register: str, f: int) -> tuple[int, int]:
-    """Bits of a register's word, and its fraction bits, as rtl/optics/optics_pkg.sv lists them."""
+    """Bits of a register's word, and its fraction bits, as rtl/optics/lipp_optics_pkg.sv lists them."""
     if register in ("x_offset", "y_offset"):
         return OFFSET_BITS, 40
     if "_from_" in register:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from lippmann.sim.tools import PREFIX
 from runner import compiled, seed_options
 
 Ints = npt.NDArray[np.int64]
@@ -95,7 +96,7 @@ def bench_text(instances: Sequence[Instance]) -> str:
         values = ", ".join(f".{name}({value})" for name, value in one.parameters.items())
         lines.append(f"  assign out[{k}] = {outputs}'(out{k});")
         lines.append(f"  assign latency[{k}] = {one.latency};")
-        lines.append(f"  {one.module} #({values}) i_{k} ({', '.join(ports)});")
+        lines.append(f"  {PREFIX}{one.module} #({values}) i_{k} ({', '.join(ports)});")
     return "\n".join([*lines, "endmodule", ""])
 
 

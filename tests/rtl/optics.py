@@ -11,7 +11,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
 from lippmann.fixed.words import PIXEL_BITS
 from random_cases import random_lattice
 from words import Ints, around, mixed, signed
@@ -96,7 +96,7 @@ def within(u: Ints, v: Ints, a: Ints, b: Ints, build: Build, config: Configurati
     f = build.fraction_bits
     locate = lenslet_hex if build.grid == "hex" else lenslet_square
     lattice = [
-        pixel_to_panel(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)[0]
+        pixel_to_lattice(u, v, *(getattr(config, f"{axis}_{name}") for name in ("from_u", "from_v", "offset")), f)[0]
         for axis in "xy"
     ]
     own_i, own_j, *own, _ = locate(*lattice, f)

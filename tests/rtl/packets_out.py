@@ -25,7 +25,7 @@ async def start(dut):
 
 
 def sent(dut, body):
-    return frame(with_crc(body) if dut._name == "packet_out" else body)
+    return frame(with_crc(body) if dut._name == "lipp_packet_out" else body)
 
 
 @cocotb.test()

@@ -18,21 +18,21 @@ SATURATES = [(20, 18, 6), (19, 18, 17), (18, 18, 6), (36, 5, 2), (5, 1, 0), (3, 
 
 def multiplier(wa: int, wb: int, drop: int, square: int, cells: int) -> Instance:
     return Instance(
-        "multiplier", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"optics_pkg::mul_latency({wa}, {wb})",
+        "multiplier", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"lipp_math_pkg::mul_latency({wa}, {wb})",
         {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square, "CrossCells": cells},
     )  # fmt: skip
 
 
-def cell_product(wa: int, wb: int, drop: int, square: int) -> Instance:
+def wide_product(wa: int, wb: int, drop: int, square: int) -> Instance:
     return Instance(
-        "cell_product", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"optics_pkg::mul_latency({wa}, {wb})",
+        "wide_product", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"lipp_math_pkg::mul_latency({wa}, {wb})",
         {"Wa": wa, "Wb": wb, "Drop": drop, "Square": square},
     )  # fmt: skip
 
 
 def low_product(low: int, latency: int | None) -> Instance:
     parameters = {"Low": low} | ({} if latency is None else {"Latency": latency})
-    claimed = f"optics_pkg::low_latency({low})" if latency is None else str(latency)
+    claimed = f"lipp_math_pkg::low_latency({low})" if latency is None else str(latency)
     return Instance("low_product", {"a_i": 18, "low_i": low}, {"p_o": 18 + low}, claimed, parameters)
 
 
@@ -50,7 +50,7 @@ MULT18 = Instance("mult18", {"a_i": 18, "b_i": 18}, {"p_o": 36}, "3")
 PARTS = [
     MULT18,
     *(multiplier(*p, cells) for p in MULTIPLIERS for cells in (0, 1)),
-    *(cell_product(*p) for p in MULTIPLIERS),
+    *(wide_product(*p) for p in MULTIPLIERS),
     *(low_product(*p) for p in LOWS),
     *(delay("delay", *p) for p in DELAYS),
     *(delay("ring", *p) for p in RINGS),

@@ -15,7 +15,7 @@ import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
 from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
@@ -33,6 +33,11 @@ def seed() -> int:
     value = int(os.environ.get("LIPPMANN_SEED") or secrets.randbits(32))
     print(f"seed: LIPPMANN_SEED={value}")
     return value
+
+
+def full_name(module: str) -> str:
+    """The name in SystemVerilog of a module of rtl/, which has a prefix, or of a bench."""
+    return PREFIX + module if list((TOP / "rtl").glob(f"*/{PREFIX}{module}.sv")) else module
 
 
 class Compiled(Verilator):
@@ -55,12 +60,14 @@ def compiled(
 ) -> Path:
     """Compile a top with its parameters, unless that was done; return the program.
 
-    `bench` is the text of SystemVerilog modules beside those of rtl/. `main` is the C++ that drives the top where
-    cocotb does not. Beside every instance of a module that has a file in sim/checks, the assertions of that file run.
+    The top is a module of rtl/, named without its prefix, or one of `bench`, the text of SystemVerilog modules beside
+    those of rtl/. `main` is the C++ that drives the top where cocotb does not. Beside every instance of a module that
+    has a file in sim/checks, the assertions of that file run.
     """
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
-    sources = needed(bench or top, rtl_sources(TOP, *RTL_FOLDERS))
+    module = full_name(top)
+    sources = needed(bench or module, rtl_sources(TOP, *RTL_FOLDERS))
     sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]
     options, link = list(OPTIONS), []
     if main is None:
@@ -68,14 +75,14 @@ def compiled(
         libraries = cocotb_tools.config.libs_dir
         options.append("--vpi")
         link = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
-    ports = f'`verilator_config\npublic_flat_rw -module "{top}" -var "*"\n' if link else ""
+    ports = f'`verilator_config\npublic_flat_rw -module "{module}" -var "*"\n' if link else ""
 
     def make(program: Path) -> None:
         beside = {"bench.sv": bench, "ports.vlt": ports}
         for file, text in beside.items():
             program.with_name(file).write_text(text)
         files = [*sources, *(program.with_name(file) for file, text in beside.items() if text)]
-        verilated(program, top, files, [main], parameters, options=options, flags=SHORT, link=link)
+        verilated(program, module, files, [main], parameters, options=options, flags=SHORT, link=link)
 
     inputs = [*sources, main, bench, *map(repr, (top, parameters, options)), *link, version("cocotb")]
     return kept(BUILD / name, inputs, make)
@@ -110,7 +117,7 @@ def simulate(
     try:
         runner.test(
             test_module=module,
-            hdl_toplevel=top,
+            hdl_toplevel=full_name(top),
             hdl_toplevel_lang="verilog",
             build_dir=program.parent,
             test_dir=work,

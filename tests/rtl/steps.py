@@ -24,7 +24,7 @@ def steps(f: int) -> dict[str, Instance]:
     cells = {"CrossCells": 1} if f in (18, 22) else {}
 
     def add(name, module, inputs, outputs, latency, config=None, **parameters):
-        latency = f"optics_pkg::{latency}" if "(" in latency else latency
+        latency = f"lipp_optics_pkg::{latency}" if "(" in latency else latency
         made[name] = Instance(module, inputs, outputs, latency, {"F": f, **parameters}, config or {})
 
     def each(names: str, bits: int) -> Mapping[str, int]:
@@ -40,7 +40,7 @@ def steps(f: int) -> dict[str, Instance]:
             f"sqrt-{normalise}-{k}", "sqrt", {"x_i": f + 3}, {"y_o": near + k}, latency, Normalise=normalise, Extra=k,
         )  # fmt: skip
     add(
-        "pixel_to_panel", "pixel_to_panel", each("u_i v_i", 18), {**each("x_o y_o", lattice), "beyond_o": 1},
+        "pixel_to_lattice", "pixel_to_lattice", each("u_i v_i", 18), {**each("x_o y_o", lattice), "beyond_o": 1},
         "pixel_latency()",
         {**each("x_from_u_i x_from_v_i", 35), "x_offset_i": 52, **each("y_from_u_i y_from_v_i", 35), "y_offset_i": 52},
     )  # fmt: skip

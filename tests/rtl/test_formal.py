@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from lippmann.dev.formal import run_proof, tasks
+from lippmann.sim.tools import PREFIX
 
 TOP = Path(__file__).resolve().parents[2]
 FORMAL = TOP / "sim" / "formal"
@@ -27,8 +28,8 @@ PROOFS = [
     "fifo prove_128",
     "fifo prove_256",
     "fifo cover_8",
-    "fifo_memory prove",
-    "fifo_memory cover",
+    "memory_1w1r prove",
+    "memory_1w1r cover",
     "flow_control prove_1",
     "flow_control prove_43",
     "flow_control prove_65",
@@ -78,7 +79,7 @@ FAULTS = {
     "word asked for while none is stored": (
         "fifo bmc_8", "fifo.sv", "some_q && free_q", "free_q", "four_clocks|count|flags"),
     "memory answers a clock early": (
-        "fifo_memory bmc", "fifo_memory.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
+        "memory_1w1r bmc", "memory_1w1r.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
     "no credit: rays enter while there is no room": (
         "flow_control bmc_full", "flow_control.sv", "open_q <= taken_q < (AddressBits + 1)'(Room - 1)",
         "open_q <= 1'b1", "room|promise|open"),
@@ -187,7 +188,7 @@ def test_proof(proof: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", [f if f in SANITY else pytest.param(f, marks=pytest.mark.full) for f in FAULTS])
 def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
     proof, file, text, replacement, broken = FAULTS[fault]
-    (path,) = (checkout(tmp_path) / "rtl").rglob(file)
+    (path,) = (checkout(tmp_path) / "rtl").rglob(PREFIX + file)
     source = path.read_text()
     assert source.count(text) == 1, f"{file} has changed: give this fault its new text"
     path.write_text(source.replace(text, replacement))

@@ -15,7 +15,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
 from lippmann.fixed.words import PIXEL_FRACTION, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats, Model, Rays, Status
@@ -117,7 +117,7 @@ def cell_aims(display: Display, build: Build, random: np.random.Generator, count
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> search.Bools:
-    """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/aim.sv).
+    """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/lipp_aim.sv).
 
     The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with
     `converge` the latter alone counts, of the point that the line to the eye has in the cell.
@@ -154,8 +154,8 @@ def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) ->
 def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
     """Return the lenslet in whose cell the twin sees a pixel."""
     c, f = configuration(display, build, build.model), build.fraction_bits
-    x, _ = pixel_to_panel(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
-    y, _ = pixel_to_panel(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
+    x, _ = pixel_to_lattice(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
+    y, _ = pixel_to_lattice(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
     i, j, *_ = (lenslet_hex if build.grid == "hex" else lenslet_square)(x, y, f)
     return i, j
 

@@ -20,13 +20,14 @@ import jinja2
 
 from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
-from lippmann.sim.tools import repository
+from lippmann.sim.tools import PREFIX, repository
 
 SOURCE = Path("rtl/registers.rdl")
 RTL = Path("rtl/registers")
 DATA = Path("host/lippmann/registers")
 PAGES = Path("docs/reference")
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
+_SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
 
 
 class _Map(NamedTuple):
@@ -80,7 +81,7 @@ def generate(top: Path, into: Path) -> list[Path]:
             }
     except RDLCompileError:
         raise InputError(f"{SOURCE} is wrong: see the messages above") from None
-    texts[RTL / "board_map_pkg.sv"] = _board_map(writable)
+    texts[RTL / f"{PREFIX}board_map_pkg.sv"] = _board_map(writable)
     for path, text in texts.items():
         (into / path).parent.mkdir(parents=True, exist_ok=True)
         (into / path).write_text(text)
@@ -97,6 +98,7 @@ def _rtl(root: Any) -> dict[Path, str]:
             root,
             work,
             cpuif_cls=PassthroughCpuif,
+            module_name=PREFIX + root.top.inst_name,
             default_reset_activelow=True,
             default_reset_async=True,
             reuse_hwif_typedefs=False,
@@ -104,7 +106,9 @@ def _rtl(root: Any) -> dict[Path, str]:
             err_if_bad_addr=True,
             err_if_bad_rw=True,
         )
-        return {RTL / made.name: f"// {_BY}\n{made.read_text().rstrip()}\n" for made in sorted(Path(work).iterdir())}
+        return {
+            RTL / made.name: f"{_SPDX}// {_BY}\n{made.read_text().rstrip()}\n" for made in sorted(Path(work).iterdir())
+        }
 
 
 def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[str, _Entry]]:
@@ -171,7 +175,8 @@ def _board_map(writable: set[int]) -> str:
     lasts = sorted(at for at in writable if at + 4 not in writable)
     ranges = ",\n      ".join(f"[10'h{first:03X}:10'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
     return (
-        f"// {_BY}\n/// Which words of the board can be written, byte addresses.\npackage board_map_pkg;\n"
+        f"{_SPDX}// {_BY}\n/// Which words of the board can be written, byte addresses.\n"
+        f"package {PREFIX}board_map_pkg;\n"
         f"  function automatic logic writable(logic [9:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
         "  endfunction\nendpackage\n"
     )

@@ -13,13 +13,13 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the hand-written modules of rtl/, each with its folder."""
+    """Return the hand-written modules of rtl/, without their prefix, each with its folder."""
     paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
-    return {path.stem: path.parent.name for path in paths if not path.stem.endswith("_pkg")}
+    return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
 
 def elaborated(
@@ -41,8 +41,8 @@ def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess
     """
     top = repository()
     folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top, *folders))]
-    return elaborated(module, files, "-Wall", parameters=parameters or {}, timeout=60)
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, rtl_sources(top, *folders))]
+    return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 
 @click.command()

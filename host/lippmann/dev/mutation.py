@@ -1,8 +1,9 @@
 """`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
 
 A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
-in one line of rtl/optics. It is made in a copy of the checkout. The tests of its module, tests/rtl/<module>, run first,
-then those that compare whole builds with the twin. A fault is caught when a test fails that passes without the fault.
+in one line of a module of rtl/ that is written by hand. It is made in a copy of the checkout. The tests of its module,
+tests/rtl/<module>, run first, then those of what the module is a part of. A fault is caught when a test fails that
+passes without the fault.
 
 Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
 """
@@ -20,11 +21,24 @@ import click
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
 from lippmann.dev.lint import elaborated
-from lippmann.sim.tools import optics_sources, repository, verilator_environment
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, repository, rtl_sources, verilator_environment
 
-SOURCES = Path("rtl/optics")
-#: The tests that run last: every module is in a build that they compare with the twin, but for the register block.
-LAST = ["tests/rtl/test_batch.py"]
+SOURCES = Path("rtl")
+#: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
+#: register block; those of the board are in the whole board, which is asked for anything.
+BATCH = ["tests/rtl/test_batch.py"]
+BOARD = ["tests/system/test_random_requests.py", "tests/system/test_board_requests.py"]
+LAST = {"common": [*BATCH, *BOARD], "math": BATCH, "optics": [*BATCH, "tests/rtl/optics_block"]}
+#: Modules that are tested as parts of another, and packages.
+WITHIN = {
+    **dict.fromkeys(
+        ("request_reader", "request_order", "register_access", "ray_access", "table_reader", "reply_builder"),
+        "dispatcher",
+    ),
+    "math_pkg": "multiplier",
+    "optics_pkg": "ray_lenslet",
+    "panel_pkg": "test_pattern",
+}
 
 #: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
@@ -32,10 +46,10 @@ SAME = {
     ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
-    ("pixel_to_panel.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
-    ("optics_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
-    ("optics_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
-    ("cell_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
+    ("pixel_to_lattice.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
+    ("math_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
+    ("wide_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
     ("lenslet_hex.sv", "assign near = q0_q[F+0:F] == '0"): "q0 = s + t/2 is below 1 where q1 = s/2 + t is below 1/2",
 }
 
@@ -94,7 +108,9 @@ def faults_of(path: Path) -> list[Fault]:
         illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
         if not illegal and code.strip() and not NO_HARDWARE.search(code):
-            found += [Fault(str(SOURCES / path.name), number, text, changed) for changed in _changes(code)]
+            found += [
+                Fault(str(SOURCES / path.parent.name / path.name), number, text, changed) for changed in _changes(code)
+            ]
     return found
 
 
@@ -110,13 +126,16 @@ def _changes(code: str) -> list[str]:
 
 def fate(fault: Fault, scratch: Scratch) -> str:
     """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
-    module = Path(fault.file).stem
-    if not (scratch.folder / "tests" / "rtl" / module).is_dir():  # a package
-        module = "ray_lenslet"
+    path = Path(fault.file)
+    module = path.stem.removeprefix(PREFIX)
+    top = PREFIX + (WITHIN[module] if module.endswith("_pkg") else module)
     with scratch.faulty(fault):
-        if elaborated(module, optics_sources(scratch.folder), "-Wno-fatal", parameters={}).returncode:
+        files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder, *RTL_FOLDERS)]
+        if elaborated(top, files, "-Wno-fatal", parameters={}).returncode:
             return "refused"
-    return scratch.fate(fault, [[f"tests/rtl/{module}"], LAST])
+    near = f"tests/rtl/{WITHIN.get(module, module)}"
+    stages = [[near]] if (scratch.folder / near).is_dir() else []
+    return scratch.fate(fault, [*stages, LAST.get(path.parent.name, BOARD)])
 
 
 @click.command(params=options(120))
@@ -126,7 +145,8 @@ def main(**chosen: Any) -> None:
     Example: python -m lippmann.dev.mutation --count 20 --report out
     """
     verilator_environment()  # a missing tool must not count as a caught fault
-    groups = {path.stem: faults_of(path) for path in sorted((repository() / SOURCES).glob("*.sv"))}
+    own = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
+    groups = {path.stem.removeprefix(PREFIX): faults_of(path) for path in own}
     report_faults("mutation", groups, fate, SAME, **chosen)
 
 

@@ -1,4 +1,4 @@
-"""Step 3: the lenslet that a ray aims at (rtl/optics/aim.sv)."""
+"""Step 3: the lenslet that a ray aims at (rtl/optics/lipp_aim.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sum of two products, k x + l a (rtl/optics/blend.sv)."""
+"""Sum of two products, k x + l a (rtl/optics/lipp_blend.sv)."""
 
 from __future__ import annotations
 

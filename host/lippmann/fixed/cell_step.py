@@ -1,4 +1,4 @@
-"""Step 5: the step from a point on the dome to the cell that it lies towards (rtl/optics/cell_step.sv)."""
+"""Step 5: the step from a point on the dome to the cell that it lies towards (rtl/optics/lipp_cell_step.sv)."""
 
 from __future__ import annotations
 

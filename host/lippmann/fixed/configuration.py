@@ -1,4 +1,4 @@
-"""The register values (`optics_config_t` of rtl/optics/optics_pkg.sv) with which the RTL traces one display.
+"""The register values (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv) with which the RTL traces one display.
 
 Software writes them at run time; a build (`build.py`) decides what hardware reads them. A value that its register
 cannot hold is refused here, before any ray is traced, with the register's name and range.
@@ -92,7 +92,7 @@ class Configuration:
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
     """Return registers cut to the words that a build reads of their 32 bits, and whether a word that it reads is more.
 
-    The wider registers, of pixel_to_panel, hold their words exactly.
+    The wider registers, of pixel_to_lattice, hold their words exactly.
     """
     f, exact = build.fraction_bits, build.model == "exact"
     near, far = f + 2, f + 4

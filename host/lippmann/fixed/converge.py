@@ -1,4 +1,4 @@
-"""Step 3, displays for a near eye: the pixel measured from its lenslet's centre (rtl/optics/converge.sv)."""
+"""Step 3, displays for a near eye: the pixel measured from its lenslet's centre (rtl/optics/lipp_converge.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step 4, plano side to the viewer: refraction into the glass at the dome (rtl/optics/enter_dome.sv)."""
+"""Step 4, plano side to the viewer: refraction into the glass at the dome (rtl/optics/lipp_enter_dome.sv)."""
 
 from __future__ import annotations
 

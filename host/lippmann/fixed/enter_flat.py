@@ -1,4 +1,4 @@
-"""Step 4, plano side to the panel: refraction into the glass (rtl/optics/enter_flat.sv)."""
+"""Step 4, plano side to the panel: refraction into the glass (rtl/optics/lipp_enter_flat.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the array has a lenslet (rtl/optics/extent.sv)."""
+"""Whether the array has a lenslet (rtl/optics/lipp_extent.sv)."""
 
 from __future__ import annotations
 

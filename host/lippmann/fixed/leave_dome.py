@@ -1,4 +1,4 @@
-"""Step 6, plano side to the panel: refraction out of the glass (rtl/optics/leave_dome.sv)."""
+"""Step 6, plano side to the panel: refraction out of the glass (rtl/optics/lipp_leave_dome.sv)."""
 
 from __future__ import annotations
 

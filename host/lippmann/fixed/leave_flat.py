@@ -1,4 +1,4 @@
-"""Step 6, plano side to the viewer: to the flat face and out of it (rtl/optics/leave_flat.sv)."""
+"""Step 6, plano side to the viewer: to the flat face and out of it (rtl/optics/lipp_leave_flat.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step 2, hexagonal grid: the lenslet whose cell a point is in (rtl/optics/lenslet_hex.sv)."""
+"""Step 2, hexagonal grid: the lenslet whose cell a point is in (rtl/optics/lipp_lenslet_hex.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step 2, square grid: the lenslet whose cell a point is in (rtl/optics/lenslet_square.sv)."""
+"""Step 2, square grid: the lenslet whose cell a point is in (rtl/optics/lipp_lenslet_square.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step 5: the point where the ray meets the dome (rtl/optics/meet_dome.sv)."""
+"""Step 5: the point where the ray meets the dome (rtl/optics/lipp_meet_dome.sv)."""
 
 from __future__ import annotations
 

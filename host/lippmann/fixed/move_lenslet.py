@@ -1,4 +1,4 @@
-"""Step 5: the ray's point measured from the next dome (rtl/optics/move_lenslet.sv)."""
+"""Step 5: the ray's point measured from the next dome (rtl/optics/lipp_move_lenslet.sv)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Product of two signed words, cut below a place.
 
-rtl/optics/multiplier.sv with mult18.sv and low_product.sv, or with cell_product.sv.
+rtl/math/lipp_multiplier.sv with mult18.sv and low_product.sv, or with wide_product.sv.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The board's test patterns that follow the lenslets (rtl/panel/test_pattern.sv)."""
+"""The board's test patterns that follow the lenslets (rtl/panel/lipp_test_pattern.sv)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lippmann.display import Grid
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
 from lippmann.fixed.words import MUL_BITS, SLOPE_BITS, Bools, Ints
 
 
@@ -17,8 +17,8 @@ def located(
 ) -> tuple[Ints, Ints, Ints, Ints]:
     """Return lenslets i, j of pixels, and the points x (pitches), y (rows) from their centres, F fraction bits."""
     u, v = 8 * (2 * columns + 1 - width), 8 * (height - 1 - 2 * rows)
-    x, _ = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    y, _ = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    x, _ = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    y, _ = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
     i, j, x, y, _ = (lenslet_hex if grid == "hex" else lenslet_square)(x, y, f)
     return i, j, x, y
 

@@ -1,4 +1,4 @@
-"""Root of a number in [1, 4) by a quadratic over each segment of a table (rtl/optics/quadratic.sv)."""
+"""Root of a number in [1, 4) by a quadratic over each segment of a table (rtl/math/lipp_quadratic.sv)."""
 
 from __future__ import annotations
 

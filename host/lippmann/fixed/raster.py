@@ -1,4 +1,4 @@
-"""The raster: the order of a frame's rays, and their jitter (rtl/optics/raster.sv)."""
+"""The raster: the order of a frame's rays, and their jitter (rtl/optics/lipp_raster.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The path of a ray from pixel to exit ray, in integers (rtl/optics/ray_pipeline.sv)."""
+"""The path of a ray from pixel to exit ray, in integers (rtl/optics/lipp_ray_pipeline.sv)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
 from lippmann.fixed.meet_dome import Meeting, meet_dome
 from lippmann.fixed.move_lenslet import move_lenslet
-from lippmann.fixed.pixel_to_panel import pixel_to_panel
+from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
 from lippmann.fixed.shear import shear
 from lippmann.fixed.unit_slope import unit_slope
 from lippmann.fixed.words import INDEX_BITS, Bools, Ints, extra_bits, fits, wrapped
@@ -50,8 +50,8 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
     f, grid = build.fraction_bits, build.grid
     config, unfit = in_words(config, build)
     near, local = build.near, build.local
-    lattice_x, beyond_x = pixel_to_panel(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
-    lattice_y, beyond_y = pixel_to_panel(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
+    lattice_x, beyond_x = pixel_to_lattice(u, v, config.x_from_u, config.x_from_v, config.x_offset, f)
+    lattice_y, beyond_y = pixel_to_lattice(u, v, config.y_from_u, config.y_from_v, config.y_offset, f)
     locate = lenslet_hex if grid == "hex" else lenslet_square
     own_i, own_j, x, y, beyond = locate(lattice_x, lattice_y, f)
     beyond = beyond | beyond_x | beyond_y | unfit

@@ -1,4 +1,4 @@
-"""Reciprocal root, faithfully rounded (rtl/optics/rsqrt.sv)."""
+"""Reciprocal root, faithfully rounded (rtl/math/lipp_rsqrt.sv)."""
 
 from __future__ import annotations
 

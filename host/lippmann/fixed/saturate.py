@@ -1,4 +1,4 @@
-"""Saturation of a signed word (rtl/optics/saturate.sv)."""
+"""Saturation of a signed word (rtl/math/lipp_saturate.sv)."""
 
 from __future__ import annotations
 

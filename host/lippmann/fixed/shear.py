@@ -1,4 +1,4 @@
-"""Step 3, sheared lattices: a point's x along the rows, from its lattice coordinates (rtl/optics/shear.sv)."""
+"""Step 3, sheared lattices: a point's x along the rows, from its lattice coordinates (rtl/optics/lipp_shear.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Square root, faithfully rounded (rtl/optics/sqrt.sv)."""
+"""Square root, faithfully rounded (rtl/math/lipp_sqrt.sv)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Step 3: the unit direction of a slope (rtl/optics/unit_slope.sv)."""
+"""Step 3: the unit direction of a slope (rtl/optics/lipp_unit_slope.sv)."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ _ADDED = {
 def steps_of(build: Build) -> list[str]:
     """Return the steps of an exact build in the order of the ray."""
     return [
-        *("pixel_to_panel", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
+        *("pixel_to_lattice", f"lenslet_{build.grid}", *["aim"] * build.aims, *["converge"] * build.converge),
         *(*["shear"] * build.shear, "blend", "unit_slope"),
         *(["meet_dome", "enter_dome", "leave_flat"] if build.viewer else ["enter_flat", "meet_dome", "leave_dome"]),
     ]
@@ -142,7 +142,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
         state.update(zip(_ADDED[name], found, strict=False))
         return found
 
-    if name == "pixel_to_panel":
+    if name == "pixel_to_lattice":
         for axis in "xy":
             registers = (state[f"{axis}_{register}"] for register in ("from_u", "from_v", "offset"))
             state[axis] = steps[name](state["u"], state["v"], *registers, state["f"])[0]
@@ -176,7 +176,7 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
 # ---- the steps in float64: lengths in radii, the lattice in pitches and rows ----
 
 
-def _pixel_to_panel(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
+def _pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
     # The offset's word carries the half of the rounding to F bits.
     half = 1 << (OFFSET_FRACTION - 1 - f)
     lattice: Floats = np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION)
@@ -274,7 +274,7 @@ def _leave_flat(
 
 _FLOAT = (
     *(
-        _pixel_to_panel,
+        _pixel_to_lattice,
         _aim,
         _converge,
         _shear,

@@ -100,11 +100,11 @@ def parameters(build: Build) -> dict[str, int]:
 def _compiled(build: Build, flags: Sequence[str]) -> Path:
     """Return the library of a build, compiled unless it is there."""
     top = repository()
-    sources = needed("ray_lenslet", optics_sources(top))
+    sources = needed("lipp_ray_lenslet", optics_sources(top))
     flags = [*flags, f"-DLIPPMANN_NEAR={build.near}"]
 
     def make(path: Path) -> None:
-        verilated(path, "ray_lenslet", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
+        verilated(path, "lipp_ray_lenslet", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
 
     inputs: list[Path | str] = [*sources, top / MAIN, repr(build), *flags, Path(__file__)]
     return kept(top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}", inputs, make, ".so")

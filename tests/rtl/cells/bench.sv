@@ -5,13 +5,13 @@ module bench (
 );
 
   mult18_bench i_mult18 (.clk_i);
-  fifo_memory_bench #(.Width(36), .AddressBits(9)) i_memory_36 (.clk_i);
-  fifo_memory_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
-  fifo_memory_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
-  fifo_memory_bench #(.Width(32), .AddressBits(11)) i_memory_32 (.clk_i);
-  fifo_memory_bench #(.Width(6), .AddressBits(12)) i_memory_6 (.clk_i);
-  fifo_memory_bench #(.Width(5), .AddressBits(13)) i_memory_5 (.clk_i);
-  fifo_memory_bench #(.Width(2), .AddressBits(14)) i_memory_2 (.clk_i);
+  memory_1w1r_bench #(.Width(36), .AddressBits(9)) i_memory_36 (.clk_i);
+  memory_1w1r_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
+  memory_1w1r_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
+  memory_1w1r_bench #(.Width(32), .AddressBits(11)) i_memory_32 (.clk_i);
+  memory_1w1r_bench #(.Width(6), .AddressBits(12)) i_memory_6 (.clk_i);
+  memory_1w1r_bench #(.Width(5), .AddressBits(13)) i_memory_5 (.clk_i);
+  memory_1w1r_bench #(.Width(2), .AddressBits(14)) i_memory_2 (.clk_i);
   fifo_bench i_fifo (.clk_i);
   product_bench #(.Name("whole"), .Wa(18), .Wb(17), .Drop(3)) i_whole (.clk_i);
   product_bench #(.Name("both"), .Wa(27), .Wb(25), .Drop(20)) i_both (.clk_i);
@@ -28,14 +28,14 @@ module bench (
 
 endmodule
 
-/// Random operands, extreme ones among them, into `mult18`; prints operands and product each clock.
+/// Random operands, extreme ones among them, into `lipp_mult18`; prints operands and product each clock.
 module mult18_bench (
   input logic clk_i
 );
 
   logic signed [17:0] a_q, b_q;
   logic signed [35:0] p;
-  mult18 i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
+  lipp_mult18 i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
 
   function automatic logic [17:0] operand(logic [31:0] bits);
     case (bits[31:28])
@@ -55,7 +55,7 @@ module mult18_bench (
 
 endmodule
 
-/// Random operands, extreme ones among them, into `cell_product`; prints operands and product.
+/// Random operands, extreme ones among them, into `lipp_wide_product`; prints operands and product.
 module product_bench #(
   parameter string Name = "",
   parameter int Wa = 18,
@@ -70,7 +70,7 @@ module product_bench #(
   logic signed [Wb-1:0] b_q, b;
   logic signed [Wa+Wb-Drop-1:0] p;
   assign b = Square ? Wb'(a_q) : b_q;
-  cell_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_dut (
+  lipp_wide_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_dut (
     .clk_i, .a_i(a_q), .b_i(b), .p_o(p)
   );
 
@@ -85,7 +85,7 @@ module product_bench #(
 
 endmodule
 
-/// Random words into `ring`; prints what goes in and what comes out.
+/// Random words into `lipp_ring`; prints what goes in and what comes out.
 module ring_bench #(
   parameter int Width = 1,
   parameter int Cycles = 2
@@ -94,7 +94,7 @@ module ring_bench #(
 );
 
   logic [Width-1:0] d_q, q;
-  ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
+  lipp_ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
 
   always_ff @(posedge clk_i) begin
     d_q <= Width'({$urandom, $urandom, $urandom});
@@ -103,7 +103,7 @@ module ring_bench #(
 
 endmodule
 
-/// Random words into `block_ring`; prints what goes in and what comes out.
+/// Random words into `lipp_block_ring`; prints what goes in and what comes out.
 module block_ring_bench #(
   parameter int Width = 1,
   parameter int Cycles = 5
@@ -112,7 +112,7 @@ module block_ring_bench #(
 );
 
   logic [Width-1:0] d_q, q;
-  block_ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
+  lipp_block_ring #(.Width(Width), .Cycles(Cycles)) i_dut (.clk_i, .d_i(d_q), .q_o(q));
 
   always_ff @(posedge clk_i) begin
     d_q <= Width'({$urandom, $urandom, $urandom});
@@ -121,8 +121,8 @@ module block_ring_bench #(
 
 endmodule
 
-/// Random writes and reads of `fifo_memory`; prints its ports each clock.
-module fifo_memory_bench #(
+/// Random writes and reads of `lipp_memory_1w1r`; prints its ports each clock.
+module memory_1w1r_bench #(
   parameter int Width = 36,
   parameter int AddressBits = 9
 ) (
@@ -132,7 +132,7 @@ module fifo_memory_bench #(
   logic write_q;
   logic [AddressBits-1:0] write_at_q, read_at_q;
   logic [Width-1:0] data_q, out;
-  fifo_memory #(.Width(Width), .AddressBits(AddressBits)) i_dut (
+  lipp_memory_1w1r #(.Width(Width), .AddressBits(AddressBits)) i_dut (
     .clk_i, .write_i(write_q), .write_at_i(write_at_q), .write_data_i(data_q),
     .read_at_i(read_at_q), .read_data_o(out)
   );
@@ -145,12 +145,12 @@ module fifo_memory_bench #(
     write_at_q <= noise[222] ? noise[221-:AddressBits] : {AddressBits{noise[210]}};
     data_q <= Width'(noise[191:0]);
     read_at_q <= noise[209] ? noise[208-:AddressBits] : {AddressBits{noise[194]}};
-    $display("fifo_memory%0d %0d %0d %0h %0d %0h", Width, write_q, write_at_q, data_q, read_at_q, out);
+    $display("memory_1w1r%0d %0d %0d %0h %0d %0h", Width, write_q, write_at_q, data_q, read_at_q, out);
   end
 
 endmodule
 
-/// Random traffic through `fifo`, full and empty included; prints what goes in and what comes out.
+/// Random traffic through `lipp_fifo`, full and empty included; prints what goes in and what comes out.
 module fifo_bench #(
   parameter int Width = 24,
   parameter int AddressBits = 4
@@ -164,7 +164,7 @@ module fifo_bench #(
   logic write, valid, ready_q, busy_q;
   logic [Width-1:0] data_q, out;
   int inside_q = 0;
-  fifo #(.Width(Width), .AddressBits(AddressBits)) i_dut (
+  lipp_fifo #(.Width(Width), .AddressBits(AddressBits)) i_dut (
     .clk_i, .rst_ni(reset_q[2]), .write_i(write), .data_i(data_q),
     .valid_o(valid), .ready_i(ready_q), .data_o(out)
   );

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 from click.testing import CliRunner
 from lippmann.dev.lint import folder_of_modules, lint, main
-from lippmann.sim.tools import RTL_FOLDERS, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, RTL_FOLDERS, rtl_sources, verilator_environment
 from runner import TOP
 
 SOURCES = rtl_sources(TOP, *RTL_FOLDERS)
@@ -34,8 +34,8 @@ RAYS = [
     {"F": 23, "Grid": 1, "Model": 2, "Aims": 1, "Walk": 2, "Shear": 1},
     {"F": 23, "Grid": 1, "Model": 2, "Viewer": 1, "Aims": 1, "Walk": 2},
 ]
-#: Every module of rtl/common and rtl/optics; those of other folders where their defaults are not all. optics_block
-#: holds a ray_lenslet, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
+#: Every module of rtl/common, rtl/math and rtl/optics; those of other folders where their defaults are not all.
+#: optics_block holds a ray_lenslet, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
 PARAMETERS = {
     "aim": GRID_SETS,
     "async_fifo": [{"Width": w, "AddressBits": b, "Stages": s} for w, b, s in ((1, 2, 2), (40, 9, 3))],
@@ -45,7 +45,7 @@ PARAMETERS = {
     "board": [{"ByteLink": 1, "F": 23, "Grid": 1, "HPositive": 0, "VPositive": 0}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
-    "cell_product": [
+    "wide_product": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s} for a, b, d, s in ((18, 18, 0, 0), (25, 25, 20, 1), (27, 25, 21, 0))
     ],
     "cell_step": [*GRID_SETS, *SHEARED, {"F": 23, "Grid": 1, "CrossCells": 1, "Shear": 1}],
@@ -56,7 +56,7 @@ PARAMETERS = {
     "enter_flat": [*F_SETS, *CELLS],
     "extent": [{"Grid": g} for g in (0, 1)],
     "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
-    "fifo_memory": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
+    "memory_1w1r": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "frame_check": PANELS,
     "frame_gate": [{}],
     "frame_store": PANELS,
@@ -81,7 +81,7 @@ PARAMETERS = {
     ],
     "optics_block": RAYS[-1:],
     "packet_fifo": [{"AddressBits": b} for b in (12, 13, 14)],
-    "pixel_to_panel": F_SETS,
+    "pixel_to_lattice": F_SETS,
     "pulse_sync": [{"Stages": s} for s in (2, 4)],
     "quadratic": [{"F": f, "Root": r} for f in (14, 18, 23) for r in (0, 1)],
     "raster": F_SETS,
@@ -106,7 +106,7 @@ PARAMETERS = {
 #: Modules that take F, and those of them that take Grid; each checks its own, so that it names itself.
 STEPS = [
     "aim", "blend", "cell_step", "converge", "enter_dome", "enter_flat", "leave_dome", "leave_flat", "lenslet_hex",
-    "lenslet_square", "meet_dome", "move_lenslet", "pixel_to_panel", "quadratic", "raster", "ray_pipeline", "rsqrt",
+    "lenslet_square", "meet_dome", "move_lenslet", "pixel_to_lattice", "quadratic", "raster", "ray_pipeline", "rsqrt",
     "shear", "sqrt", "unit_slope",
 ]  # fmt: skip
 GRIDS = ["aim", "cell_step", "converge", "extent", "move_lenslet", "ray_pipeline"]
@@ -127,9 +127,9 @@ REFUSED = [
     ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 4}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 1}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
-    ("cell_product", {"Wa": 0}, "cell_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
-    ("cell_product", {"Wb": 47}, "cell_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
-    ("cell_product", {"Drop": 36}, "cell_product: Wa and Wb must be 1 or more, 64 at most together, and more than"),
+    ("wide_product", {"Wa": 0}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
+    ("wide_product", {"Wb": 47}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
+    ("wide_product", {"Drop": 36}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than"),
     ("config_bank", {"Width": 0}, "config_bank: Width must be 1 or more"),
     ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),
@@ -138,8 +138,8 @@ REFUSED = [
     ("flow_control", {"Latency": 25, "AddressBits": 5}, "flow_control: Latency must be 1 to 8 less than"),
     ("fifo", {"Width": 0}, "fifo: Width and AddressBits must be 1 or more"),
     ("fifo", {"AddressBits": 0}, "fifo: Width and AddressBits must be 1 or more"),
-    ("fifo_memory", {"Width": 0}, "fifo_memory: Width and AddressBits must be 1 or more"),
-    ("fifo_memory", {"AddressBits": 0}, "fifo_memory: Width and AddressBits must be 1 or more"),
+    ("memory_1w1r", {"Width": 0}, "memory_1w1r: Width and AddressBits must be 1 or more"),
+    ("memory_1w1r", {"AddressBits": 0}, "memory_1w1r: Width and AddressBits must be 1 or more"),
     ("low_product", {"Low": 18}, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes"),
     ("low_product", {"Low": 9, "Latency": 2}, "low_product: Low must be 1 to 17 and Latency no shorter than"),
     # Far off, where something else could fail before, or take its time.
@@ -181,7 +181,7 @@ REFUSED = [
 
 
 def test_no_module_is_left_out():
-    required = {module for module in MODULES if FOLDER_OF[module] in ("common", "optics")}
+    required = {module for module in MODULES if FOLDER_OF[module] in ("common", "math", "optics")}
     assert required <= set(PARAMETERS) <= set(MODULES)
     # The sources hold every refusal in so many words, and each is provoked below.
     said = {
@@ -190,10 +190,13 @@ def test_no_module_is_left_out():
     assert said
     for name, modules in (("F", STEPS), ("Grid", GRIDS)):
         taking = {
-            path.stem for path in (TOP / "rtl" / "optics").glob("*.sv") if f"parameter int {name} " in path.read_text()
+            path.stem.removeprefix(PREFIX)
+            for folder in ("math", "optics")
+            for path in (TOP / "rtl" / folder).glob("*.sv")
+            if f"parameter int {name} " in path.read_text()
         }
         assert taking - {"ray_lenslet", "optics_block"} == set(modules)  # these two only hand it on
-    left = {text for text in said if not any(text.startswith(message) for *_, message in REFUSED)}
+    left = {text for text in said if not any(text.startswith(PREFIX + message) for *_, message in REFUSED)}
     assert not left
 
 
@@ -226,7 +229,7 @@ BEYOND += [("ray_lenslet", {"F": 50}), ("optics_block", {"Grid": 2})]
 def test_bad_parameter_stops_elaboration(module, parameters, message):
     done = lint(module, parameters)
     assert done.returncode != 0
-    assert message in done.stderr
+    assert PREFIX + message in done.stderr
 
 
 def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
@@ -247,7 +250,7 @@ def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
 
 @pytest.mark.parametrize("module", ["ray_lenslet", "optics_block"])
 def test_the_files_for_a_project_of_ones_own_are_these_in_this_order(module):
-    """As docs/reference/rtl.md lists them, the rest of rtl/optics last and in reverse."""
+    """As docs/reference/rtl.md lists them, each line of several files in reverse."""
     page = (TOP / "docs/reference/rtl.md").read_text()
     lines = re.search(r"```text\n(rtl/.*?)```", page, re.DOTALL)[1].splitlines()
     files = []
@@ -255,7 +258,7 @@ def test_the_files_for_a_project_of_ones_own_are_these_in_this_order(module):
         if module == "optics_block" or "only for optics_block" not in said:
             new = sorted(set(TOP.glob(pattern)) - set(files), reverse=True)
             assert new, pattern
-            files += [path for path in new if module == "optics_block" or path.stem != "optics_block"]
-    command = ["verilator", "--lint-only", "--top-module", module, *map(str, files), "-Wno-MULTIDRIVEN"]
+            files += [path for path in new if module == "optics_block" or path.stem != "lipp_optics_block"]
+    command = ["verilator", "--lint-only", "--top-module", PREFIX + module, *map(str, files), "-Wno-MULTIDRIVEN"]
     done = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

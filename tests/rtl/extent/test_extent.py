@@ -11,7 +11,7 @@ from words import mixed, signed
 
 INSTANCES = {
     grid: Instance(
-        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "optics_pkg::extent_latency()", {"Grid": number},
+        "extent", {"i_i": 12, "j_i": 12}, {"missing_o": 1}, "lipp_optics_pkg::extent_latency()", {"Grid": number},
         {"along_i": 14, "across_i": 13},
     )
     for number, grid in enumerate(GRIDS)

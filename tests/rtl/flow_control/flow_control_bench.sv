@@ -17,8 +17,8 @@ module flow_control_bench #(
 );
 
   logic [Width-1:0] piped;
-  delay #(.Width(Width), .Cycles(Latency)) i_pipeline (.clk_i, .d_i(data_i), .q_o(piped));
-  flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Width)) i_flow (
+  lipp_delay #(.Width(Width), .Cycles(Latency)) i_pipeline (.clk_i, .d_i(data_i), .q_o(piped));
+  lipp_flow_control #(.Latency(Latency), .AddressBits(AddressBits), .Width(Width)) i_flow (
     .clk_i, .rst_ni, .hold_i, .idle_o, .valid_i, .ready_o, .piped_i(piped),
     .valid_o, .ready_i, .data_o
   );

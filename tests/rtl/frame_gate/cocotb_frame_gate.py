@@ -1,7 +1,7 @@
 """frame_gate in the simulator: any requests, a raster and a stream with frames of any length, a reader with pauses.
 
-sim/checks/frame_gate_checks.sv judges each clock beside it. Here: each ray of both sources leaves once, and all rays of
-a frame with the optics that this frame must have.
+sim/checks/lipp_frame_gate_checks.sv judges each clock beside it. Here: each ray of both sources leaves once, and all
+rays of a frame with the optics that this frame must have.
 """
 
 import random

@@ -11,10 +11,10 @@ module crc_bench(
   output logic [31:0] word_o,
   output logic [31:0] start_o
 );
-  assign start_o = link_pkg::CrcStart;
-  assign byte_o = link_pkg::crc32_byte(crc_i, word_i[7:0]);
-  assign pixel_o = link_pkg::crc32_pixel(crc_i, word_i[23:0]);
-  assign word_o = link_pkg::crc32_word(crc_i, word_i);
+  assign start_o = lipp_link_pkg::CrcStart;
+  assign byte_o = lipp_link_pkg::crc32_byte(crc_i, word_i[7:0]);
+  assign pixel_o = lipp_link_pkg::crc32_pixel(crc_i, word_i[23:0]);
+  assign word_o = lipp_link_pkg::crc32_word(crc_i, word_i);
 endmodule
 """
 

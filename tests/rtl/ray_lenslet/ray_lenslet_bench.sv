@@ -12,30 +12,30 @@ module ray_lenslet_bench #(
 ) (
   input  logic                                     clk_i,
   input  logic                                     rst_ni,
-  input  logic [$bits(optics_pkg::optics_config_t)-1:0] config_i,
+  input  logic [$bits(lipp_optics_pkg::optics_config_t)-1:0] config_i,
   input  logic                                     apply_i,
   output logic                                     busy_o,
   output logic                                     idle_o,
   input  logic                                     valid_i,
   output logic                                     ready_o,
-  input  logic [2*optics_pkg::PixelBits+2*(F+2)-1:0] ray_i,
+  input  logic [2*lipp_optics_pkg::PixelBits+2*(F+2)-1:0] ray_i,
   output logic                                     valid_o,
   input  logic                                     ready_i,
-  output logic [2*optics_pkg::IndexBits+3*(F+4)+3*(F+2)+2:0] exit_o,
+  output logic [2*lipp_optics_pkg::IndexBits+3*(F+4)+3*(F+2)+2:0] exit_o,
   output int                                       latency_o
 );
-  import optics_pkg::*;
+  import lipp_optics_pkg::*;
 
   localparam int W = F + 2;
   logic signed [PixelBits-1:0] u, v;
   logic signed [W-1:0] a, b, dx, dy, dz;
   logic signed [IndexBits-1:0] i, j;
   logic signed [W+1:0] x, y, z;
-  status_e status;
+  ray_status_e status;
   assign {u, v, a, b} = ray_i;
   assign exit_o = {i, j, x, y, z, dx, dy, dz, status};
   assign latency_o = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) + 5;
-  ray_lenslet #(
+  lipp_ray_lenslet #(
     .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk),
     .Converge(Converge), .Shear(Shear), .CrossCells(CrossCells)
   ) i_engine (

@@ -53,7 +53,7 @@ def instance(build: Build) -> Instance:
         {"u_i": 18, "v_i": 18, "a_i": near, "b_i": near},
         {"i_o": 12, "j_o": 12, **dict.fromkeys(("x_o", "y_o", "z_o"), far),
          **dict.fromkeys(("dx_o", "dy_o", "dz_o"), near), "status_o": 3},
-        f"optics_pkg::ray_latency({latency})",
+        f"lipp_optics_pkg::ray_latency({latency})",
         p,
         {"config_i": 1140},
     )  # fmt: skip

@@ -36,18 +36,18 @@ module scan_out_bench #(
   logic front, swapped;
   logic [PlaceBits-1:0] read_at;
   logic [23:0] read_rgb, unused_rgb, rgb;
-  panel_pkg::pattern_t pattern;
+  lipp_panel_pkg::pattern_t pattern;
   // Every pixel lies on the same point of lenslet (0, 0): (view + 1/2) / 256 - 1/2 pitches.
-  optics_pkg::optics_config_t optics;
+  lipp_optics_pkg::optics_config_t optics;
   always_comb begin
     optics = '0;
     optics.x_offset = ($signed({44'd0, view_i}) - 52'sd128) <<< 32;
     optics.x_offset[31] = 1'b1;
   end
-  assign pattern = '{kind: panel_pkg::pattern_e'(kind_i), i: '0, j: '0};
+  assign pattern = '{kind: lipp_panel_pkg::pattern_e'(kind_i), i: '0, j: '0};
   assign out_o = {front, swapped, frame_start_o, vsync_o, hsync_o, de_o, rgb};
 
-  scan_out #(
+  lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
     .Grid(Grid)
@@ -56,7 +56,7 @@ module scan_out_bench #(
     .pattern_i(pattern), .optics_i(optics), .read_at_o(read_at), .read_rgb_i(read_rgb),
     .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
   );
-  frame_store #(.Width(Width), .Height(Height)) i_store (
+  lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
     .clk_i, .write_i(fill_i), .write_buffer_i(fill_buffer_i), .write_at_i(fill_at_i),
     .write_rgb_i(fill_rgb_i), .a_buffer_i(front), .a_at_i(read_at), .a_rgb_o(read_rgb),
     .b_buffer_i(1'b0), .b_at_i('0), .b_rgb_o(unused_rgb)

@@ -44,7 +44,7 @@ def test_equals_twin(f):
         parameters = {"Width": width, "Height": height, "F": f, "Grid": GRIDS[grid]}
         one = Instance(
             "test_pattern", {"column_i": 14, "row_i": 14}, {"rgb_o": 24},
-            f"panel_pkg::pattern_latency({GRIDS[grid]})", parameters, {"pattern_i": 27, "optics_i": 1140},
+            f"lipp_panel_pkg::pattern_latency({GRIDS[grid]})", parameters, {"pattern_i": 27, "optics_i": 1140},
         )  # fmt: skip
         instances.append(one)
         for kind in [LENS, CENTRES, VIEWS] * 4 + [CHECKER, RAMP, OFF, 6, 7]:

@@ -36,13 +36,13 @@ module tile_writer_bench #(
   logic [23:0] write_rgb, copy_rgb;
   assign written_o = {write, write_buffer, write_at, write_rgb};
 
-  tile_writer #(.Width(Width), .Height(Height)) i_writer (
+  lipp_tile_writer #(.Width(Width), .Height(Height)) i_writer (
     .clk_i, .rst_ni, .start_i, .tile_i, .coding_i, .buffer_i, .empty_i, .done_o, .ok_o, .crc_o,
     .valid_i, .ready_o, .data_i, .last_i, .write_o(write), .write_buffer_o(write_buffer),
     .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
     .copy_at_o(copy_at), .copy_rgb_i(copy_rgb)
   );
-  frame_store #(.Width(Width), .Height(Height)) i_store (
+  lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
     .clk_i, .write_i(fill_i || write), .write_buffer_i(fill_i ? at_buffer_i : write_buffer),
     .write_at_i(fill_i ? at_i : write_at), .write_rgb_i(fill_i ? rgb_i : write_rgb),
     .a_buffer_i(at_buffer_i), .a_at_i(at_i), .a_rgb_o(rgb_o),

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// A board: serial line, panel, and the ray-lenslet optics.
+///
+///   uart_rx -> cobs_decoder -> packet_fifo -> dispatcher -> tile_writer -> frame_store -> scan_out
+///                                              |  |  |
+///                    presenter, frame_check <--+  |  +--> register_bus -> board_registers
+///                                                 v                    -> optics_block
+///   uart_tx <- packet_out <- dispatcher      ray_signature
+///
+/// The request RESET resets all but the line and its packets, so that no byte of them is lost.
+///
+/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
+/// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
+/// registers.
+module lipp_board #(
+  parameter bit ByteLink = 1'b0,
+  parameter int ClockHz = 148_500_000,
+  parameter int Width = 1920,
+  parameter int Height = 1080,
+  parameter int HFront = 88,
+  parameter int HSync = 44,
+  parameter int HBack = 148,
+  parameter int VFront = 4,
+  parameter int VSync = 5,
+  parameter int VBack = 36,
+  parameter bit HPositive = 1'b1,   // polarities of the syncs
+  parameter bit VPositive = 1'b1,
+  parameter int F = 16,
+  parameter bit CrossCells = 1'b0,
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int Model = lipp_optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
+) (
+  input  logic        clk_i,
+  input  logic        rst_ni,       // asynchronous
+  input  logic [63:0] identity_i,   // hash of panel and array
+
+  input  logic [15:0] step_i,       // UART: bits per clock, times 65536
+  input  logic        rx_i,
+  output logic        tx_o,
+
+  input  logic        in_valid_i,   // used with ByteLink
+  output logic        in_ready_o,
+  input  logic [7:0]  in_data_i,
+  output logic        out_valid_o,
+  input  logic        out_ready_i,
+  output logic [7:0]  out_data_o,
+
+  output logic        de_o,
+  output logic        hsync_o,
+  output logic        vsync_o,
+  output logic [23:0] rgb_o
+);
+  import lipp_optics_pkg::IndexBits, lipp_optics_pkg::PixelBits;
+
+  logic rst_n;
+  lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
+
+  // ---- the line ----
+  logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
+  logic [7:0] rx_data, tx_data;
+  if (ByteLink) begin : gen_bytes
+    assign {rx_valid, rx_data, in_ready_o} = {in_valid_i, in_data_i, rx_ready};
+    assign {out_valid_o, out_data_o, tx_ready} = {tx_valid, tx_data, out_ready_i};
+    assign tx_o = 1'b1;
+    assign {framing_error, overflow} = '0;
+    logic unused_wires;
+    assign unused_wires = ^{rx_i, step_i};
+  end else begin : gen_wires
+    lipp_uart_rx i_uart_rx (
+      .clk_i, .rst_ni(rst_n), .step_i, .rx_i, .valid_o(rx_valid), .ready_i(rx_ready),
+      .data_o(rx_data), .framing_error_o(framing_error), .overflow_o(overflow)
+    );
+    lipp_uart_tx i_uart_tx (
+      .clk_i, .rst_ni(rst_n), .step_i, .valid_i(tx_valid), .ready_o(tx_ready), .data_i(tx_data),
+      .tx_o
+    );
+    assign in_ready_o = 1'b0;
+    assign {out_valid_o, out_data_o} = '0;
+    logic unused_bytes;
+    assign unused_bytes = ^{in_valid_i, in_data_i, out_ready_i};
+  end
+
+  // ---- packets ----
+  logic decoded_valid, decoded_ready, decoded_end, decoded_bad;
+  logic [7:0] decoded_data;
+  lipp_cobs_decoder i_cobs_decoder (
+    .clk_i, .rst_ni(rst_n), .in_valid_i(rx_valid), .in_ready_o(rx_ready), .in_data_i(rx_data),
+    .out_valid_o(decoded_valid), .out_ready_i(decoded_ready), .out_data_o(decoded_data),
+    .out_end_o(decoded_end), .out_bad_o(decoded_bad)
+  );
+  logic request_valid, request_ready, request_last;
+  logic [7:0] request_data;
+  logic accepted, dropped_long, dropped_cobs, dropped_short, dropped_crc;
+  lipp_packet_fifo i_packet_fifo (
+    .clk_i, .rst_ni(rst_n), .in_valid_i(decoded_valid), .in_ready_o(decoded_ready),
+    .in_data_i(decoded_data), .in_end_i(decoded_end), .in_bad_i(decoded_bad),
+    .out_valid_o(request_valid), .out_ready_i(request_ready), .out_data_o(request_data),
+    .out_last_o(request_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
+    .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
+  );
+  logic reply_valid, reply_ready, reply_last;
+  logic [7:0] reply_data;
+  lipp_packet_out i_packet_out (
+    .clk_i, .rst_ni(rst_n), .in_valid_i(reply_valid), .in_ready_o(reply_ready),
+    .in_data_i(reply_data), .in_last_i(reply_last), .out_valid_o(tx_valid),
+    .out_ready_i(tx_ready), .out_data_o(tx_data)
+  );
+
+  // ---- reset of all but the link ----
+  logic reset, core_rst_n;
+  always_ff @(posedge clk_i or negedge rst_n) begin
+    if (!rst_n) core_rst_n <= 1'b0;
+    else core_rst_n <= !reset;
+  end
+
+  // ---- requests ----
+  logic bus_start, bus_write, bus_done, bus_error;
+  logic [9:0] bus_at;
+  logic [31:0] bus_word, bus_answer;
+  logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
+  logic tile_last;
+  logic [15:0] tile, table_at, epoch, present_epoch;
+  logic [7:0] tile_coding, tile_data;
+  logic [31:0] tile_crc, table_crc, present_crc;
+  logic table_busy, table_front, present_start, present_done, frame_bad;
+  lipp_link_pkg::reply_status_e present_status;
+  logic ray_valid, ray_ready, trace, sign, exit_valid, exit_ready, trace_ready, sign_ready;
+  logic [3:0][31:0] ray;
+  logic [8:0][31:0] exit_words;
+  logic sign_start, sign_done, exit_last;
+  logic [31:0] sign_rays, sign_crc;
+  lipp_dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
+    .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch), .reset_o(reset),
+    .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
+    .in_last_i(request_last), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
+    .out_data_o(reply_data), .out_last_o(reply_last),
+    .bus_start_o(bus_start), .bus_write_o(bus_write), .bus_at_o(bus_at), .bus_word_o(bus_word),
+    .bus_done_i(bus_done), .bus_word_i(bus_answer), .bus_error_i(bus_error),
+    .tile_start_o(tile_start), .tile_o(tile), .tile_coding_o(tile_coding),
+    .tile_empty_o(tile_empty), .tile_valid_o(tile_valid), .tile_ready_i(tile_ready),
+    .tile_data_o(tile_data), .tile_last_o(tile_last), .tile_done_i(tile_done),
+    .tile_ok_i(tile_ok), .stale_o(stale), .tile_bad_o(tile_bad),
+    .table_busy_i(table_busy), .table_front_o(table_front), .table_at_o(table_at),
+    .table_crc_i(table_crc),
+    .present_start_o(present_start), .present_epoch_o(present_epoch),
+    .present_crc_o(present_crc), .present_done_i(present_done), .present_status_i(present_status),
+    .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_o(ray), .trace_o(trace),
+    .exit_valid_i(exit_valid), .exit_ready_o(trace_ready), .exit_i(exit_words),
+    .sign_o(sign), .sign_start_o(sign_start), .sign_done_i(sign_done),
+    .sign_rays_i(sign_rays), .sign_crc_i(sign_crc)
+  );
+
+  // ---- registers ----
+  lipp_board_registers_pkg::board_registers__in_t told;
+  lipp_board_registers_pkg::board_registers__out_t set;
+  logic board_request, board_write, board_read_ack, board_write_ack;
+  logic board_read_error, board_write_error;
+  logic [6:0] board_at;
+  logic [31:0] board_word, board_answer;
+  logic apb_sel, apb_enable, apb_write, apb_ready, apb_error;
+  logic [8:0] apb_addr;
+  logic [31:0] apb_wdata, apb_rdata;
+  lipp_register_bus i_register_bus (
+    .clk_i, .rst_ni(core_rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
+    .word_i(bus_word), .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
+    .board_request_o(board_request), .board_write_o(board_write), .board_at_o(board_at),
+    .board_word_o(board_word), .board_read_ack_i(board_read_ack),
+    .board_write_ack_i(board_write_ack),
+    .board_error_i((board_read_ack && board_read_error) || (board_write_ack && board_write_error)),
+    .board_word_i(board_answer),
+    .apb_sel_o(apb_sel), .apb_enable_o(apb_enable), .apb_write_o(apb_write),
+    .apb_addr_o(apb_addr), .apb_wdata_o(apb_wdata), .apb_ready_i(apb_ready),
+    .apb_rdata_i(apb_rdata), .apb_error_i(apb_error)
+  );
+  logic unused_stall_read, unused_stall_write;
+  lipp_board_registers i_registers (
+    .clk(clk_i), .arst_n(core_rst_n),
+    .s_cpuif_req(board_request), .s_cpuif_req_is_wr(board_write), .s_cpuif_addr(board_at),
+    .s_cpuif_wr_data(board_word), .s_cpuif_wr_biten('1),
+    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
+    .s_cpuif_rd_ack(board_read_ack), .s_cpuif_rd_err(board_read_error),
+    .s_cpuif_rd_data(board_answer),
+    .s_cpuif_wr_ack(board_write_ack), .s_cpuif_wr_err(board_write_error),
+    .hwif_in(told), .hwif_out(set)
+  );
+  logic [31:0] shown_crc, frames, clocks_q;
+  always_ff @(posedge clk_i or negedge core_rst_n) begin
+    if (!core_rst_n) clocks_q <= '0;
+    else clocks_q <= clocks_q + 1'b1;
+  end
+  assign told.display_low.value.next = identity_i[31:0];
+  assign told.display_high.value.next = identity_i[63:32];
+  assign told.panel.width.next = 16'(Width);
+  assign told.panel.height.next = 16'(Height);
+  assign told.clock.value.next = 32'(ClockHz);
+  assign told.epoch.value.next = epoch;
+  assign told.shown_crc.value.next = shown_crc;
+  assign told.frames.value.next = frames;
+  assign told.clocks.value.next = clocks_q;
+  assign told.counters.packets.count.incr = accepted;
+  assign told.counters.framing.count.incr = framing_error;
+  assign told.counters.overflow.count.incr = overflow;
+  assign told.counters.dropped_cobs.count.incr = dropped_cobs;
+  assign told.counters.dropped_crc.count.incr = dropped_crc;
+  assign told.counters.dropped_long.count.incr = dropped_long;
+  assign told.counters.dropped_short.count.incr = dropped_short;
+  assign told.counters.stale.count.incr = stale;
+  assign told.counters.tile_bad.count.incr = tile_bad;
+  assign told.counters.frame_bad.count.incr = frame_bad;
+
+  // ---- frames ----
+  lipp_optics_pkg::optics_config_t optics;
+  localparam int PlaceBits = $clog2(Width * Height);
+  localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
+  logic front, swap, swapped;
+  logic write, write_buffer, copy_buffer, check_buffer;
+  logic [PlaceBits-1:0] write_at, copy_at, check_at, show_at;
+  logic [23:0] write_rgb, second_rgb, show_rgb;
+  logic check_start, check_busy, check_done;
+  logic [31:0] check_crc;
+  lipp_tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
+    .clk_i, .rst_ni(core_rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
+    .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
+    .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(tile_data),
+    .last_i(tile_last), .write_o(write), .write_buffer_o(write_buffer),
+    .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
+    .copy_at_o(copy_at), .copy_rgb_i(second_rgb)
+  );
+  // The table's entry of a tile is invalid from its start until it ended without an error.
+  lipp_tile_table #(.Width(Width), .Height(Height)) i_tile_table (
+    .clk_i, .rst_ni(core_rst_n), .busy_o(table_busy),
+    .write_i(tile_start || (tile_done && tile_ok)), .write_buffer_i(!front),
+    .write_tile_i(tile[TileBits-1:0]), .write_crc_i(tile_start ? '0 : tile_crc),
+    .read_buffer_i(table_front ? front : !front), .read_tile_i(table_at[TileBits-1:0]),
+    .read_crc_o(table_crc)
+  );
+  logic unused_table;
+  assign unused_table = ^table_at[15:TileBits];
+  lipp_frame_check #(.Width(Width), .Height(Height)) i_frame_check (
+    .clk_i, .rst_ni(core_rst_n), .start_i(check_start), .buffer_i(!front),
+    .busy_o(check_busy), .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
+    .read_rgb_i(second_rgb)
+  );
+  lipp_presenter i_presenter (
+    .clk_i, .rst_ni(core_rst_n), .start_i(present_start), .epoch_i(present_epoch),
+    .crc_i(present_crc), .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
+    .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
+    .swap_o(swap), .swapped_i(swapped)
+  );
+  // Requests are executed one at a time, so a tile is never copied while a frame is checked.
+  lipp_frame_store #(.Width(Width), .Height(Height)) i_frame_store (
+    .clk_i, .write_i(write), .write_buffer_i(write_buffer), .write_at_i(write_at),
+    .write_rgb_i(write_rgb), .a_buffer_i(front), .a_at_i(show_at), .a_rgb_o(show_rgb),
+    .b_buffer_i(check_busy ? check_buffer : copy_buffer),
+    .b_at_i(check_busy ? check_at : copy_at), .b_rgb_o(second_rgb)
+  );
+  logic unused_start;
+  lipp_scan_out #(
+    .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
+    .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
+    .F(F), .Grid(Grid)
+  ) i_scan_out (
+    .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
+    .brightness_i(set.display.brightness.value),
+    .pattern_i('{
+      kind: lipp_panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
+      j: set.lens.j.value
+    }),
+    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb), .de_o, .hsync_o, .vsync_o,
+    .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
+  );
+
+  // ---- rays ----
+  logic signed [IndexBits-1:0] exit_i, exit_j;
+  logic signed [F+3:0] exit_x, exit_y, exit_z;
+  logic signed [F+1:0] exit_dx, exit_dy, exit_dz;
+  lipp_optics_pkg::ray_status_e exit_status;
+  logic unused_first, unused_ray;
+  assign unused_ray = ^ray;
+  lipp_optics_block #(
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
+  ) i_optics (
+    .clk_i, .rst_ni(core_rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable),
+    .apb_write_i(apb_write), .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
+    .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),
+    .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
+    .ray_v_i(ray[1][PixelBits-1:0]), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
+    .ray_first_i(1'b1), .ray_last_i(1'b1),
+    .exit_valid_o(exit_valid), .exit_ready_i(exit_ready), .exit_i_o(exit_i), .exit_j_o(exit_j),
+    .exit_x_o(exit_x), .exit_y_o(exit_y), .exit_z_o(exit_z), .exit_dx_o(exit_dx),
+    .exit_dy_o(exit_dy), .exit_dz_o(exit_dz), .exit_status_o(exit_status),
+    .exit_first_o(unused_first), .exit_last_o(exit_last), .optics_o(optics)
+  );
+  assign exit_words = {
+    32'(exit_status), 32'(exit_dz), 32'(exit_dy), 32'(exit_dx), 32'(exit_z), 32'(exit_y),
+    32'(exit_x), 32'(exit_j), 32'(exit_i)
+  };
+  // Rays of a frame that nobody asked to sign are dropped.
+  assign exit_ready = trace ? trace_ready : sign_ready || !sign;
+  lipp_ray_signature i_ray_signature (
+    .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
+    .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
+    .rays_o(sign_rays), .crc_o(sign_crc)
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Receives requests, has them executed, and replies: one request at a time, one reply to each.
+///
+///   request_reader -> dispatcher -> reply_builder
+///                      |  request_order: executed before?
+///                      |  register_access: READ, WRITE, HELLO
+///                      |  ray_access: TRACE, SIGN, ABORT; may a WRITE change the optics?
+///                      |  table_reader: TILES
+///                      +- tile_writer, presenter: TILE, PRESENT
+///
+/// Packets are streams of bytes without their CRC (docs/reference/protocol.md). No request is
+/// executed before its packet has passed the CRC: packet_fifo passes on whole, correct packets
+/// only. A request of a wrong length has no effect. WRITE, SIGN, ABORT and RESET are executed once,
+/// in the order of their numbers: if the last one comes again, only its reply is sent again; an
+/// older one is refused.
+///
+/// Each request is answered. Whatever it waits for ends: a neighbour's answer comes within the
+/// clocks that the neighbour's module states, and a reply is sent as fast as the line takes it.
+/// What lasts longer, a frame of the raster, runs while further requests are answered.
+///
+/// A request is read at one byte a clock. Its reply starts when it is executed.
+module lipp_dispatcher #(
+  parameter int Width = 640,            // of the panel, in pixels
+  parameter int Height = 480,
+  parameter int ClockHz = 100_000_000
+) (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+  input  logic [63:0]       identity_i,  // of panel and array
+  input  logic [15:0]       epoch_i,
+  output logic              reset_o,     // RESET: all but the link, 8 clocks
+
+  input  logic              in_valid_i,
+  output logic              in_ready_o,
+  input  logic [7:0]        in_data_i,
+  input  logic              in_last_i,
+  output logic              out_valid_o,
+  input  logic              out_ready_i,
+  output logic [7:0]        out_data_o,
+  output logic              out_last_o,
+
+  // ---- registers: register_bus ----
+  output logic              bus_start_o,
+  output logic              bus_write_o,
+  output logic [9:0]        bus_at_o,
+  output logic [31:0]       bus_word_o,
+  input  logic              bus_done_i,
+  input  logic [31:0]       bus_word_i,
+  input  logic              bus_error_i,
+
+  // ---- tiles: tile_writer, tile_table ----
+  output logic              tile_start_o,
+  output logic [15:0]       tile_o,
+  output logic [7:0]        tile_coding_o,
+  output logic              tile_empty_o,
+  output logic              tile_valid_o,
+  input  logic              tile_ready_i,
+  output logic [7:0]        tile_data_o,
+  output logic              tile_last_o,
+  input  logic              tile_done_i,
+  input  logic              tile_ok_i,
+  output logic              stale_o,         // a request refused with StatusStale
+  output logic              tile_bad_o,
+  input  logic              table_busy_i,    // cleared after reset: no request is accepted
+  output logic              table_front_o,   // buffer whose entry is read
+  output logic [15:0]       table_at_o,
+  input  logic [31:0]       table_crc_i,     // at most 3 clocks after table_at_o
+
+  // ---- frames: presenter ----
+  output logic              present_start_o,
+  output logic [15:0]       present_epoch_o,
+  output logic [31:0]       present_crc_o,
+  input  logic              present_done_i,
+  input  lipp_link_pkg::reply_status_e present_status_i,
+
+  // ---- rays: optics_block, ray_signature ----
+  output logic              ray_valid_o,
+  input  logic              ray_ready_i,
+  output logic [3:0][31:0]  ray_o,           // u, v, a, b
+  output logic              trace_o,         // exit rays go here
+  input  logic              exit_valid_i,
+  output logic              exit_ready_o,
+  input  logic [8:0][31:0]  exit_i,
+  output logic              sign_o,          // exit rays go to the signature
+  output logic              sign_start_o,
+  input  logic              sign_done_i,
+  input  logic [31:0]       sign_rays_i,
+  input  logic [31:0]       sign_crc_i
+);
+  import lipp_link_pkg::*;
+
+  localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
+  localparam logic [7:0] ProtocolVersion = 8'd2;
+  localparam int HeadBytes = 34;  // of the longest reply without words, that of HELLO
+  localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208;
+
+  typedef enum logic [2:0] {Receive, Judge, Execute, Reply, Words} state_e;
+  state_e state_q;
+  reply_status_e status_q;
+  logic executed_q;            // to be remembered
+  logic answer, reply_ready;
+  assign answer = state_q == Reply && reply_ready;
+
+  // ---- the request ----
+  request_t request;
+  reply_status_e read_status;
+  logic read_done, next;
+  logic [7:0] word_at, register_word_at, ray_word_at;
+  logic [31:0] word;
+  lipp_request_reader #(.Width(Width), .Height(Height)) i_reader (
+    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i), .in_valid_i, .in_ready_o, .in_data_i,
+    .in_last_i, .done_o(read_done), .next_i(next), .request_o(request), .status_o(read_status),
+    .word_at_i(word_at), .word_o(word), .tile_start_o, .tile_empty_o, .tile_valid_o, .tile_ready_i,
+    .tile_data_o, .tile_last_o
+  );
+  logic [15:0] first, second, table_first, table_count;
+  logic [31:0] nonce;
+  logic once;  // executed at most once
+  assign {second, first} = request.arguments[3:0];
+  assign {table_count, table_first} = request.arguments[4:1];
+  assign nonce = request.arguments[4:1];
+  assign once = request.kind inside {RequestWrite, [RequestSign:RequestReset]};
+  assign word_at = request.kind == RequestTrace ? ray_word_at : register_word_at;
+
+  // ---- executed before? ----
+  logic repeated, older, hello;
+  reply_status_e executed_status;
+  lipp_request_order i_order (
+    .clk_i, .rst_ni, .kind_i(request.kind), .number_i(request.number), .repeated_o(repeated),
+    .older_o(older), .status_o(executed_status), .hello_i(hello), .nonce_i(nonce),
+    .answer_i(answer), .executed_i(executed_q), .status_i(status_q)
+  );
+
+  // ---- registers ----
+  logic register_start, register_done, register_valid, register_ready;
+  logic register_bus_start, register_bus_write;
+  logic [9:0] register_bus_at;
+  logic [31:0] register_word, register_bus_word;
+  reply_status_e register_status;
+  logic is_hello, is_write;
+  assign is_hello = request.kind == RequestHello;
+  assign is_write = request.kind == RequestWrite;
+  lipp_register_access i_registers (
+    .clk_i, .rst_ni, .start_i(register_start), .write_i(is_write),
+    .first_i(is_hello ? AtBuild : first),
+    .count_i(is_hello ? 9'd1 : is_write ? request.words : {1'b0, request.arguments[2]}),
+    .done_o(register_done), .status_o(register_status),
+    .word_at_o(register_word_at), .word_i(word), .word_valid_o(register_valid),
+    .word_ready_i(register_ready), .word_o(register_word),
+    .bus_start_o(register_bus_start), .bus_write_o(register_bus_write),
+    .bus_at_o(register_bus_at), .bus_word_o(register_bus_word), .bus_done_i, .bus_word_i,
+    .bus_error_i
+  );
+
+  // ---- rays ----
+  logic ray_start, ray_done, ray_denied, exit_word_valid, exit_word_ready;
+  logic ray_bus_start, ray_bus_write;
+  logic [9:0] ray_bus_at;
+  logic [31:0] exit_word, ray_bus_word;
+  reply_status_e ray_status;
+  runs_e runs;
+  ray_op_e op;
+  always_comb begin
+    case (request.kind)
+      RequestTrace: op = OpTrace;
+      RequestSign: op = repeated ? OpResult : OpSign;
+      RequestAbort: op = OpAbort;
+      default: op = OpClaim;
+    endcase
+  end
+  lipp_ray_access i_rays (
+    .clk_i, .rst_ni, .clear_i(reset_o), .start_i(ray_start), .op_i(op), .count_i(request.words),
+    .done_o(ray_done), .status_o(ray_status), .runs_o(runs), .denied_o(ray_denied),
+    .word_at_o(ray_word_at),
+    .word_i(word), .word_valid_o(exit_word_valid), .word_ready_i(exit_word_ready),
+    .word_o(exit_word), .bus_start_o(ray_bus_start), .bus_write_o(ray_bus_write),
+    .bus_at_o(ray_bus_at), .bus_word_o(ray_bus_word), .bus_done_i, .bus_word_i,
+    .ray_valid_o, .ray_ready_i, .ray_o, .trace_o, .exit_valid_i, .exit_ready_o, .exit_i,
+    .sign_o, .sign_start_o, .sign_done_i
+  );
+  // One of the two at a time has the bus.
+  assign bus_start_o = register_bus_start || ray_bus_start;
+  assign {bus_write_o, bus_at_o, bus_word_o} = ray_bus_start ?
+      {ray_bus_write, ray_bus_at, ray_bus_word} :
+      {register_bus_write, register_bus_at, register_bus_word};
+
+  // ---- the table of tiles ----
+  logic table_start, table_valid, table_ready;
+  logic [31:0] table_word;
+  lipp_table_reader i_table (
+    .clk_i, .rst_ni, .start_i(table_start), .first_i(table_first), .count_i(table_count[9:0]),
+    .word_valid_o(table_valid), .word_ready_i(table_ready), .word_o(table_word), .table_at_o,
+    .table_crc_i
+  );
+  assign table_front_o = request.arguments[0][0];
+
+  // ---- other neighbours ----
+  assign tile_o = second;
+  assign tile_coding_o = request.arguments[4];
+  assign present_epoch_o = first;
+  assign present_crc_o = request.arguments[5:2];
+  logic tile_done_q, tile_ok_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {tile_done_q, tile_ok_q} <= '0;
+    else if (tile_start_o || tile_done_i) {tile_done_q, tile_ok_q} <= {tile_done_i, tile_ok_i};
+  end
+
+  // ---- the reply ----
+  logic word_valid, word_ready, words_done;
+  logic [8*HeadBytes-1:0] head;
+  logic [5:0] head_bytes;
+  logic [9:0] words;
+  logic [31:0] common, build_q, reply_word;
+  assign common = {status_q, request.number, ReplyBit | request.kind};
+  always_comb begin
+    head = (8 * HeadBytes)'(common);
+    head_bytes = 6'd4;
+    words = '0;
+    if (status_q == StatusBusy) begin
+      head = (8 * HeadBytes)'({runs == RunsFrame ? '0 : sign_rays_i, runs, common});
+      head_bytes = 6'd9;
+    end else if (status_q == StatusOk) begin
+      case (request.kind)
+        RequestHello: begin
+          head = {
+            build_q, epoch_i, 32'(ClockHz), 16'(MaxPacket), 8'd32, 16'(Height), 16'(Width),
+            identity_i, nonce, ProtocolVersion, common
+          };
+          head_bytes = 6'd34;
+        end
+        RequestTile: {head, head_bytes} = {(8 * HeadBytes)'({second, common}), 6'd6};
+        RequestPresent: {head, head_bytes} = {(8 * HeadBytes)'({epoch_i, common}), 6'd6};
+        RequestTiles: begin
+          {head, head_bytes} = {(8 * HeadBytes)'({table_first, epoch_i, common}), 6'd8};
+          words = table_count[9:0];
+        end
+        RequestSign: begin
+          {head, head_bytes} = {(8 * HeadBytes)'({sign_crc_i, sign_rays_i, common}), 6'd12};
+        end
+        RequestRead: words = {2'd0, request.arguments[2]};
+        RequestTrace: words = {request.words[8:2], 3'd0} + 10'(request.words[8:2]);  // 9 a ray
+        default: ;
+      endcase
+    end
+  end
+  always_comb begin
+    case (request.kind)
+      RequestTiles: {word_valid, reply_word} = {table_valid, table_word};
+      RequestTrace: {word_valid, reply_word} = {exit_word_valid, exit_word};
+      default: {word_valid, reply_word} = {register_valid && !is_hello, register_word};
+    endcase
+  end
+  assign register_ready = word_ready || is_hello;
+  assign {table_ready, exit_word_ready} = {2{word_ready}};
+  lipp_reply_builder #(.HeadBytes(HeadBytes)) i_reply (
+    .clk_i, .rst_ni, .start_i(state_q == Reply), .ready_o(reply_ready), .head_i(head),
+    .bytes_i(head_bytes), .words_i(words), .word_valid_i(word_valid), .word_ready_o(word_ready),
+    .word_i(reply_word), .words_done_o(words_done), .out_valid_o, .out_ready_i, .out_data_o,
+    .out_last_o
+  );
+  assign next = (answer && words == '0) || words_done;
+  always_ff @(posedge clk_i) if (register_valid && is_hello) build_q <= register_word;
+
+  // ---- the order of events ----
+  logic [3:0] reset_q;  // clocks of a RESET; reset_o is high in the first 8
+  assign reset_o = reset_q[3];
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      state_q <= Receive;
+      status_q <= StatusOk;
+      {executed_q, reset_q, register_start, ray_start, table_start, hello} <= '0;
+      {present_start_o, stale_o, tile_bad_o} <= '0;
+    end else begin
+      {register_start, ray_start, table_start, present_start_o, hello} <= '0;
+      stale_o <= answer && status_q == StatusStale;
+      tile_bad_o <= answer && status_q == StatusTile;
+      if (reset_q != '0) reset_q <= reset_q - 1'b1;
+      case (state_q)
+        Receive: begin
+          executed_q <= 1'b0;
+          if (read_done) state_q <= Judge;
+        end
+        Judge: begin
+          status_q <= StatusOk;
+          state_q <= Reply;
+          if (read_status != StatusOk) begin
+            status_q <= read_status;
+          end else if (once && repeated && request.kind != RequestSign) begin
+            status_q <= executed_status;
+          end else if (once && older) begin
+            status_q <= StatusStale;
+          end else begin
+            executed_q <= once;
+            case (request.kind)
+              RequestHello: begin
+                if (request.arguments[0] != ProtocolVersion) begin
+                  status_q <= StatusVersion;
+                end else begin
+                  {hello, register_start} <= 2'b11;
+                  state_q <= Execute;
+                end
+              end
+              RequestTiles: begin
+                if ({1'b0, table_first} + {1'b0, table_count} > 17'(Tiles)
+                    || request.arguments[0] > 8'd1) status_q <= StatusNoTile;
+                else table_start <= 1'b1;
+              end
+              default: begin
+                register_start <= request.kind == RequestRead || (is_write && first < AtOptics);
+                ray_start <= request.kind inside {RequestTrace, RequestSign, RequestAbort}
+                    || (is_write && first >= AtOptics);
+                present_start_o <= request.kind == RequestPresent;
+                if (request.kind == RequestReset) reset_q <= '1;
+                state_q <= Execute;
+              end
+            endcase
+          end
+        end
+        Execute: begin
+          case (request.kind)
+            RequestHello: if (register_valid) state_q <= Reply;
+            RequestRead: if (register_done) {status_q, state_q} <= {register_status, Reply};
+            RequestTile: if (tile_done_q) begin
+              {status_q, state_q} <= {tile_ok_q ? StatusOk : StatusTile, Reply};
+            end
+            RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
+            RequestReset: if (reset_q == '0 && !table_busy_i) state_q <= Reply;
+            default: begin  // WRITE, TRACE, SIGN, ABORT
+              if (register_done) {status_q, state_q} <= {register_status, Reply};
+              if (ray_done) begin
+                status_q <= ray_status;
+                if (is_write && ray_status == StatusOk) begin
+                  register_start <= 1'b1;
+                end else begin
+                  state_q <= Reply;
+                  // One that the optics cannot take now may come again.
+                  if (ray_denied) executed_q <= 1'b0;
+                end
+              end
+            end
+          endcase
+        end
+        Reply: if (answer) state_q <= words == '0 ? Receive : Words;
+        default: if (words_done) state_q <= Receive;  // Words
+      endcase
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Shows the back buffer, if all of it is correct.
+///
+/// start_i requests a frame, given its epoch and CRC-32. If the epoch is the board's, the back
+/// buffer's CRC-32 is computed and compared. If they are equal, the buffers are swapped at the next
+/// vertical sync, and the epoch is incremented. A request for the frame just shown is a repetition
+/// after a lost reply: it succeeds without a swap. done_o is a pulse, valid with the status.
+module lipp_presenter (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+
+  input  logic              start_i,
+  input  logic [15:0]       epoch_i,
+  input  logic [31:0]       crc_i,
+  output logic              done_o,
+  output lipp_link_pkg::reply_status_e status_o,
+
+  output logic [15:0]       epoch_o,
+  output logic              failed_o,        // the CRC differs
+
+  output logic              check_start_o,   // to frame_check
+  input  logic              check_done_i,
+  input  logic [31:0]       check_crc_i,
+  output logic              swap_o,          // to scan_out: held until swapped_i
+  input  logic              swapped_i
+);
+  import lipp_link_pkg::*;
+
+  logic [15:0] epoch_q;
+  logic [31:0] crc_q, shown_q;
+  logic any_shown_q;
+  logic here, repeated, equal;
+  assign epoch_o = epoch_q;
+  assign here = epoch_i == epoch_q;
+  assign repeated = any_shown_q && epoch_i == epoch_q - 1'b1 && crc_i == shown_q;
+  assign equal = check_crc_i == crc_q;
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      epoch_q <= '0;
+      crc_q <= '0;
+      shown_q <= '0;
+      any_shown_q <= 1'b0;
+      {done_o, failed_o, check_start_o, swap_o} <= '0;
+      status_o <= StatusOk;
+    end else begin
+      check_start_o <= start_i && here;
+      done_o <= (start_i && !here) || (check_done_i && !equal) || (swap_o && swapped_i);
+      failed_o <= check_done_i && !equal;
+      if (start_i) begin
+        crc_q <= crc_i;
+        status_o <= here || repeated ? StatusOk : StatusStale;
+      end else if (check_done_i && !equal) begin
+        status_o <= StatusFrameCrc;
+      end
+      swap_o <= (check_done_i && equal) || (swap_o && !swapped_i);
+      if (swap_o && swapped_i) begin
+        epoch_q <= epoch_q + 1'b1;
+        shown_q <= crc_q;
+        any_shown_q <= 1'b1;
+      end
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Shares the optics block among requests: one of them at a time has its pipeline.
+///
+/// start_i begins an operation, held in op_i; done_o is a pulse, valid with status_o.
+///
+///   OpClaim  may the block's registers be written? StatusOk once no apply waits
+///   OpTrace  takes the rays of the stream; after done_o with StatusOk, nine words of each exit ray
+///            follow as a stream
+///   OpSign   starts a frame whose rays are signed, with StatusBusy, or StatusOptics
+///   OpResult of the last OpSign: StatusOk when its rays are signed, otherwise StatusBusy or
+///            StatusOptics
+///   OpAbort  ends the frame that runs; done when no ray is in the pipeline
+///
+/// While a frame runs, or its rays are being signed, OpClaim, OpTrace and OpSign give StatusBusy and
+/// change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for their
+/// apply, which the pipeline takes when it is empty. So a signature has all rays of its own frame
+/// and no others, and a trace gets the rays that it asked for. All other exit rays are dropped at
+/// once: the pipeline never stands still, and each wait ends.
+///
+/// The bus is that of register_bus: its next access starts after bus_done_i.
+module lipp_ray_access (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+  input  logic              clear_i,       // the optics block is being reset
+  input  logic              start_i,
+  input  lipp_link_pkg::ray_op_e op_i,
+  input  logic [8:0]        count_i,       // words of the rays to trace, 4 each
+  output logic              done_o,
+  output lipp_link_pkg::reply_status_e status_o,
+  output lipp_link_pkg::runs_e   runs_o,
+  output logic              denied_o,      // with done_o: the pipeline was not free
+
+  output logic [7:0]        word_at_o,     // of the rays to trace
+  input  logic [31:0]       word_i,        // a clock after its place
+  output logic              word_valid_o,  // of exit rays
+  input  logic              word_ready_i,
+  output logic [31:0]       word_o,
+
+  output logic              bus_start_o,
+  output logic              bus_write_o,
+  output logic [9:0]        bus_at_o,
+  output logic [31:0]       bus_word_o,
+  input  logic              bus_done_i,
+  input  logic [31:0]       bus_word_i,
+
+  output logic              ray_valid_o,
+  input  logic              ray_ready_i,
+  output logic [3:0][31:0]  ray_o,         // u, v, a, b
+  output logic              trace_o,       // exit rays come here
+  input  logic              exit_valid_i,
+  output logic              exit_ready_o,
+  input  logic [8:0][31:0]  exit_i,
+  output logic              sign_o,        // exit rays go to the signature
+  output logic              sign_start_o,
+  input  logic              sign_done_i
+);
+  import lipp_link_pkg::*;
+
+  localparam logic [9:0] AtControl = 10'h20C, AtStatus = 10'h210, AtSource = 10'h214;
+  localparam logic [31:0] Apply = 32'd1, Start = 32'd2, Abort = 32'd4;
+
+  // Those of the first line access the bus.
+  typedef enum logic [3:0] {
+    Claim, Source, TakeOver, TakenOver, Begin, Begun, End, Ended,
+    Idle, Settle, Place, Fetch, Offer, Exit, Words
+  } state_e;
+  state_e state_q;
+  logic asked_q;  // the bus has been asked
+  logic signing_q, sign_refused_q;
+  logic [2:0] pause_q;
+  logic [8:0] left_q;        // words of rays not yet fetched
+  logic [7:0] at_q;
+  logic [3:0] exit_left_q;
+  logic [8:0][31:0] exit_q;
+
+  // ---- the bus ----
+  logic on_bus, busy, running, refused, occupied, heard;
+  assign on_bus = state_q inside {[Claim:Ended]};
+  assign bus_start_o = on_bus && !asked_q;
+  assign bus_write_o = state_q inside {Source, TakeOver, Begin, End};
+  assign heard = asked_q && bus_done_i;
+  assign {occupied, refused, running, busy} = bus_word_i[3:0];
+  logic unused_word;
+  assign unused_word = ^bus_word_i[31:4];
+  always_comb begin
+    {bus_at_o, bus_word_o} = {AtControl, Apply};
+    case (state_q)
+      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpTrace)};
+      Begin: bus_word_o = Start;
+      End: bus_word_o = Abort;
+      Claim, TakenOver, Begun, Ended: bus_at_o = AtStatus;
+      default: ;
+    endcase
+  end
+
+  // ---- the result of a signature ----
+  reply_status_e result;
+  assign sign_o = signing_q && !sign_done_i;
+  assign result = sign_refused_q ? StatusOptics : sign_o ? StatusBusy : StatusOk;
+
+  // ---- rays ----
+  assign word_at_o = at_q;
+  assign ray_valid_o = state_q == Offer;
+  assign exit_ready_o = state_q == Exit;
+  assign word_valid_o = state_q == Words;
+  assign word_o = exit_q[0];
+  always_ff @(posedge clk_i) begin
+    if (state_q == Fetch) ray_o <= {word_i, ray_o[3:1]};
+    if (exit_valid_i && exit_ready_o) exit_q <= exit_i;
+    else if (word_valid_o && word_ready_i) exit_q <= {32'd0, exit_q[8:1]};
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      state_q <= Idle;
+      status_o <= StatusOk;
+      runs_o <= RunsNothing;
+      {asked_q, signing_q, sign_refused_q, pause_q, left_q, at_q} <= '0;
+      {exit_left_q, trace_o, sign_start_o, done_o, denied_o} <= '0;
+    end else if (clear_i) begin
+      state_q <= Idle;
+      {asked_q, signing_q, sign_refused_q, trace_o, sign_start_o, done_o} <= '0;
+    end else begin
+      {done_o, sign_start_o} <= '0;
+      pause_q <= pause_q - 1'b1;
+      if (on_bus) asked_q <= !heard;
+      case (state_q)
+        Idle: if (start_i) begin
+          {status_o, denied_o} <= {StatusOk, 1'b0};
+          {left_q, at_q} <= {count_i, 8'd0};
+          case (op_i)
+            OpAbort: state_q <= End;
+            OpResult: begin
+              {status_o, done_o} <= {result, 1'b1};
+              runs_o <= RunsThis;
+            end
+            default: state_q <= Claim;
+          endcase
+        end
+        // ---- is the pipeline free? ----
+        Claim: if (heard) begin
+          if (running || sign_o) begin
+            {status_o, done_o, denied_o} <= {StatusBusy, 2'b11};
+            runs_o <= sign_o ? RunsSign : RunsFrame;
+            state_q <= Idle;
+          end else if (!busy) begin
+            done_o <= op_i == OpClaim;
+            state_q <= op_i == OpClaim ? Idle : Source;
+          end
+        end
+        // ---- its source; busy ends when the pipeline is empty and has the new optics ----
+        Source: if (heard) state_q <= TakeOver;
+        TakeOver: if (heard) state_q <= TakenOver;
+        TakenOver: if (heard && !busy) begin
+          done_o <= op_i == OpTrace;
+          trace_o <= op_i == OpTrace;
+          sign_start_o <= op_i == OpSign;
+          if (op_i == OpSign) signing_q <= 1'b1;
+          state_q <= op_i == OpTrace ? Place : Begin;
+        end
+        // ---- a frame ----
+        Begin: if (heard) begin
+          pause_q <= '1;
+          state_q <= Settle;
+        end
+        Settle: if (pause_q == '0) state_q <= Begun;  // until the window is checked
+        Begun: if (heard) begin
+          {signing_q, sign_refused_q} <= {!refused, refused};
+          {status_o, done_o} <= {refused ? StatusOptics : StatusBusy, 1'b1};
+          runs_o <= RunsThis;
+          state_q <= Idle;
+        end
+        // ---- its end ----
+        End: if (heard) state_q <= Ended;
+        Ended: if (heard && !(occupied || running || busy)) begin
+          signing_q <= 1'b0;
+          done_o <= 1'b1;
+          state_q <= Idle;
+        end
+        // ---- rays of a list, one at a time ----
+        Place: state_q <= Fetch;
+        Fetch: begin
+          at_q <= at_q + 1'b1;
+          left_q <= left_q - 1'b1;
+          state_q <= at_q[1:0] == 2'd3 ? Offer : Place;
+        end
+        Offer: if (ray_ready_i) state_q <= Exit;
+        Exit: if (exit_valid_i) begin
+          exit_left_q <= 4'd9;
+          trace_o <= left_q != '0;
+          state_q <= Words;
+        end
+        default: if (word_ready_i) begin  // Words
+          exit_left_q <= exit_left_q - 1'b1;
+          if (exit_left_q == 4'd1) state_q <= left_q != '0 ? Place : Idle;
+        end
+      endcase
+    end
+  end
+
+endmodule
+
+`default_nettype wire

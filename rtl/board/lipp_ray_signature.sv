@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// CRC-32 of a frame's exit rays: one word represents a whole frame on a slow line.
+///
+/// Each ray is nine words of 32 bits, word 0 in the lowest bits, low byte first; a ray takes nine
+/// clocks. start_i restarts the CRC; a ray accepted in the same clock is not included. done_o is
+/// high from the end of the frame's last ray until the next start.
+module lipp_ray_signature (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+  input  logic              start_i,
+  input  logic              ray_valid_i,
+  output logic              ray_ready_o,
+  input  logic [8:0][31:0]  ray_i,
+  input  logic              ray_last_i,
+  output logic              done_o,
+  output logic [31:0]       rays_o,
+  output logic [31:0]       crc_o
+);
+  import lipp_link_pkg::*;
+
+  logic [7:0][31:0] rest_q;  // words after the current one
+  logic [31:0] word_q, crc_q;
+  logic [3:0] words_q;       // the current word and those after it
+  logic last_q;
+  assign ray_ready_o = words_q <= 4'd1;
+  assign crc_o = ~crc_q;
+
+  always_ff @(posedge clk_i) begin
+    if (ray_valid_i && ray_ready_o) {last_q, rest_q, word_q} <= {ray_last_i, ray_i};
+    else {rest_q, word_q} <= {32'd0, rest_q};
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      words_q <= '0;
+      crc_q <= '1;
+      rays_o <= '0;
+      done_o <= 1'b0;
+    end else if (start_i) begin
+      words_q <= '0;
+      crc_q <= '1;
+      rays_o <= '0;
+      done_o <= 1'b0;
+    end else begin
+      if (ray_valid_i && ray_ready_o) begin
+        words_q <= 4'd9;
+        rays_o <= rays_o + 1'b1;
+      end else if (words_q != '0) begin
+        words_q <= words_q - 1'b1;
+      end
+      if (words_q != '0) crc_q <= crc32_word(crc_q, word_q);
+      if (words_q == 4'd1 && last_q) done_o <= 1'b1;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

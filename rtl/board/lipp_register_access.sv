@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Reads and writes ranges of registers, one word after the other.
+///
+/// start_i begins; the request is held until done_o. A range is valid if it begins and ends in one
+/// block. All words of a WRITE are looked up before the first is written, so that either all are
+/// written or none.
+///
+/// done_o is a pulse, valid with status_o: behind the last word of a WRITE, and before the first of
+/// a READ, whose words follow as a stream; 0 at an address without a register.
+module lipp_register_access (
+  input  logic              clk_i,
+  input  logic              rst_ni,
+  input  logic              start_i,
+  input  logic              write_i,
+  input  logic [15:0]       first_i,        // byte address
+  input  logic [8:0]        count_i,        // words: 1 or more
+  output logic              done_o,
+  output lipp_link_pkg::reply_status_e status_o,
+
+  output logic [7:0]        word_at_o,      // of a WRITE
+  input  logic [31:0]       word_i,         // a clock after its place
+  output logic              word_valid_o,   // of a READ
+  input  logic              word_ready_i,
+  output logic [31:0]       word_o,
+
+  output logic              bus_start_o,
+  output logic              bus_write_o,
+  output logic [9:0]        bus_at_o,
+  output logic [31:0]       bus_word_o,
+  input  logic              bus_done_i,
+  input  logic [31:0]       bus_word_i,
+  input  logic              bus_error_i
+);
+  import lipp_link_pkg::*;
+
+  typedef enum logic [2:0] {Idle, Range, Check, Fetch, Ask, Wait, Word} state_e;
+  state_e state_q;
+  logic write_q, board_q, optics_q;  // the range is in this block
+  logic [8:0] left_q;                // words not yet checked, then not yet accessed
+  logic [7:0] at_q;
+  logic [9:0] address;
+  assign address = first_i[9:0] + {at_q, 2'd0};
+  assign word_at_o = at_q;
+  assign bus_start_o = state_q == Ask;
+  assign {bus_write_o, bus_at_o, bus_word_o} = {write_q, address, word_i};
+  assign word_valid_o = state_q == Word;
+
+  logic [16:0] behind;
+  assign behind = {1'b0, first_i} + {6'd0, count_i, 2'd0};
+  always_ff @(posedge clk_i) begin
+    board_q <= first_i[1:0] == '0 && behind <= 17'h100;
+    optics_q <= first_i[1:0] == '0 && first_i >= 16'h200 && behind <= 17'h400;
+    if (bus_done_i) word_o <= bus_error_i ? '0 : bus_word_i;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      state_q <= Idle;
+      status_o <= StatusOk;
+      {write_q, left_q, at_q, done_o} <= '0;
+    end else begin
+      done_o <= 1'b0;
+      case (state_q)
+        Idle: if (start_i) begin
+          status_o <= StatusOk;
+          write_q <= write_i;
+          {left_q, at_q} <= {count_i, 8'd0};
+          state_q <= Range;
+        end
+        Range: begin
+          state_q <= write_q ? Check : Ask;
+          done_o <= !write_q;
+          if (!board_q && !optics_q) begin
+            status_o <= StatusAddress;
+            done_o <= 1'b1;
+            state_q <= Idle;
+          end
+        end
+        Check: begin
+          at_q <= at_q + 1'b1;
+          left_q <= left_q - 1'b1;
+          if (!lipp_board_map_pkg::writable(address)) begin
+            status_o <= StatusAddress;
+            done_o <= 1'b1;
+            state_q <= Idle;
+          end else if (left_q == 9'd1) begin
+            {left_q, at_q} <= {count_i, 8'd0};
+            state_q <= Fetch;
+          end
+        end
+        Fetch: state_q <= Ask;
+        Ask: state_q <= Wait;
+        Wait: if (bus_done_i) begin
+          if (write_q) begin
+            if (bus_error_i) status_o <= StatusAddress;
+            at_q <= at_q + 1'b1;
+            left_q <= left_q - 1'b1;
+            done_o <= left_q == 9'd1;
+            state_q <= left_q == 9'd1 ? Idle : Fetch;
+          end else begin
+            state_q <= Word;
+          end
+        end
+        default: if (word_ready_i) begin  // Word
+          at_q <= at_q + 1'b1;
+          left_q <= left_q - 1'b1;
+          state_q <= left_q == 9'd1 ? Idle : Ask;
+        end
+      endcase
+    end
+  end
+
+endmodule
+
+`default_nettype wire

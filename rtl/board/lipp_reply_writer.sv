@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Sends up to Bytes bytes of a register as a stream, the lowest first.
+///
+/// load_i loads bytes_i and their number, and whether the last byte ends its packet. It is ignored
+/// while busy_o is high.
+module lipp_reply_writer #(
+  parameter int Bytes = 34
+) (
+  input  logic                       clk_i,
+  input  logic                       rst_ni,
+  input  logic                       load_i,
+  input  logic [8*Bytes-1:0]         bytes_i,
+  input  logic [$clog2(Bytes+1)-1:0] count_i,  // 1 or more
+  input  logic                       last_i,
+  output logic                       busy_o,
+  output logic                       valid_o,
+  input  logic                       ready_i,
+  output logic [7:0]                 data_o,
+  output logic                       last_o
+);
+
+  logic [8*Bytes-1:0] bytes_q;
+  logic [$clog2(Bytes+1)-1:0] left_q;
+  logic last_q;
+  assign valid_o = left_q != '0;
+  assign busy_o = valid_o;
+  assign data_o = bytes_q[7:0];
+  assign last_o = last_q && left_q == 1;
+
+  always_ff @(posedge clk_i) begin
+    if (load_i && !busy_o) {last_q, bytes_q} <= {last_i, bytes_i};
+    else if (valid_o && ready_i) bytes_q <= bytes_q >> 8;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) left_q <= '0;
+    else if (load_i && !busy_o) left_q <= count_i;
+    else if (valid_o && ready_i) left_q <= left_q - 1'b1;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Reads a request from a stream of bytes: type, number and arguments.
+///
+/// The words of a WRITE and of a TRACE are collected in a memory. The data of a TILE go to the tile
+/// writer as they come, a register later, since they are more than a memory holds. A request that
+/// is refused is read to its end.
+///
+/// done_o is high from the clock after the last byte until next_i; request_o and status_o are valid
+/// then. No byte is taken meanwhile. A request has 3 bytes or more: packet_fifo sees to it.
+module lipp_request_reader #(
+  parameter int Width = 640,  // of the panel, in pixels
+  parameter int Height = 480
+) (
+  input  logic               clk_i,
+  input  logic               rst_ni,
+  input  logic [15:0]        epoch_i,
+  input  logic               open_i,        // a request may begin
+
+  input  logic               in_valid_i,
+  output logic               in_ready_o,
+  input  logic [7:0]         in_data_i,
+  input  logic               in_last_i,
+
+  output logic               done_o,
+  input  logic               next_i,
+  output lipp_link_pkg::request_t request_o,
+  output lipp_link_pkg::reply_status_e  status_o,      // StatusOk, or why the request is refused
+  input  logic [7:0]         word_at_i,
+  output logic [31:0]        word_o,        // the word there, a clock later
+
+  output logic               tile_start_o,  // its number and coding are in request_o
+  output logic               tile_empty_o,  // with tile_start_o: no data follow
+  output logic               tile_valid_o,
+  input  logic               tile_ready_i,
+  output logic [7:0]         tile_data_o,
+  output logic               tile_last_o
+);
+  import lipp_link_pkg::*;
+
+  localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
+
+  typedef enum logic [2:0] {
+    Kind, NumberLow, NumberHigh, Arguments, Words, Tile, Rest, Done
+  } state_e;
+  state_e state_q, refused;
+  assign refused = in_last_i ? Done : Rest;
+
+  request_t request_q;
+  reply_status_e status_q;
+  logic take, tile_step;
+  assign done_o = state_q == Done;
+  assign request_o = request_q;
+  assign in_ready_o = (state_q == Kind && open_i)
+      || state_q inside {NumberLow, NumberHigh, Arguments, Words, Rest}
+      || (state_q == Tile && tile_step);
+  assign take = in_valid_i && in_ready_o;
+
+  function automatic logic [2:0] arguments_of(request_e kind);
+    case (kind)
+      RequestHello, RequestTile, RequestTiles: return 3'd5;
+      RequestRead: return 3'd3;
+      RequestWrite: return 3'd2;
+      RequestPresent: return 3'd6;
+      default: return 3'd0;
+    endcase
+  endfunction
+
+  // ---- words ----
+  logic [31:0] words[256];
+  logic [23:0] collected_q;  // the word's bytes so far
+  logic [1:0] byte_q;        // byte of the word being received
+  logic collect_word, full;
+  assign full = request_q.words[8];
+  assign collect_word = state_q == Words && take && byte_q == 2'd3 && !full;
+  always_ff @(posedge clk_i) begin
+    if (state_q == Words && take) collected_q <= {in_data_i, collected_q[23:8]};
+    if (collect_word) words[request_q.words[7:0]] <= {in_data_i, collected_q};
+    word_o <= words[word_at_i];
+  end
+
+  // ---- counts ----
+  logic length_ok;
+  logic [15:0] table_count;
+  assign table_count = request_q.arguments[4:3];
+  always_comb begin
+    case (request_q.kind)
+      RequestRead:
+        length_ok = request_q.arguments[2] != '0 && request_q.arguments[2] <= 8'd64;
+      RequestWrite: length_ok = request_q.words != '0 && request_q.words <= 9'd64;
+      RequestTiles: length_ok = table_count != '0 && table_count <= 16'd512;
+      RequestTrace: length_ok = request_q.words != '0 && request_q.words[1:0] == '0;
+      default: length_ok = 1'b1;
+    endcase
+  end
+  assign status_o = status_q == StatusOk && !length_ok ? StatusLength : status_q;
+
+  // ---- data of a tile ----
+  assign tile_step = !tile_valid_o || tile_ready_i;
+  always_ff @(posedge clk_i) if (tile_step) {tile_last_o, tile_data_o} <= {in_last_i, in_data_i};
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) tile_valid_o <= 1'b0;
+    else if (tile_step) tile_valid_o <= state_q == Tile && in_valid_i;
+  end
+
+  // ---- the request ----
+  logic [2:0] argument_q;
+  logic [15:0] first, second;
+  assign first = request_q.arguments[1:0];
+  assign second = request_q.arguments[3:2];
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      state_q <= Kind;
+      request_q <= '{kind: RequestHello, number: '0, arguments: '0, words: '0};
+      status_q <= StatusOk;
+      {argument_q, byte_q, tile_start_o, tile_empty_o} <= '0;
+    end else begin
+      tile_start_o <= 1'b0;
+      case (state_q)
+        Kind: if (take) begin
+          request_q.kind <= request_e'(in_data_i);
+          request_q.words <= '0;
+          status_q <= StatusOk;
+          {argument_q, byte_q} <= '0;
+          state_q <= NumberLow;
+        end
+        NumberLow: if (take) begin
+          request_q.number[7:0] <= in_data_i;
+          state_q <= NumberHigh;
+        end
+        NumberHigh: if (take) begin
+          request_q.number[15:8] <= in_data_i;
+          if (!(request_q.kind inside {[RequestHello:RequestReset]})) begin
+            status_q <= StatusUnknown;
+            state_q <= refused;
+          end else if (in_last_i != (request_q.kind inside {[RequestSign:RequestReset]})) begin
+            status_q <= StatusLength;
+            state_q <= refused;
+          end else if (in_last_i) begin
+            state_q <= Done;
+          end else begin
+            state_q <= request_q.kind == RequestTrace ? Words : Arguments;
+          end
+        end
+        Arguments: if (take) begin
+          request_q.arguments[argument_q] <= in_data_i;
+          argument_q <= argument_q + 1'b1;
+          if (argument_q + 1'b1 != arguments_of(request_q.kind)) begin
+            if (in_last_i) begin
+              status_q <= StatusLength;
+              state_q <= Done;
+            end
+          end else if (request_q.kind == RequestTile) begin
+            tile_empty_o <= in_last_i;
+            if (first != epoch_i) begin
+              status_q <= StatusStale;
+              state_q <= refused;
+            end else if (second >= 16'(Tiles)) begin
+              status_q <= StatusNoTile;
+              state_q <= refused;
+            end else begin
+              tile_start_o <= 1'b1;
+              state_q <= in_last_i ? Done : Tile;
+            end
+          end else if (in_last_i == (request_q.kind == RequestWrite)) begin
+            status_q <= StatusLength;
+            state_q <= refused;
+          end else begin
+            state_q <= in_last_i ? Done : Words;
+          end
+        end
+        Words: if (take) begin
+          byte_q <= byte_q + 1'b1;
+          if (collect_word) request_q.words <= request_q.words + 1'b1;
+          if (full || (in_last_i && byte_q != 2'd3)) begin  // no room, or an incomplete word
+            status_q <= StatusLength;
+            state_q <= refused;
+          end else if (in_last_i) begin
+            state_q <= Done;
+          end
+        end
+        Tile, Rest: if (take && in_last_i) state_q <= Done;
+        default: if (next_i) state_q <= Kind;  // Done
+      endcase
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Reads a range of the table of tiles as a stream of words.
+///
+/// start_i begins. A word is taken from the table 4 clocks after its place was asked for.
+module lipp_table_reader (
+  input  logic        clk_i,
+  input  logic        rst_ni,
+  input  logic        start_i,
+  input  logic [15:0] first_i,       // held until the last word was taken
+  input  logic [9:0]  count_i,       // 1 or more
+  output logic        word_valid_o,
+  input  logic        word_ready_i,
+  output logic [31:0] word_o,
+
+  output logic [15:0] table_at_o,
+  input  logic [31:0] table_crc_i    // at most 3 clocks after its place
+);
+
+  logic [9:0] at_q, left_q;
+  logic [1:0] pause_q;
+  assign table_at_o = first_i + 16'(at_q);
+
+  always_ff @(posedge clk_i) if (!word_valid_o) word_o <= table_crc_i;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {at_q, left_q, pause_q, word_valid_o} <= '0;
+    end else if (start_i) begin
+      {at_q, left_q, pause_q} <= {10'd0, count_i, 2'd3};
+    end else if (word_valid_o) begin
+      if (word_ready_i) begin
+        {at_q, left_q, pause_q} <= {at_q + 10'd1, left_q - 10'd1, 2'd3};
+        word_valid_o <= 1'b0;
+      end
+    end else if (left_q != '0) begin
+      pause_q <= pause_q - 1'b1;
+      word_valid_o <= pause_q == '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// First in, first out, between two unrelated clocks; valid/ready streams on both sides.
+///
+/// The FIFO holds 2^AddressBits words and one more at the output. A word written into an empty FIFO
+/// is valid at the output after Stages + 1 rising edges of out_clk_i; a place that was read is free
+/// for the writer after Stages + 1 rising edges of in_clk_i. With 16 places or more, Stages = 2 and
+/// clocks of one frequency, a word passes each clock. Reset both sides together; in_ready_o is low
+/// during reset.
+///
+/// Each side counts its words in Gray code, of which one bit changes at a time: the other side
+/// reads the count before a change or after it, whenever it looks. So it sees too few words or too
+/// few places for a while, and never too many.
+module lipp_async_fifo #(
+  parameter int Width = 8,
+  parameter int AddressBits = 4,
+  parameter int Stages = 2
+) (
+  input  logic             in_clk_i,
+  input  logic             in_rst_ni,
+  input  logic             in_valid_i,
+  output logic             in_ready_o,
+  input  logic [Width-1:0] in_data_i,
+
+  input  logic             out_clk_i,
+  input  logic             out_rst_ni,
+  output logic             out_valid_o,
+  input  logic             out_ready_i,
+  output logic [Width-1:0] out_data_o
+);
+
+  if (Width < 1 || AddressBits < 2) begin : gen_illegal
+    $fatal(1, "lipp_async_fifo: Width must be 1 or more and AddressBits 2 or more");
+  end
+
+  localparam int C = AddressBits + 1;  // counts modulo twice the places
+
+  logic [Width-1:0] words[1 << AddressBits];
+  logic [C-1:0] written_q, written_d, written_gray_q, written_gray_d, written_gray;
+  logic [C-1:0] read_q, read_d, read_gray_q, read_gray_d, read_gray;
+
+  // ---- the writer's side ----
+  logic write, open_q;
+  assign in_ready_o = open_q;
+  assign write = in_valid_i && in_ready_o;
+  assign written_d = written_q + C'(write);
+  assign written_gray_d = written_d ^ (written_d >> 1);
+  always_ff @(posedge in_clk_i or negedge in_rst_ni) begin
+    if (!in_rst_ni) begin
+      written_q <= '0;
+      written_gray_q <= '0;
+      open_q <= 1'b0;
+    end else begin
+      written_q <= written_d;
+      written_gray_q <= written_gray_d;
+      // Full: the counts differ by the number of places, in Gray code by the two highest bits.
+      open_q <= written_gray_d != (read_gray ^ (C'(3) << (AddressBits - 1)));
+    end
+  end
+  always_ff @(posedge in_clk_i) if (write) words[written_q[AddressBits-1:0]] <= in_data_i;
+
+  // ---- the reader's side ----
+  logic read;
+  assign read = read_gray_q != written_gray && (!out_valid_o || out_ready_i);
+  assign read_d = read_q + C'(read);
+  assign read_gray_d = read_d ^ (read_d >> 1);
+  always_ff @(posedge out_clk_i or negedge out_rst_ni) begin
+    if (!out_rst_ni) begin
+      read_q <= '0;
+      read_gray_q <= '0;
+      out_valid_o <= 1'b0;
+    end else begin
+      read_q <= read_d;
+      read_gray_q <= read_gray_d;
+      out_valid_o <= read || (out_valid_o && !out_ready_i);
+    end
+  end
+  always_ff @(posedge out_clk_i) if (read) out_data_o <= words[read_q[AddressBits-1:0]];
+
+  // ---- counts to the other side: registers of Gray code, bit by bit ----
+  for (genvar k = 0; k < C; k++) begin : gen_bit
+    lipp_bit_sync #(.Stages(Stages)) i_written (
+      .clk_i(out_clk_i), .rst_ni(out_rst_ni), .d_i(written_gray_q[k]), .q_o(written_gray[k])
+    );
+    lipp_bit_sync #(.Stages(Stages)) i_read (
+      .clk_i(in_clk_i), .rst_ni(in_rst_ni), .d_i(read_gray_q[k]), .q_o(read_gray[k])
+    );
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Delays a word by a fixed number of cycles: q(t) = d(t - Cycles).
+///
+/// Longer delays are ring buffers, in distributed memory or, if large, in block memory: a simulator
+/// touches few words a cycle, and synthesis infers memories instead of chains of registers.
+module lipp_delay #(
+  parameter int Width = 1,   // bits of the word
+  parameter int Cycles = 1   // latency, 0 or more
+) (
+  input  logic             clk_i,
+  input  logic [Width-1:0] d_i,
+  output logic [Width-1:0] q_o
+);
+
+  localparam int LongestChain = 5;
+  localparam int LongestRing = 17;  // 16 places: the depth of an FPGA's distributed memory
+
+  if (Width < 1 || Cycles < 0) begin : gen_illegal
+    $fatal(1, "lipp_delay: Width must be 1 or more and Cycles 0 or more");
+  end else if (Cycles == 0) begin : gen_wire
+    assign q_o = d_i;
+    logic unused_clk;
+    assign unused_clk = clk_i;
+  end else if (Cycles <= LongestChain) begin : gen_chain
+    for (genvar k = 0; k < Cycles; k++) begin : gen_stage
+      logic [Width-1:0] q;
+      if (k == 0) begin : gen_first
+        always_ff @(posedge clk_i) q <= d_i;
+      end else begin : gen_next
+        always_ff @(posedge clk_i) q <= gen_stage[k-1].q;
+      end
+    end
+    assign q_o = gen_stage[Cycles-1].q;
+  end else if (Cycles <= LongestRing) begin : gen_ring
+    lipp_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
+  end else begin : gen_block_ring
+    lipp_block_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// First in, first out, with a valid/ready stream at its output.
+///
+/// The FIFO holds 2^AddressBits words; the writer must know that there is room. The output stays
+/// valid and stable until the word is taken, and can give a word each clock. A word written into an
+/// empty FIFO is at the output after 4 clocks.
+///
+/// The memory has a latency of two clocks. A read starts only while fewer than 4 words are on the
+/// way from the memory or in the 4 places at the output, so that each has a place when it arrives.
+/// Both conditions are registered, since the path from the counters to the memory's address is
+/// long.
+module lipp_fifo #(
+  parameter int Width = 36,
+  parameter int AddressBits = 9
+) (
+  input  logic             clk_i,
+  input  logic             rst_ni,
+  input  logic             write_i,  // data_i goes in; only while there is room
+  input  logic [Width-1:0] data_i,
+  output logic             valid_o,  // data_o is the oldest word
+  input  logic             ready_i,  // it is taken
+  output logic [Width-1:0] data_o
+);
+
+  if (Width < 1 || AddressBits < 1) begin : gen_illegal
+    $fatal(1, "lipp_fifo: Width and AddressBits must be 1 or more");
+  end
+
+  logic [AddressBits-1:0] write_at_q, read_at_q;
+  logic [AddressBits:0] stored_q;  // words in the memory that are not yet being read
+  logic [1:0] asked_q;             // reads on the way
+  logic [2:0] held_q, held_d;      // words read or being read, not yet taken
+  logic some_q, some_d;            // stored_q != 0
+  logic free_q;                    // held_q < 4
+  logic ask, take, arrive;
+  logic [Width-1:0] read_data;
+
+  assign ask = some_q && free_q;
+  assign some_d = write_i || stored_q[AddressBits:1] != '0 || (stored_q[0] && !ask);
+  assign held_d = held_q + 3'(ask) - 3'(take);
+  assign arrive = asked_q[1];
+  assign take = valid_o && ready_i;
+
+  lipp_memory_1w1r #(.Width(Width), .AddressBits(AddressBits)) i_memory (
+    .clk_i, .write_i, .write_at_i(write_at_q), .write_data_i(data_i),
+    .read_at_i(read_at_q), .read_data_o(read_data)
+  );
+
+  // ---- places at the output ----
+  logic [Width-1:0] place_q[4];
+  logic [1:0] put_q, get_q;
+  logic [2:0] ready_words_q;
+  assign valid_o = ready_words_q != '0;
+  assign data_o = place_q[get_q];
+
+  always_ff @(posedge clk_i) begin
+    if (arrive) place_q[put_q] <= read_data;
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      write_at_q <= '0;
+      read_at_q <= '0;
+      stored_q <= '0;
+      some_q <= 1'b0;
+      asked_q <= '0;
+      held_q <= '0;
+      free_q <= 1'b1;
+      put_q <= '0;
+      get_q <= '0;
+      ready_words_q <= '0;
+    end else begin
+      write_at_q <= write_at_q + AddressBits'(write_i);
+      if (ask) read_at_q <= read_at_q + 1'b1;
+      stored_q <= stored_q + (AddressBits + 1)'(write_i) - (AddressBits + 1)'(ask);
+      some_q <= some_d;
+      asked_q <= {asked_q[0], ask};
+      held_q <= held_d;
+      free_q <= held_d < 3'd4;
+      put_q <= put_q + 2'(arrive);
+      get_q <= get_q + 2'(take);
+      ready_words_q <= ready_words_q + 3'(arrive) - 3'(take);
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Adds valid/ready handshakes to a pipeline that never stalls.
+///
+/// A ray is accepted only if the FIFO behind the pipeline has room for it, and that room is
+/// reserved at once. The ray leaves the pipeline Latency clocks later and enters the FIFO. The
+/// pipeline needs no enable, and back-pressure inserts no bubbles: 2^AddressBits rays, more than
+/// Latency, fit into pipeline and FIFO.
+///
+/// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
+/// pipeline's configuration may change.
+module lipp_flow_control #(
+  parameter int Latency = 100,
+  parameter int AddressBits = 9,
+  parameter int Width = 36      // bits of a ray that leaves the pipeline
+) (
+  input  logic             clk_i,
+  input  logic             rst_ni,
+  input  logic             hold_i,
+  output logic             idle_o,
+  input  logic             valid_i,
+  output logic             ready_o,
+  input  logic [Width-1:0] piped_i,  // from the pipeline, Latency clocks after its ray went in
+  output logic             valid_o,
+  input  logic             ready_i,
+  output logic [Width-1:0] data_o
+);
+
+  localparam int Room = 1 << AddressBits;
+
+  if (Latency < 1 || Latency > Room - 8) begin : gen_illegal
+    $fatal(1, "lipp_flow_control: Latency must be 1 to 8 less than the FIFO's places");
+  end
+
+  logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
+  logic open_q, accept, leave;
+
+  assign ready_o = open_q && !hold_i;
+  assign accept = valid_i && ready_o;
+  assign leave = valid_o && ready_i;
+  assign taken_d = taken_q + (AddressBits + 1)'(accept) - (AddressBits + 1)'(leave);
+  assign idle_o = taken_q == '0;
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      taken_q <= '0;
+      open_q <= 1'b0;
+    end else begin
+      taken_q <= taken_d;
+      // One place is spare, for a ray that is accepted while this is being computed.
+      open_q <= taken_q < (AddressBits + 1)'(Room - 1);
+    end
+  end
+
+  // ---- stages that hold a ray, 64 to a register: a simulator shifts these in one operation ----
+  localparam int Held = Latency < 1 ? 1 : Latency;  // 1: for $fatal of an illegal one
+  localparam int Marks = (Held + 63) / 64;
+  for (genvar k = 0; k < Marks; k++) begin : gen_marks
+    localparam int Stages = Held - 64 * k < 64 ? Held - 64 * k : 64;
+    logic [Stages-1:0] valid_q;
+    logic enter;
+    if (k == 0) begin : gen_first
+      assign enter = accept;
+    end else begin : gen_next
+      assign enter = gen_marks[k-1].valid_q[63];
+    end
+    always_ff @(posedge clk_i or negedge rst_ni) begin
+      if (!rst_ni) valid_q <= '0;
+      else valid_q <= (valid_q << 1) | Stages'(enter);
+    end
+  end
+
+  lipp_fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
+    .clk_i, .rst_ni, .write_i(gen_marks[Marks-1].valid_q[(Held-1)%64]), .data_i(piped_i),
+    .valid_o, .ready_i, .data_o
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Decodes COBS frames, each ended by 0x00: one beat for each byte of a packet, then an end beat
+/// without data.
+///
+/// Each input byte gives at most one beat, a clock later: a code byte gives the zero before its
+/// group, 0x00 gives the end. Empty frames give nothing.
+module lipp_cobs_decoder (
+  input  logic       clk_i,
+  input  logic       rst_ni,
+  input  logic       in_valid_i,
+  output logic       in_ready_o,
+  input  logic [7:0] in_data_i,
+  output logic       out_valid_o,
+  input  logic       out_ready_i,
+  output logic [7:0] out_data_o,
+  output logic       out_end_o,   // the packet is over; no data
+  output logic       out_bad_o    // with end: the last group is too short
+);
+
+  logic begun_q;       // a code was seen
+  logic zero_q;        // a zero is between this group and the next
+  logic [7:0] left_q;  // remaining bytes of the group
+  logic take, code, finish;
+  assign in_ready_o = !out_valid_o || out_ready_i;
+  assign take = in_valid_i && in_ready_o;
+  assign finish = in_data_i == 8'h00;
+  assign code = left_q == 8'd0;
+
+  always_ff @(posedge clk_i) begin
+    if (take) begin
+      out_data_o <= code ? 8'h00 : in_data_i;
+      out_end_o <= finish;
+      out_bad_o <= finish && !code;
+    end
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {out_valid_o, begun_q, zero_q} <= '0;
+      left_q <= '0;
+    end else begin
+      if (in_ready_o) out_valid_o <= take && begun_q && (finish || !code || zero_q);
+      if (take) begin
+        begun_q <= !finish;
+        if (finish) begin
+          left_q <= '0;
+        end else if (code) begin
+          left_q <= in_data_i - 8'd1;
+          zero_q <= in_data_i != 8'hff;
+        end else begin
+          left_q <= left_q - 8'd1;
+        end
+      end
+    end
+  end
+
+endmodule
+
+`default_nettype wire

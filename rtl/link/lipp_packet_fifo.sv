@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Stores packets, and passes on those without an error, without their CRC.
+///
+/// Bytes are written as they arrive and can be read once their packet has ended without an error;
+/// otherwise the write address returns to the packet's start. The last five bytes are held outside
+/// of the memory: the four of the CRC are never stored, and the one before them is marked as the
+/// last when the packet ends.
+///
+/// A dropped packet has one cause, the first of: long, cobs, short, crc. While the memory is full
+/// the input waits, except that the rest of a packet already too long is discarded. The first byte
+/// is at the output 4 clocks after the packet's end was received, then one follows each clock.
+module lipp_packet_fifo #(
+  parameter int AddressBits = 13
+) (
+  input  logic       clk_i,
+  input  logic       rst_ni,
+  input  logic       in_valid_i,
+  output logic       in_ready_o,
+  input  logic [7:0] in_data_i,
+  input  logic       in_end_i,        // the packet is over; no data
+  input  logic       in_bad_i,
+  output logic       out_valid_o,
+  input  logic       out_ready_i,
+  output logic [7:0] out_data_o,
+  output logic       out_last_o,
+  output logic       accepted_o,      // one of these pulses for each packet
+  output logic       dropped_long_o,  // more than MaxPacket bytes
+  output logic       dropped_cobs_o,
+  output logic       dropped_short_o,
+  output logic       dropped_crc_o
+);
+  import lipp_link_pkg::*;
+
+  typedef logic [AddressBits-1:0] address_t;
+
+  if (2 ** AddressBits < MaxPacket + 4) begin : gen_illegal
+    $fatal(1, "lipp_packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
+  end
+
+  // Two memories: block memories of these widths need no multiplexers. An address is never written
+  // and read in the same clock, so that synthesis need not define the result.
+  (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
+  (* no_rw_check *) logic lasts[1 << AddressBits];
+  address_t write_at_q, read_at_q;
+  address_t stored_q;                   // end of the packets that can be read
+
+  // ---- in ----
+  logic [4:0][7:0] late_q;
+  logic [31:0] crc_q;
+  logic [LengthBits-1:0] length_q;      // bytes so far, at most MaxPacket + 1
+  logic take, is_long, write, room_q;
+  logic judge_q, right_q, long_q, cobs_q, short_q, good;
+  assign is_long = length_q > LengthBits'(MaxPacket);
+  assign in_ready_o = room_q || is_long;
+  assign take = in_valid_i && in_ready_o;
+  assign write = take && length_q >= LengthBits'(5) && !is_long;
+  assign good = right_q && !long_q && !cobs_q && !short_q;
+
+  always_ff @(posedge clk_i) begin
+    if (take && !in_end_i) late_q <= {late_q[3:0], in_data_i};
+    if (write) begin
+      bytes[write_at_q] <= late_q[4];
+      lasts[write_at_q] <= in_end_i;
+    end
+    // The state at the packet's end, checked a clock later.
+    right_q <= crc_q == CrcResidue;
+    long_q <= is_long;
+    cobs_q <= in_bad_i;
+    short_q <= length_q < LengthBits'(MinPacket);
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      crc_q <= CrcStart;
+      length_q <= '0;
+      write_at_q <= '0;
+      stored_q <= '0;
+      room_q <= 1'b0;
+      judge_q <= 1'b0;
+      {accepted_o, dropped_long_o, dropped_cobs_o, dropped_short_o, dropped_crc_o} <= '0;
+    end else begin
+      if (take) begin
+        crc_q <= in_end_i ? CrcStart : crc32_byte(crc_q, in_data_i);
+        if (in_end_i) length_q <= '0;
+        else if (!is_long) length_q <= length_q + LengthBits'(1);
+      end
+
+      judge_q <= take && in_end_i;
+      accepted_o <= judge_q && good;
+      dropped_long_o <= judge_q && long_q;
+      dropped_cobs_o <= judge_q && !long_q && cobs_q;
+      dropped_short_o <= judge_q && !long_q && !cobs_q && short_q;
+      dropped_crc_o <= judge_q && !long_q && !cobs_q && !short_q && !right_q;
+
+      // The next packet's first byte is written at least five clocks after the check.
+      if (judge_q && good) stored_q <= write_at_q;
+      if (judge_q && !good) write_at_q <= stored_q;
+      else if (write) write_at_q <= write_at_q + address_t'(1);
+
+      // Used a clock later: leaves room for the bytes of both clocks, and never fills the memory.
+      room_q <= write_at_q - read_at_q < address_t'(2 ** AddressBits - 2);
+    end
+  end
+
+  // ---- out ----
+  logic step, some, byte_valid_q;
+  logic [7:0] byte_q;
+  logic last_q;
+  assign step = !out_valid_o || out_ready_i;
+  assign some = read_at_q != stored_q;
+
+  always_ff @(posedge clk_i) begin
+    if (step) begin
+      {byte_q, last_q} <= {bytes[read_at_q], lasts[read_at_q]};
+      {out_data_o, out_last_o} <= {byte_q, last_q};
+    end
+  end
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {out_valid_o, byte_valid_q} <= '0;
+      read_at_q <= '0;
+    end else if (step) begin
+      {out_valid_o, byte_valid_q} <= {byte_valid_q, some};
+      read_at_q <= read_at_q + address_t'(some);
+    end
+  end
+
+endmodule
+
+`default_nettype wire

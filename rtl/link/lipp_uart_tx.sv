@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Sends bytes on an asynchronous line: 8 data bits, no parity, one stop bit.
+///
+/// step_i is the baud rate: bits per clock, times 2^16. Edges are within one clock of the exact
+/// rate's; bytes follow one another without a pause.
+module lipp_uart_tx (
+  input  logic        clk_i,
+  input  logic        rst_ni,
+  input  logic [15:0] step_i,
+  input  logic        valid_i,
+  output logic        ready_o,
+  input  logic [7:0]  data_i,
+  output logic        tx_o      // idle high
+);
+
+  logic [9:0] shift_q;   // stop, data, start
+  logic [3:0] left_q;    // bits not yet sent
+  logic [15:0] phase_q;
+  logic tick_q;          // the last clock of a bit
+  assign tx_o = shift_q[0];
+  assign ready_o = left_q == 4'd0 || (left_q == 4'd1 && tick_q);
+
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      shift_q <= '1;
+      left_q <= '0;
+      phase_q <= '0;
+      tick_q <= 1'b0;
+    end else begin
+      if (left_q == 4'd0) {tick_q, phase_q} <= {1'b0, step_i};
+      else {tick_q, phase_q} <= 17'(phase_q) + 17'(step_i);
+      if (valid_i && ready_o) begin
+        shift_q <= {1'b1, data_i, 1'b0};
+        left_q <= 4'd10;
+      end else if (tick_q) begin
+        shift_q <= {1'b1, shift_q[9:1]};
+        left_q <= left_q - 4'd1;
+      end
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
+///
+/// It has registers at the operands, inside and at the product, as the multiplier cells of FPGAs.
+/// Synthesis for an FPGA family replaces this module by its cell (sim/synth/).
+module lipp_mult18 (
+  input  logic               clk_i,
+  input  logic signed [17:0] a_i,
+  input  logic signed [17:0] b_i,
+  output logic signed [35:0] p_o
+);
+
+  // The lower half of a product is the same for signed and unsigned words.
+  logic [35:0] a_q, b_q, p_q;
+
+  always_ff @(posedge clk_i) begin
+    a_q <= 36'(a_i);
+    b_q <= 36'(b_i);
+    p_q <= a_q * b_q;
+    p_o <= p_q;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Root of a number in [1, 4) by a table of quadratic polynomials, one for each segment.
+///
+/// Root = RootReciprocal: y = 1 / sqrt(x);  Root = RootSquare: y = sqrt(x) / 2;  both in (1/2, 1].
+///
+/// Input x_i: unsigned, I = F + 1 fraction bits. Let m = x for x < 2 (lower octave), else x / 2
+/// (upper octave); its fraction has I + 1 bits. The octave and the top A = segment_bits(F) of them
+/// select a segment; the next D = place_bits(F) bits give the position z in [-1/2, 1/2) in the
+/// segment (bits below are cut off). Then
+///
+///   slope = c1 + floor(c2 z 2^s1 + 1/2) / 2^s1,   s1 = slope_fraction(F)
+///   y     = c0 + floor(slope z 2^(F + 4)) / 2^(F + 4)
+///
+/// The coefficients interpolate the root at the segment's Chebyshev nodes z = 0, +-sqrt(3)/4. These
+/// minimise the error of the cubic term: |y'''| w^3 / 192 for a segment of width w. c0 is rounded
+/// to F + 4 fraction bits, c1 to s1, c2 to s1 + 2.
+/// Output y_o: unsigned, F + 4 fraction bits. Latency quadratic_latency().
+module lipp_quadratic #(
+  parameter int F = 23,
+  parameter int Root = lipp_math_pkg::RootReciprocal
+) (
+  input  logic         clk_i,
+  input  logic [F+2:0] x_i,
+  output logic [F+4:0] y_o
+);
+  import lipp_math_pkg::*;
+
+  localparam int A = segment_bits(F);
+  localparam int D = place_bits(F);
+  localparam int S1 = slope_fraction(F);
+  localparam int W0 = F + 5;               // c0, unsigned
+  localparam int W1 = S1 - A;              // c1, signed: |c1| < 2^-(A + 1)
+  localparam int W2 = S1 + 3 - 2 * A;      // c2, signed: |c2| < 2^-2A
+  localparam int Entries = 1 << (A + 1);
+
+  localparam int Wt = W0 + W1 + W2;
+  typedef logic [Entries-1:0][Wt-1:0] table_t;  // each entry {c0, c1, c2}
+
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "lipp_quadratic: F must be 14 to 23");
+  end
+  if (Root != RootReciprocal && Root != RootSquare) begin : gen_illegal_root
+    $fatal(1, "lipp_quadratic: Root must be RootReciprocal or RootSquare");
+  end
+
+  /// The root at z within a segment; segments of the upper octave are twice as wide.
+  function automatic real root_at(int segment, real z);
+    real m, x;
+    m = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
+    x = segment < (1 << A) ? m : 2.0 * m;
+    return Root == RootReciprocal ? 1.0 / $sqrt(x) : 0.5 * $sqrt(x);
+  endfunction
+
+  function automatic int nearest(real value);
+    return value < 0.0 ? -$rtoi(0.5 - value) : $rtoi(value + 0.5);
+  endfunction
+
+  function automatic table_t make_table();
+    real node, middle, right, left;
+    node = $sqrt(3.0) / 4.0;
+    for (int k = 0; k < Entries; k++) begin
+      middle = root_at(k, 0.0);
+      right = root_at(k, node);
+      left = root_at(k, -node);
+      make_table[k] = {
+        W0'(nearest(middle * real'(1 << (F + 4)))),
+        W1'(nearest((right - left) / (2.0 * node) * real'(1 << S1))),
+        W2'(nearest((right + left - 2.0 * middle) * (8.0 / 3.0) * real'(1 << (S1 + 2))))
+      };
+    end
+  endfunction
+
+  localparam table_t Table = make_table();
+
+  // Octave: both have the same format of the fraction from here on.
+  logic [F+1:0] fraction_d;
+  logic [A:0] segment_d;
+  logic [1:0] asked_q;  // quarter of the table
+  logic signed [D-1:0] place_q;
+  assign fraction_d = x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
+  assign segment_d = {x_i[F+2], fraction_d[F+1-:A]};
+  always_ff @(posedge clk_i) begin
+    asked_q <= segment_d[A-:2];
+    // Inverting the top bit subtracts half a segment.
+    place_q <= {~fraction_d[F+1-A], fraction_d[F-A-:D-1]};
+  end
+
+  // The table is read as four quarters. Each has its own address, 0 while another is selected: a
+  // common address would drive every bit of the table, and its wires would limit the clock.
+  localparam int Quarter = Entries / 4;
+  logic [1:0] quarter_q;
+  logic [W0-1:0] c0_q;
+  logic signed [W1-1:0] c1_q;
+  logic signed [W2-1:0] c2_q;
+  for (genvar k = 0; k < 4; k++) begin : gen_quarter
+    (* rom_style = "logic" *) logic [Wt-1:0] entries[Quarter];
+    initial for (int n = 0; n < Quarter; n++) entries[n] = Table[k*Quarter+n];
+    logic [A-2:0] at_q;
+    logic [Wt-1:0] entry_q;
+    always_ff @(posedge clk_i) begin
+      at_q <= segment_d[A-:2] == 2'(k) ? segment_d[A-2:0] : '0;
+      entry_q <= entries[at_q];
+    end
+  end
+  logic [Wt-1:0] lower, upper;
+  assign lower = quarter_q[0] ? gen_quarter[1].entry_q : gen_quarter[0].entry_q;
+  assign upper = quarter_q[0] ? gen_quarter[3].entry_q : gen_quarter[2].entry_q;
+  always_ff @(posedge clk_i) begin
+    quarter_q <= asked_q;
+    {c0_q, c1_q, c2_q} <= quarter_q[1] ? upper : lower;
+  end
+
+  // slope = c1 + round(c2 z): c2 has two more fraction bits than c1, z has D.
+  localparam int MulLatency = mul_latency(MulBits, MulBits);
+  logic signed [D-1:0] place_early, place_late;
+  logic signed [W2-1:0] bend;
+  logic signed [W2-2:0] turn;  // one bit below the slope's last
+  logic signed [W1-1:0] c1_late;
+  logic signed [W1-1:0] slope_q;
+  lipp_delay #(.Width(D), .Cycles(2)) i_place_early (.clk_i, .d_i(place_q), .q_o(place_early));
+  assign bend = c2_q;
+  lipp_multiplier #(.Wa(W2), .Wb(D), .Drop(D + 1)) i_turn (
+    .clk_i, .a_i(bend), .b_i(place_early), .p_o(turn)
+  );
+  lipp_delay #(.Width(W1), .Cycles(MulLatency)) i_c1 (.clk_i, .d_i(c1_q), .q_o(c1_late));
+  // c1 + floor((turn + 1) / 2) in one sum.
+  always_ff @(posedge clk_i) slope_q <= W1'(($signed({c1_late, 1'b1}) + (W1 + 1)'(turn)) >>> 1);
+
+  // y = c0 + slope z.
+  localparam int Wr = W1 + D - (S1 + D - (F + 4));
+  logic signed [Wr-1:0] rise;
+  logic [W0-1:0] c0_late;
+  lipp_delay #(.Width(D), .Cycles(MulLatency + 1)) i_place_late (
+    .clk_i, .d_i(place_early), .q_o(place_late)
+  );
+  lipp_multiplier #(.Wa(W1), .Wb(D), .Drop(S1 + D - (F + 4))) i_rise (
+    .clk_i, .a_i(slope_q), .b_i(place_late), .p_o(rise)
+  );
+  lipp_delay #(.Width(W0), .Cycles(2 * MulLatency + 1)) i_c0 (.clk_i, .d_i(c0_q), .q_o(c0_late));
+  always_ff @(posedge clk_i) y_o <= c0_late + W0'(rise);
+
+endmodule
+
+`default_nettype wire

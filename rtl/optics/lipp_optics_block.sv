@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The ray-lenslet engine with registers: configured over APB, it produces frames of exit rays.
+///
+/// The register `source` selects where rays come from: the raster, or the stream at this block's
+/// port. They leave in order; exit_first_o and exit_last_o mark the first and last ray of a frame.
+///
+/// Software writes new optics into shadow registers. `apply` requests that they, and the source,
+/// take effect: at once between two frames, otherwise after the frame's last ray was accepted;
+/// `busy` is set until then. `start` requests a frame of the raster. One start is remembered while
+/// a frame runs, and takes effect after it. So one set of optics traces a whole frame, and a frame
+/// uses every apply that came before its start. `abort` ends the frame, of the raster or of the
+/// stream, and forgets the start remembered; rays that were accepted still leave. A start in the
+/// same write begins a new frame.
+///
+/// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
+/// the registers; docs/reference/optics-block.md tells how software uses them.
+module lipp_optics_block #(
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int Model = lipp_optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter bit Aims = 1'b0,
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
+) (
+  input  logic                                    clk_i,
+  input  logic                                    rst_ni,
+
+  input  logic                                    apb_sel_i,
+  input  logic                                    apb_enable_i,
+  input  logic                                    apb_write_i,
+  input  logic [8:0]                              apb_addr_i,   // bytes
+  input  logic [31:0]                             apb_wdata_i,
+  output logic                                    apb_ready_o,
+  output logic [31:0]                             apb_rdata_o,
+  output logic                                    apb_error_o,  // no such register or access
+
+  input  logic                                    ray_valid_i,
+  output logic                                    ray_ready_o,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,      // pixels to the right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,      // upwards; 4 fraction bits
+  input  logic signed [F+1:0]                     ray_a_i,      // wide, pitches: aperture point
+  input  logic signed [F+1:0]                     ray_b_i,      // wide, rows
+  input  logic                                    ray_first_i,  // of its frame
+  input  logic                                    ray_last_i,   // of its frame
+
+  output logic                                    exit_valid_o,
+  input  logic                                    exit_ready_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,       // lenslet that it leaves through
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
+  output logic signed [F+3:0]                     exit_x_o,       // origin from its centre, radii
+  output logic signed [F+3:0]                     exit_y_o,       // F + 1 fraction bits
+  output logic signed [F+3:0]                     exit_z_o,
+  output logic signed [F+1:0]                     exit_dx_o,      // near: unit direction
+  output logic signed [F+1:0]                     exit_dy_o,
+  output logic signed [F+1:0]                     exit_dz_o,      // to the viewer
+  output lipp_optics_pkg::ray_status_e                     exit_status_o,  // its fate
+  output logic                                    exit_first_o,   // of its frame
+  output logic                                    exit_last_o,    // of its frame
+
+  output lipp_optics_pkg::optics_config_t              optics_o  // as written, in effect or not
+);
+  import lipp_optics_pkg::*;
+
+  // ---- registers ----
+  lipp_optics_registers_pkg::optics_registers__in_t status;
+  lipp_optics_registers_pkg::optics_registers__out_t set;
+  logic apply_waits, start_waits, abort, busy, running, refused, idle;
+
+  // APB4 holds address and data until ready; this makes a request of one clock.
+  // The upper half of the addresses is the jitter table, which can only be written.
+  logic request_q, write_q, table_write, table_read, read_ack, read_error, write_ack, write_error;
+  logic [8:0] addr_q;
+  logic [31:0] wdata_q, rdata;
+  assign table_write = request_q && addr_q[8] && write_q;
+  assign table_read = request_q && addr_q[8] && !write_q;
+  always_ff @(posedge clk_i) begin
+    {write_q, addr_q, wdata_q} <= {apb_write_i, apb_addr_i, apb_wdata_i};
+    apb_rdata_o <= rdata;
+    apb_error_o <= (read_ack && read_error) || (write_ack && write_error) || table_read;
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {request_q, apb_ready_o} <= '0;
+    end else begin
+      request_q <= apb_sel_i && !apb_enable_i;
+      apb_ready_o <= read_ack || write_ack || table_write || table_read;
+    end
+  end
+  logic unused_stall_read, unused_stall_write;
+  lipp_optics_registers i_registers (
+    .clk(clk_i), .arst_n(rst_ni),
+    .s_cpuif_req(request_q && !addr_q[8]), .s_cpuif_req_is_wr(write_q),
+    .s_cpuif_addr({addr_q[7:2], 2'b0}), .s_cpuif_wr_data(wdata_q), .s_cpuif_wr_biten('1),
+    .s_cpuif_req_stall_wr(unused_stall_write), .s_cpuif_req_stall_rd(unused_stall_read),
+    .s_cpuif_rd_ack(read_ack), .s_cpuif_rd_err(read_error), .s_cpuif_rd_data(rdata),
+    .s_cpuif_wr_ack(write_ack), .s_cpuif_wr_err(write_error),
+    .hwif_in(status), .hwif_out(set)
+  );
+  logic unused_address;
+  assign unused_address = ^addr_q[1:0];
+
+  assign status.build.fraction_bits.next = 5'(F);
+  assign status.build.grid.next = 1'(Grid);
+  assign status.build.model.next = 2'(Model);
+  assign status.build.viewer.next = Viewer;
+  assign status.build.aims.next = Aims;
+  assign status.build.walk.next = 3'(Walk);
+  assign status.build.cross_cells.next = CrossCells;
+  assign status.build.converge.next = Converge;
+  assign status.build.shear.next = Shear;
+  assign status.status.busy.next = busy || apply_waits;
+  assign status.status.running.next = running || start_waits;
+  assign status.status.refused.next = refused;
+  assign status.status.occupied.next = !idle;
+
+  optics_config_t optics;
+  always_comb begin
+    optics.x_from_u = {set.optics.x_from_u_high.value.value, set.optics.x_from_u_low.value.value};
+    optics.x_from_v = {set.optics.x_from_v_high.value.value, set.optics.x_from_v_low.value.value};
+    optics.y_from_u = {set.optics.y_from_u_high.value.value, set.optics.y_from_u_low.value.value};
+    optics.y_from_v = {set.optics.y_from_v_high.value.value, set.optics.y_from_v_low.value.value};
+    optics.x_offset = {set.optics.x_offset_high.value.value, set.optics.x_offset_low.value.value};
+    optics.y_offset = {set.optics.y_offset_high.value.value, set.optics.y_offset_low.value.value};
+    optics.slope_x = set.optics.slope_x.value.value;
+    optics.slope_y = set.optics.slope_y.value.value;
+    optics.slope_aim_x = set.optics.slope_aim_x.value.value;
+    optics.slope_aim_y = set.optics.slope_aim_y.value.value;
+    optics.point_x = set.optics.point_x.value.value;
+    optics.point_y = set.optics.point_y.value.value;
+    optics.point_aim_x = set.optics.point_aim_x.value.value;
+    optics.point_aim_y = set.optics.point_aim_y.value.value;
+    optics.index = set.optics.index.value.value;
+    optics.index_square = set.optics.index_square.value.value;
+    optics.index_inverse = set.optics.index_inverse.value.value;
+    optics.index_inverse_square = set.optics.index_inverse_square.value.value;
+    optics.depth = set.optics.depth.value.value;
+    optics.depth_rest = set.optics.depth_rest.value.value;
+    optics.exit_z = set.optics.exit_z.value.value;
+    optics.cell_half = set.optics.cell_half.value.value;
+    optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
+    optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
+    optics.cell_half_y = set.optics.cell_half_y.value.value;
+    optics.cell_rise = set.optics.cell_rise.value.value;
+    optics.converge_share = set.optics_converge.share.value.value;
+    optics.converge_x = set.optics_converge.x.value.value;
+    optics.converge_y = set.optics_converge.y.value.value;
+    optics.extent_i = set.optics_extent.i.value.value;
+    optics.extent_j = set.optics_extent.j.value.value;
+    optics.shear_x = set.optics_shear.x.value.value;
+    optics.shear_lean = set.optics_shear.lean.value.value;
+    optics.shear_row = set.optics_shear.row.value.value;
+  end
+
+  assign optics_o = optics;
+
+  raster_config_t window;
+  assign window = '{
+    first_column: set.raster.columns.first.value, last_column: set.raster.columns.last.value,
+    first_row: set.raster.rows.first.value, last_row: set.raster.rows.last.value,
+    width: set.raster.panel.width.value, height: set.raster.panel.height.value,
+    samples: set.raster.jitter.samples.value, jitter: jitter_e'(set.raster.jitter.mode.value),
+    table_first: set.raster.jitter.table_first.value, seed: set.raster.seed.value.value
+  };
+
+  // ---- the source of rays ----
+  logic walked_valid, walked_ready, walked_first, walked_last;
+  logic signed [PixelBits-1:0] walked_u, walked_v;
+  logic signed [F+1:0] walked_a, walked_b;
+  logic begin_frame;
+  lipp_raster #(.F(F)) i_raster (
+    .clk_i, .rst_ni, .config_i(window), .start_i(begin_frame), .abort_i(abort),
+    .running_o(running), .refused_o(refused),
+    .table_write_i(table_write), .table_at_i(addr_q[TableBits+1:2]), .table_entry_i(wdata_q),
+    .ray_valid_o(walked_valid), .ray_ready_i(walked_ready),
+    .ray_u_o(walked_u), .ray_v_o(walked_v), .ray_a_o(walked_a), .ray_b_o(walked_b),
+    .ray_first_o(walked_first), .ray_last_o(walked_last)
+  );
+
+  // ---- new optics and another source take effect between two frames only ----
+  logic stream, take, valid, ready, first, last;
+  logic signed [PixelBits-1:0] u, v;
+  logic signed [F+1:0] a, b;
+  assign abort = set.control.abort.value;
+  lipp_frame_gate i_gate (
+    .clk_i, .rst_ni,
+    .apply_i(set.control.apply.value), .apply_waits_o(apply_waits),
+    .stream_i(set.source.stream.value), .take_o(take), .stream_o(stream),
+    .start_i(set.control.start.value), .start_waits_o(start_waits), .begin_o(begin_frame),
+    .abort_i(abort), .raster_running_i(running),
+    .raster_valid_i(walked_valid), .raster_ready_o(walked_ready), .raster_last_i(walked_last),
+    .stream_valid_i(ray_valid_i), .stream_ready_o(ray_ready_o), .stream_last_i(ray_last_i),
+    .valid_o(valid), .ready_i(ready)
+  );
+  assign {u, v, a, b, first, last} = stream ?
+      {ray_u_i, ray_v_i, ray_a_i, ray_b_i, ray_first_i, ray_last_i} :
+      {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
+
+  // ---- the optics ----
+  lipp_ray_lenslet #(
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
+  ) i_lenslet (
+    .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
+    .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
+    .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
+    .exit_dx_o, .exit_dy_o, .exit_dz_o, .exit_status_o
+  );
+
+  // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
+  // for each ray.
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
+  localparam int AddressBits = $clog2(Latency + 16);
+  logic unused_valid;
+  lipp_fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
+    .clk_i, .rst_ni, .write_i(valid && ready), .data_i({first, last}),
+    .valid_o(unused_valid), .ready_i(exit_valid_o && exit_ready_i),
+    .data_o({exit_first_o, exit_last_o})
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Scans a window of the panel, row by row from the top left: one ray every clock, valid/ready.
+///
+/// start_i copies config_i and starts a frame: `samples` rays for each pixel. It is ignored while
+/// running_o is high. A window that is empty or reaches beyond the panel is refused: refused_o is
+/// high until the next start. running_o stays high until the frame's last ray was taken. abort_i
+/// ends the frame: from the next clock on no ray is offered, and a start in the same clock is lost.
+///
+/// Pixel (c, r), counted from the panel's top left, gives with half-pixels as integers
+///   u = 8 (2 c + 1 - width) + du,  v = 8 (height - 2 r - 1) + dv
+///   a = 2^(F-10) ja,               b = 2^(F-10) jb
+/// where the ray's jitter (du, dv, ja, jb) is
+///   JitterOff    0
+///   JitterTable  entry (table_first + sample) mod 64
+///   JitterLfsr   the ray's random word, read as an entry, with bits 11 and 10 of ja and of jb
+///                replaced by their bit 9: anywhere on the pixel, aims in [-1/2, 1/2)
+///
+/// The random words are states of a Galois LFSR with the primitive polynomial
+/// x^32 + x^22 + x^2 + x + 1; bit k is the coefficient of x^k. The frame's first ray uses the seed
+/// (1 for seed 0); each following ray is 32 steps further, s <- s x^32.
+module lipp_raster #(
+  parameter int F = 23
+) (
+  input  logic                                    clk_i,
+  input  logic                                    rst_ni,
+
+  input  lipp_optics_pkg::raster_config_t              config_i,   // the next frame
+  input  logic                                    start_i,    // begin it
+  input  logic                                    abort_i,    // end the one that runs
+  output logic                                    running_o,  // until its last ray was taken
+  output logic                                    refused_o,  // illegal window; until next start
+
+  input  logic                                    table_write_i,  // entry of the jitter table
+  input  logic [lipp_optics_pkg::TableBits-1:0]        table_at_i,     // its place
+  input  lipp_optics_pkg::jitter_t                     table_entry_i,
+
+  output logic                                    ray_valid_o,
+  input  logic                                    ray_ready_i,
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,      // pixels to the right of the centre
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,      // upwards; 4 fraction bits
+  output logic signed [F+1:0]                     ray_a_o,      // wide, pitches: aperture point
+  output logic signed [F+1:0]                     ray_b_o,      // wide, rows
+  output logic                                    ray_first_o,  // of its frame
+  output logic                                    ray_last_o    // of its frame
+);
+  import lipp_optics_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int HalfBits = PanelBits + 1;  // pixel coordinates in half-pixels: signed
+
+  if (F < 14 || F > 23) begin : gen_illegal_f
+    $fatal(1, "lipp_raster: F must be 14 to 23");
+  end
+
+  function automatic logic [31:0] next_random(logic [31:0] state);
+    for (int k = 0; k < 32; k++) state = (state << 1) ^ (state[31] ? 32'h0040_0007 : 32'h0);
+    return state;
+  endfunction
+
+  // ---- the frame's settings: copied, checked, and converted to the first position ----
+  raster_config_t config_q;
+  logic take, check_q, begin_q, legal, walk_q, step, done, end_of_frame;
+  logic [3:0] legal_q;
+  // Each counter holds the remaining count minus 2: it is negative at the last item.
+  logic signed [16:0] samples_q;
+  logic signed [HalfBits-1:0] columns_q, rows_q;
+  logic signed [HalfBits-1:0] first_half_u_q, first_half_v_q;
+  assign take = start_i && !running_o;
+  assign step = !ray_valid_o || ray_ready_i;
+  assign legal = &legal_q;
+  assign done = ray_valid_o && ray_ready_i && ray_last_o;
+  always_ff @(posedge clk_i) begin
+    if (take) begin
+      config_q <= config_i;
+      if (config_i.seed == '0) config_q.seed <= 32'd1;
+    end
+    legal_q <= {
+      config_q.first_column <= config_q.last_column, config_q.last_column < config_q.width,
+      config_q.first_row <= config_q.last_row, config_q.last_row < config_q.height
+    };
+    samples_q <= {config_q.samples == '0, config_q.samples} - 17'd2;
+    columns_q <= {1'b0, config_q.last_column} - {1'b0, config_q.first_column} - HalfBits'(1);
+    rows_q <= {1'b0, config_q.last_row} - {1'b0, config_q.first_row} - HalfBits'(1);
+    first_half_u_q <= {config_q.first_column, 1'b1} - HalfBits'(config_q.width);
+    first_half_v_q <= HalfBits'(config_q.height) - {config_q.first_row, 1'b1};
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {running_o, refused_o, check_q, begin_q, walk_q} <= '0;
+    end else begin
+      {begin_q, check_q} <= abort_i ? '0 : {check_q, take};
+      if (abort_i) running_o <= 1'b0;
+      else if (take) {running_o, refused_o} <= 2'b10;
+      else if (begin_q && !legal) {running_o, refused_o} <= 2'b01;
+      else if (done) running_o <= 1'b0;
+      if (abort_i) walk_q <= 1'b0;
+      else if (begin_q) walk_q <= legal;
+      else if (step && end_of_frame) walk_q <= 1'b0;
+    end
+  end
+
+  // ---- the scan: remaining samples, columns and rows, and the position ----
+  logic signed [16:0] samples_left_q;
+  logic signed [HalfBits-1:0] columns_left_q, rows_left_q;
+  logic signed [HalfBits-1:0] half_u_q, half_v_q;
+  logic [TableBits-1:0] entry_at_q;
+  logic [31:0] random_q;
+  logic first_q, end_of_pixel, end_of_row;
+  assign end_of_pixel = samples_left_q < 0;
+  assign end_of_row = end_of_pixel && columns_left_q < 0;
+  assign end_of_frame = end_of_row && rows_left_q < 0;
+
+  always_ff @(posedge clk_i) begin
+    if (begin_q) begin
+      samples_left_q <= samples_q;
+      columns_left_q <= columns_q;
+      rows_left_q <= rows_q;
+      {half_u_q, half_v_q} <= {first_half_u_q, first_half_v_q};
+      entry_at_q <= config_q.table_first;
+      random_q <= config_q.seed;
+      first_q <= 1'b1;
+    end else if (step) begin
+      samples_left_q <= samples_left_q - 17'd1;
+      entry_at_q <= entry_at_q + TableBits'(1);
+      random_q <= next_random(random_q);
+      first_q <= 1'b0;
+      if (end_of_pixel) begin
+        samples_left_q <= samples_q;
+        entry_at_q <= config_q.table_first;
+        columns_left_q <= columns_left_q - HalfBits'(1);
+        half_u_q <= half_u_q + HalfBits'(2);
+      end
+      if (end_of_row) begin
+        columns_left_q <= columns_q;
+        half_u_q <= first_half_u_q;
+        rows_left_q <= rows_left_q - HalfBits'(1);
+        half_v_q <= half_v_q - HalfBits'(2);
+      end
+    end
+  end
+
+  // ---- the jitter ----
+  (* ram_style = "distributed" *)
+  jitter_t jitter_table[1 << TableBits];
+  jitter_t entry_q, drawn_q, jitter_q;
+  logic [2:1] valid_q, ray_first_q, ray_last_q;
+  logic signed [2:1][HalfBits-1:0] half_u_late_q, half_v_late_q;
+  always_ff @(posedge clk_i) begin
+    if (table_write_i) jitter_table[table_at_i] <= table_entry_i;
+    if (step) begin
+      entry_q <= jitter_table[entry_at_q];
+      drawn_q <= '0;
+      if (config_q.jitter == JitterLfsr) begin
+        drawn_q <= {{3{random_q[29]}}, random_q[28:20], {3{random_q[17]}}, random_q[16:8],
+                    random_q[7:0]};
+      end
+      jitter_q <= config_q.jitter == JitterTable ? entry_q : drawn_q;
+      half_u_late_q <= {half_u_late_q[1], half_u_q};
+      half_v_late_q <= {half_v_late_q[1], half_v_q};
+      ray_first_q <= {ray_first_q[1], first_q};
+      ray_last_q <= {ray_last_q[1], end_of_frame};
+    end
+  end
+
+  // ---- the ray ----
+  always_ff @(posedge clk_i) begin
+    if (step) begin
+      ray_u_o <= {half_u_late_q[2], 3'b0} + PixelBits'(jitter_q.du);
+      ray_v_o <= {half_v_late_q[2], 3'b0} + PixelBits'(jitter_q.dv);
+      ray_a_o <= W'(jitter_q.a) <<< (F - 10);
+      ray_b_o <= W'(jitter_q.b) <<< (F - 10);
+      {ray_first_o, ray_last_o} <= {ray_first_q[2], ray_last_q[2]};
+    end
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {ray_valid_o, valid_q} <= '0;
+    else if (abort_i) {ray_valid_o, valid_q} <= '0;
+    else if (step) {ray_valid_o, valid_q} <= {valid_q, walk_q};
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both
+/// sides.
+///
+/// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
+/// requests a new copy; it is made as soon as all rays inside have left. Until then busy_o is high
+/// and the input closed, so that no frame is traced with two displays. Reset requests a copy.
+///
+/// Words as in `lipp_ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
+module lipp_ray_lenslet #(
+  parameter int F = 23,
+  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  parameter int Model = lipp_optics_pkg::ModelExact,
+  parameter bit Viewer = 1'b0,
+  parameter bit Aims = 1'b0,
+  parameter int Walk = 0,
+  parameter bit Converge = 1'b0,
+  parameter bit Shear = 1'b0
+) (
+  input  logic                                    clk_i,
+  input  logic                                    rst_ni,
+
+  input  lipp_optics_pkg::optics_config_t              config_i,  // optics of the next copy
+  input  logic                                    apply_i,   // make a copy
+  output logic                                    busy_o,    // until it is made
+  output logic                                    idle_o,    // no ray is inside
+
+  input  logic                                    ray_valid_i,
+  output logic                                    ray_ready_o,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
+  input  logic signed [F+1:0]                     ray_a_i,  // wide, pitches: aperture point
+  input  logic signed [F+1:0]                     ray_b_i,  // wide, rows
+
+  output logic                                    exit_valid_o,
+  input  logic                                    exit_ready_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,      // lenslet of the exit
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
+  output logic signed [F+3:0]                     exit_x_o,      // origin from its centre, radii
+  output logic signed [F+3:0]                     exit_y_o,      // F + 1 fraction bits
+  output logic signed [F+3:0]                     exit_z_o,
+  output logic signed [F+1:0]                     exit_dx_o,     // near: unit direction
+  output logic signed [F+1:0]                     exit_dy_o,
+  output logic signed [F+1:0]                     exit_dz_o,     // to the viewer
+  output lipp_optics_pkg::ray_status_e                     exit_status_o  // status
+);
+  import lipp_optics_pkg::*;
+
+  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
+  localparam int AddressBits = $clog2(Latency + 16);
+  localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
+
+  // ---- the optics in use ----
+  optics_config_t used;
+  logic busy, idle;
+  lipp_config_bank #(.Width($bits(optics_config_t))) i_config_bank (
+    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
+  );
+  assign {busy_o, idle_o} = {busy, idle};
+
+  // ---- the pipeline ----
+  logic signed [PixelBits-1:0] u_q, v_q;
+  logic signed [F+1:0] a_q, b_q;
+  always_ff @(posedge clk_i) {u_q, v_q, a_q, b_q} <= {ray_u_i, ray_v_i, ray_a_i, ray_b_i};
+
+  logic [Width-1:0] piped, out;
+  logic signed [IndexBits-1:0] i, j;
+  logic signed [F+3:0] x, y, z;
+  logic signed [F+1:0] dx, dy, dz;
+  ray_status_e status;
+  lipp_ray_pipeline #(
+    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
+    .Walk(Walk), .Converge(Converge), .Shear(Shear)
+  ) i_pipeline (
+    .clk_i, .config_i(used), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
+    .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),
+    .status_o(status)
+  );
+  assign piped = {i, j, x, y, z, dx, dy, dz, status};
+
+  lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(Width)) i_flow (
+    .clk_i, .rst_ni, .hold_i(busy), .idle_o(idle),
+    .valid_i(ray_valid_i), .ready_o(ray_ready_o), .piped_i(piped),
+    .valid_o(exit_valid_o), .ready_i(exit_ready_i), .data_o(out)
+  );
+  assign {exit_i_o, exit_j_o, exit_x_o, exit_y_o, exit_z_o, exit_dx_o, exit_dy_o, exit_dz_o} =
+      out[Width-1:3];
+  assign exit_status_o = ray_status_e'(out[2:0]);
+
+endmodule
+
+`default_nettype wire

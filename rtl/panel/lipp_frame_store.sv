@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Two buffers of pixels: one port writes, two read, each with a latency of two.
+///
+/// This is a plain memory that represents the board's memory, SDRAM on a real board. The address is
+/// the buffer and the pixel's index. a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before
+/// t - 2; likewise b. The content after power-up is undefined.
+module lipp_frame_store #(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                 clk_i,
+
+  input  logic                 write_i,
+  input  logic                 write_buffer_i,
+  input  logic [PlaceBits-1:0] write_at_i,
+  input  logic [23:0]          write_rgb_i,
+
+  input  logic                 a_buffer_i,
+  input  logic [PlaceBits-1:0] a_at_i,
+  output logic [23:0]          a_rgb_o,
+
+  input  logic                 b_buffer_i,
+  input  logic [PlaceBits-1:0] b_at_i,
+  output logic [23:0]          b_rgb_o
+);
+
+  logic [23:0] pixels[2 << PlaceBits];
+  logic [23:0] a_rgb_q, b_rgb_q;
+
+  always_ff @(posedge clk_i) begin
+    if (write_i) pixels[{write_buffer_i, write_at_i}] <= write_rgb_i;
+    a_rgb_q <= pixels[{a_buffer_i, a_at_i}];
+    a_rgb_o <= a_rgb_q;
+    b_rgb_q <= pixels[{b_buffer_i, b_at_i}];
+    b_rgb_o <= b_rgb_q;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Video output: the front buffer, or a test pattern, one pixel a clock, without end.
+///
+/// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
+/// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
+/// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
+/// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o changes),
+/// and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset starts a
+/// frame of buffer 0. Pixels are black until the first swap, since the store holds no frame before.
+///
+/// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
+/// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
+/// is the CRC-32 of the frame's output bytes (rows top to bottom, R, G, B), and frames_o has been
+/// incremented.
+module lipp_scan_out #(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  parameter int HFront = 16,
+  parameter int HSync = 96,
+  parameter int HBack = 48,
+  parameter int VFront = 10,
+  parameter int VSync = 2,
+  parameter int VBack = 33,
+  parameter bit HPositive = 1'b1,                // polarity of horizontal sync
+  parameter bit VPositive = 1'b1,                // polarity of vertical sync
+  parameter int F = 23,                          // of the test patterns' optics
+  parameter int Grid = lipp_optics_pkg::GridSquare,
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                       clk_i,
+  input  logic                       rst_ni,
+
+  input  logic                       swap_i,     // hold until swapped_o
+  output logic                       swapped_o,
+  output logic                       front_o,
+  input  logic [7:0]                 brightness_i,
+  input  lipp_panel_pkg::pattern_t        pattern_i,
+  input  lipp_optics_pkg::optics_config_t optics_i,
+
+  output logic [PlaceBits-1:0]       read_at_o,  // in buffer front_o
+  input  logic [23:0]                read_rgb_i, // latency 2
+
+  output logic                       de_o,
+  output logic                       hsync_o,
+  output logic                       vsync_o,
+  output logic [23:0]                rgb_o,
+  output logic                       frame_start_o,
+  output logic [31:0]                shown_crc_o,
+  output logic [31:0]                frames_o
+);
+  import lipp_panel_pkg::*;
+
+  localparam int FirstX = HSync + HBack;
+  localparam int FirstY = VSync + VBack;
+  localparam int LineClocks = FirstX + Width + HFront;
+  localparam int Lines = FirstY + Height + VFront;
+  localparam int XBits = $clog2(LineClocks + 1);
+  localparam int YBits = $clog2(Lines + 1);
+  localparam int PanelBits = lipp_optics_pkg::PanelBits;
+  localparam int Pattern = pattern_latency(Grid);
+  localparam int Latency = Pattern + 2;  // from the counters to the output
+  localparam int Read = Pattern - 2;     // from the counters to the store's address
+
+  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks < Latency) begin : gen_illegal
+    $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks");
+  end
+
+  // ---- the position, counted from the start of both syncs ----
+  logic [XBits-1:0] x_q;
+  logic [YBits-1:0] y_q;
+  logic active;
+  assign active = x_q >= XBits'(FirstX) && x_q < XBits'(FirstX + Width)
+      && y_q >= YBits'(FirstY) && y_q < YBits'(FirstY + Height);
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      x_q <= '0;
+      y_q <= '0;
+    end else if (x_q != XBits'(LineClocks - 1)) begin
+      x_q <= x_q + 1'b1;
+    end else begin
+      x_q <= '0;
+      y_q <= y_q == YBits'(Lines - 1) ? '0 : y_q + 1'b1;
+    end
+  end
+
+  // ---- signals of that position, delayed to the output ----
+  logic [Latency:1] active_q, hsync_q, vsync_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {active_q, hsync_q, vsync_q} <= '0;
+    end else begin
+      active_q <= {active_q[Latency-1:1], active};
+      hsync_q <= {hsync_q[Latency-1:1], x_q < XBits'(HSync)};
+      vsync_q <= {vsync_q[Latency-1:1], y_q < YBits'(VSync)};
+    end
+  end
+  assign de_o = active_q[Latency];
+  assign hsync_o = hsync_q[Latency] == HPositive;
+  assign vsync_o = vsync_q[Latency] == VPositive;
+
+  // ---- between two frames ----
+  logic frame_end, shown_q;
+  logic [7:0] brightness_q;
+  pattern_t pattern_q;
+  lipp_optics_pkg::optics_config_t optics_q;
+  assign frame_end = vsync_q[Read] && !vsync_q[Read+1];
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {front_o, swapped_o, shown_q} <= '0;
+      brightness_q <= '1;
+      pattern_q <= '0;
+    end else begin
+      swapped_o <= frame_end && swap_i;
+      if (frame_end) begin
+        front_o <= front_o ^ swap_i;
+        shown_q <= shown_q || swap_i;
+        brightness_q <= brightness_i;
+        pattern_q <= pattern_i;
+      end
+    end
+  end
+
+  always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
+
+  // ---- the pixel: from the store, or from the test pattern ----
+  logic [23:0] pattern_rgb, rgb_q;
+  lipp_test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
+    .clk_i, .pattern_i(pattern_q), .optics_i(optics_q),
+    .column_i(PanelBits'(x_q - XBits'(FirstX))), .row_i(PanelBits'(y_q - YBits'(FirstY))),
+    .rgb_o(pattern_rgb)
+  );
+  always_ff @(posedge clk_i) begin
+    if (frame_end) read_at_o <= '0;
+    else if (active_q[Read]) read_at_o <= read_at_o + 1'b1;
+    if (pattern_q.kind != PatternOff) rgb_q <= pattern_rgb;
+    else rgb_q <= shown_q ? read_rgb_i : '0;
+  end
+
+  function automatic logic [7:0] dimmed(logic [7:0] value, logic [7:0] brightness);
+    return 8'((16'(value) * (16'(brightness) + 16'd1)) >> 8);
+  endfunction
+  always_ff @(posedge clk_i) begin
+    for (int k = 0; k < 3; k++) begin
+      rgb_o[8*k+:8] <= active_q[Latency-1] ? dimmed(rgb_q[8*k+:8], brightness_q) : '0;
+    end
+  end
+
+  // ---- the frame: CRC and count ----
+  logic [4:1] first_q, last_q;
+  logic ended_q;
+  logic [31:0] crc_q;
+  assign frame_start_o = first_q[4];
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {first_q, last_q, ended_q} <= '0;
+      frames_o <= '0;
+      shown_crc_o <= '0;
+    end else begin
+      first_q <= {first_q[3:1], active_q[Read] && read_at_o == '0};
+      last_q <= {last_q[3:1], active_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)};
+      ended_q <= last_q[4];
+      if (ended_q) begin
+        frames_o <= frames_o + 1'b1;
+        shown_crc_o <= ~crc_q;
+      end
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    if (de_o) begin
+      crc_q <= lipp_link_pkg::crc32_pixel(frame_start_o ? lipp_link_pkg::CrcStart : crc_q, rgb_o);
+    end
+  end
+
+endmodule
+
+`default_nettype wire

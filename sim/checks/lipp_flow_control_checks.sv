@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The contract of `lipp_flow_control`, at its ports.
+///
+/// The input is closed by hold_i, and open only while there is a free place; with a ready reader
+/// and no hold it opens within 4 clocks and stays open. A ray leaves Latency + 4 clocks after it
+/// was accepted, or later if it had to wait for the reader. idle_o is high exactly when no ray is
+/// inside.
+module lipp_flow_control_checks #(
+  parameter int Latency = 100,
+  parameter int AddressBits = 9,
+  parameter int Width = 36
+) (
+  input logic             clk_i,
+  input logic             rst_ni,
+  input logic             hold_i,
+  input logic             idle_o,
+  input logic             valid_i,
+  input logic             ready_o,
+  input logic             valid_o,
+  input logic             ready_i,
+  input logic [Width-1:0] data_o
+);
+
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
+  localparam int C = AddressBits + 1;
+  localparam int Room = 1 << AddressBits;
+
+  wire accept = valid_i && ready_o;
+  wire leave = valid_o && ready_i;
+
+  reg [C-1:0] inside_q;         // rays accepted and not yet left
+  reg [Latency+3:0] entered_q;  // a ray was accepted, 1 to Latency + 4 clocks ago
+  reg [C-1:0] recent_q;         // how many in the last Latency + 3 clocks
+  reg [2:0] flows_q;            // clocks with a ready reader and no hold, up to 4
+  reg stalled_q;
+  reg [Width-1:0] out_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      inside_q <= 0;
+      entered_q <= 0;
+      recent_q <= 0;
+      flows_q <= 0;
+      stalled_q <= 0;
+    end else begin
+      inside_q <= inside_q + C'(accept) - C'(leave);
+      entered_q <= {entered_q[Latency+2:0], accept};
+      recent_q <= recent_q + C'(accept) - C'(entered_q[Latency+2]);
+      if (!ready_i || hold_i) flows_q <= 0;
+      else if (flows_q < 4) flows_q <= flows_q + 1;
+      stalled_q <= valid_o && !ready_i;
+    end
+  end
+  always @(posedge clk_i) out_q <= data_o;
+
+  always @(posedge clk_i) begin
+    if (checked) begin
+      room: assert(inside_q <= C'(Room) && (!ready_o || inside_q < C'(Room)));
+      hold: assert(!hold_i || !ready_o);
+      idle: assert(idle_o == (inside_q == 0));
+      open: assert(flows_q < 4 || hold_i || ready_o);
+      latency: assert(valid_o == (inside_q > recent_q));
+      stable_data: assert(!stalled_q || data_o == out_q);
+    end
+  end
+
+endmodule
+
+`ifndef FORMAL  // simulation: beside every instance
+bind lipp_flow_control lipp_flow_control_checks #(
+  .Latency(Latency), .AddressBits(AddressBits), .Width(Width)
+) i_checks (.*);
+`endif

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The contract of `lipp_frame_gate`, at its ports, and what it needs of the raster beside it.
+module lipp_frame_gate_checks #(
+  parameter bit AssumeRaster = 1'b0  // proofs: the raster's side is an assumption
+) (
+  input logic clk_i,
+  input logic rst_ni,
+  input logic apply_i,
+  input logic apply_waits_o,
+  input logic stream_i,
+  input logic take_o,
+  input logic stream_o,
+  input logic start_i,
+  input logic start_waits_o,
+  input logic begin_o,
+  input logic abort_i,
+  input logic raster_running_i,
+  input logic raster_valid_i,
+  input logic raster_ready_o,
+  input logic raster_last_i,
+  input logic stream_valid_i,
+  input logic stream_ready_o,
+  input logic stream_last_i,
+  input logic valid_o,
+  input logic ready_i
+);
+
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
+  wire from_raster = raster_valid_i && raster_ready_o;
+  wire from_stream = stream_valid_i && stream_ready_o;
+  wire accept = from_raster || from_stream;
+  wire last = from_stream ? stream_last_i : raster_last_i;
+
+  reg within_q;          // a frame's first ray was accepted, and not yet its last
+  reg applies_q;         // a change was requested and has not taken effect
+  reg starts_q;          // a frame was requested and has not begun
+  reg due_next_q;        // a change is due before the requested frame
+  reg due_q;             // a change is due before the frame that has begun
+  reg walks_q;           // the raster's frame has begun, and not ended
+  reg [1:0] begun_q;     // clocks since the one after begin_o, up to 3
+  reg known_q;           // the values below are of the clock before
+  reg took_q, stream_q, wanted_q, waited_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {within_q, applies_q, starts_q, due_next_q, due_q, walks_q} <= 0;
+      begun_q <= 0;
+      {known_q, waited_q} <= 0;
+    end else begin
+      if (abort_i) within_q <= 0;
+      else if (accept) within_q <= !last;
+      applies_q <= apply_i || (applies_q && !take_o);
+      starts_q <= start_i || (starts_q && !begin_o && !abort_i);
+      if (start_i) due_next_q <= apply_i || (applies_q && !take_o);
+      else if (take_o || begin_o || abort_i) due_next_q <= 0;
+      if (begin_o) due_q <= due_next_q && !take_o;
+      else if (take_o) due_q <= 0;
+      if (begin_o) walks_q <= 1;
+      else if (!raster_running_i || (from_raster && raster_last_i)) walks_q <= 0;
+      if (begin_o) begun_q <= 0;
+      else if (begun_q < 3) begun_q <= begun_q + 1;
+      known_q <= 1;
+      // In this clock a change could be decided.
+      waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
+    end
+  end
+  always @(posedge clk_i) begin
+    took_q <= take_o;
+    stream_q <= stream_o;
+    wanted_q <= stream_i;
+  end
+
+  always @(posedge clk_i) begin
+    if (checked) begin
+      // One ray at a time, from the source in effect, and none invented or dropped.
+      one_source: assert(!(from_raster && from_stream));
+      passed_on: assert(accept == (valid_o && ready_i));
+      source: assert((!from_raster || !stream_o) && (!from_stream || stream_o));
+      // A change comes between two frames, with the input closed, if it was requested.
+      closed: assert(!take_o || !accept);
+      between: assert(!take_o || !within_q);
+      requested: assert(!take_o || applies_q);
+      // The source changes with it, and at no other time.
+      changes: assert(!known_q || stream_o == (took_q ? wanted_q : stream_q));
+      // No request is lost: it waits, and is answered in the next clock in which it can be.
+      waits: assert(apply_waits_o == applies_q && start_waits_o == starts_q);
+      answered: assert(!waited_q || take_o);
+      begins: assert(begin_o == (starts_q && !raster_running_i));
+      // A frame uses every change that was requested before its start.
+      in_time: assert(!from_raster || !due_q);
+    end
+  end
+
+  // ---- the raster: its frame runs from begin_o to its last ray, or is refused before any ----
+  wire raster_ok = (!raster_running_i || walks_q) && (raster_running_i || !within_q || stream_o)
+      && (!raster_valid_i || (raster_running_i && begun_q >= 2));
+  if (AssumeRaster) begin : gen_assume_raster
+    always @(posedge clk_i) if (checked) assume(raster_ok);
+  end else begin : gen_raster
+    always @(posedge clk_i) if (checked) raster: assert(raster_ok);
+  end
+
+endmodule
+
+`ifndef FORMAL  // simulation: beside every instance
+bind lipp_frame_gate lipp_frame_gate_checks i_checks (.*);
+`endif

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The contract of `lipp_scan_out` towards a video transmitter: black outside of the pixels, and syncs
+/// only there.
+module lipp_scan_out_checks #(
+  parameter bit HPositive = 1'b1,
+  parameter bit VPositive = 1'b1
+) (
+  input logic        clk_i,
+  input logic        rst_ni,
+  input logic        de_o,
+  input logic        hsync_o,
+  input logic        vsync_o,
+  input logic [23:0] rgb_o,
+  input logic        frame_start_o
+);
+
+`ifdef FORMAL
+  wire checked = rst_ni;
+`else
+  reg reset_q = 0;  // nothing is asserted before the first reset
+  always @(posedge clk_i or negedge rst_ni) if (!rst_ni) reset_q <= 1;
+  wire checked = rst_ni && reset_q;
+`endif
+
+  reg known_q;  // a clock has passed since reset
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) known_q <= 0;
+    else known_q <= 1;
+  end
+  always @(posedge clk_i) begin
+    if (checked && known_q) begin
+      blank: assert(de_o || rgb_o == 0);
+      apart: assert(!de_o || (hsync_o != HPositive && vsync_o != VPositive));
+      first: assert(!frame_start_o || de_o);
+    end
+  end
+
+endmodule
+
+`ifndef FORMAL  // simulation: beside every instance
+bind lipp_scan_out lipp_scan_out_checks #(.HPositive(HPositive), .VPositive(VPositive)) i_checks (.*);
+`endif

@@ -1,0 +1,24 @@
+/// `lipp_memory_1w1r` for proofs: one word, at any address, is kept, and the other addresses give any
+/// word. All that the memory can do, this can do: a proof with it is a proof for the memory.
+module lipp_memory_1w1r #(
+  parameter int Width = 36,
+  parameter int AddressBits = 9
+) (
+  input  logic                   clk_i,
+  input  logic                   write_i,
+  input  logic [AddressBits-1:0] write_at_i,
+  input  logic [Width-1:0]       write_data_i,
+  input  logic [AddressBits-1:0] read_at_i,
+  output logic [Width-1:0]       read_data_o
+);
+
+  (* anyconst *) reg [AddressBits-1:0] kept_at;
+  (* anyseq *) reg [Width-1:0] other;
+  reg [Width-1:0] kept_q, word_q;
+  always @(posedge clk_i) begin
+    if (write_i && write_at_i == kept_at) kept_q <= write_data_i;
+    word_q <= read_at_i == kept_at ? kept_q : other;
+    read_data_o <= word_q;
+  end
+
+endmodule

@@ -1,0 +1,54 @@
+/// `lipp_memory_1w1r` does nothing that memory_1w1r_kept, its stand-in in larger proofs, cannot do: what
+/// is read at any one address is the word last written there, two clocks before.
+module memory_1w1r_properties #(
+  parameter int Width = 2,
+  parameter int AddressBits = 3  // 3: the memory's words below are written out
+) (
+  input logic                   clk_i,
+  input logic                   write_i,
+  input logic [AddressBits-1:0] write_at_i,
+  input logic [Width-1:0]       write_data_i,
+  input logic [AddressBits-1:0] read_at_i
+);
+
+  logic [Width-1:0] read_data;
+  lipp_memory_1w1r #(.Width(Width), .AddressBits(AddressBits)) i_memory (
+    .clk_i, .write_i, .write_at_i, .write_data_i, .read_at_i, .read_data_o(read_data)
+  );
+
+  (* hierconn *) wire [Width-1:0] \i_memory.word_q ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[0] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[1] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[2] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[3] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[4] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[5] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[6] ;
+  (* hierconn *) wire [Width-1:0] \i_memory.words[7] ;
+  wire [8*Width-1:0] words = {
+    \i_memory.words[7] , \i_memory.words[6] , \i_memory.words[5] , \i_memory.words[4] ,
+    \i_memory.words[3] , \i_memory.words[2] , \i_memory.words[1] , \i_memory.words[0]
+  };
+
+  (* anyconst *) reg [AddressBits-1:0] kept_at;
+  reg written_q = 0;
+  reg [2:1] asked_q = 0;  // the kept word was asked for, 1 and 2 clocks ago
+  reg [Width-1:0] kept_q, kept_q2, kept_q3;
+  always @(posedge clk_i) begin
+    if (write_i && write_at_i == kept_at) begin
+      kept_q <= write_data_i;
+      written_q <= 1;
+    end
+    kept_q2 <= kept_q;
+    kept_q3 <= kept_q2;
+    asked_q <= {asked_q[1], read_at_i == kept_at && written_q};
+  end
+  always @(posedge clk_i) begin
+    as_written: assert(!asked_q[2] || read_data == kept_q3);
+    inside_words: assert(!written_q || words[kept_at*Width +: Width] == kept_q);
+    inside_asked: assert(!asked_q[1] || \i_memory.word_q == kept_q2);
+    cover_read: cover(asked_q[2] && kept_q3 == 1 && kept_q2 == 2);
+    cover_while_written: cover(asked_q[1] && written_q && kept_q != kept_q2);
+  end
+
+endmodule

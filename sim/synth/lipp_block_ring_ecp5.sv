@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// `lipp_block_ring` in ECP5's block memory.
+///
+/// Same ports and behaviour as rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks after it
+/// was written; the memory has a latency of two, and an output register adds one. No address is
+/// read and written in the same clock. The read address follows from the write address, so that the
+/// initial address does not matter after a clock. The hierarchy is kept in synthesis: merged rings
+/// would share their counters.
+(* keep_hierarchy *)
+module lipp_block_ring #(
+  parameter int Width = 1,
+  parameter int Cycles = 5
+) (
+  input  logic             clk_i,
+  input  logic [Width-1:0] d_i,
+  output logic [Width-1:0] q_o
+);
+
+  // At least 3, so that elaboration reaches the error message of an illegal Cycles.
+  localparam int PlaceBits = Cycles > 8 ? $clog2(Cycles) : 3;
+
+  if (Width < 1 || Cycles < 5) begin : gen_illegal
+    $fatal(1, "lipp_block_ring: Width must be 1 or more and Cycles 5 or more");
+  end
+
+  logic [PlaceBits-1:0] write_at_q, read_at_q;
+  initial write_at_q = '0;  // for simulators whose registers start unknown
+  always_ff @(posedge clk_i) write_at_q <= write_at_q + 1'b1;
+  always_ff @(posedge clk_i) read_at_q <= write_at_q - PlaceBits'(Cycles - 4);
+
+  logic [Width-1:0] word;
+  always_ff @(posedge clk_i) q_o <= word;
+  lipp_memory_1w1r #(.Width(Width), .AddressBits(PlaceBits)) i_memory (
+    .clk_i, .write_i(1'b1), .write_at_i(write_at_q), .write_data_i(d_i),
+    .read_at_i(read_at_q), .read_data_o(word)
+  );
+
+endmodule
+
+`default_nettype wire
