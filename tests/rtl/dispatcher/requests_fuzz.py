@@ -65,7 +65,13 @@ def tiles(reference: Reference) -> bytes:
 
 
 def trace(_: Reference) -> bytes:
-    return random.randbytes(16 * random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
+    """Rays of any aims; a pixel's words end where theirs do, or now and then beyond."""
+    ends = [-(1 << 17), (1 << 17) - 1]
+    if random.random() < 0.1:
+        ends += [-(1 << 17) - 1, 1 << 17, -(1 << 31), (1 << 31) - 1]
+    pixels = [*ends, *(random.randrange(-(1 << 17), 1 << 17) for _ in range(4))]
+    rays = range(random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
+    return b"".join(struct.pack("<2i", *random.choices(pixels, k=2)) + random.randbytes(8) for _ in rays)
 
 
 def nothing(_: Reference) -> bytes:
