@@ -73,6 +73,9 @@ module lipp_request_reader #(
   logic [31:0] words[256];
   logic [23:0] collected_q;  // the word's bytes so far
   logic [1:0] byte_q;        // byte of the word being received
+  logic [31:0] word;
+  logic wide_q;              // a traced ray's pixel is more than its word
+  assign word = {in_data_i, collected_q};
   logic collect_word, full;
   assign full = request_q.words[8];
   assign collect_word = state_q == Words && take && byte_q == 2'd3 && !full;
@@ -81,10 +84,6 @@ module lipp_request_reader #(
     if (collect_word) words[request_q.words[7:0]] <= word;
     word_o <= words[word_at_i];
   end
-
-  logic wide_q;  // a traced ray's pixel is more than its word
-  logic [31:0] word;
-  assign word = {in_data_i, collected_q};
 
   // ---- counts ----
   logic length_ok;

@@ -353,7 +353,7 @@ module dispatcher_properties #(
       in_polls_new: assert (!((asked && !ray_looks) || rays == RaySettle) || polls_q == '0);
       in_looks: assert (polls_q <= 3'(looks_q));
       in_look: assert (!asked || look_q == ray_looks);
-      in_running: assert (!(rays inside {[4'd1:RayTakenOver], RayEnded, [RayPlace:RayExit]} || (rays == RayEnd && asked))
+      in_running: assert (!(ray_list || rays inside {[4'd1:RayTakenOver], RayEnded} || (rays == RayEnd && asked))
           || !running_q);
     end
   end

@@ -24,9 +24,9 @@ def leave_dome(
         d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
         d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
 
-    e_x and e_y have E = `extra_bits` more fraction bits than near words, dz has 3 E more. s = 1 - cos^2 and C' have F + 3
-    fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow:
-    C' above 1, or, unless reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
+    e_x and e_y have E = `extra_bits` more fraction bits than near words, dz has 3 E more. s = 1 - cos^2 and C' have
+    F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' above 1, or, unless
+    reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)

@@ -106,7 +106,8 @@ def hybrids(
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
     # As the twin's parameters are called.
-    state |= {"extra": build.extra, "shear": build.shear, "half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
+    state |= {"extra": build.extra, "shear": build.shear}
+    state |= {"half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
     state |= {"cx": config.cell_pitch_x, "cy": config.cell_pitch_y, "rx": config.shear_row}
     state |= {"lean": config.shear_lean, "g": config.shear_x}
     state |= {"share": config.converge_share, "offset_x": config.converge_x, "offset_y": config.converge_y}

@@ -94,6 +94,8 @@ def bad_length(kind: int, body: bytes) -> bytes:
             return body[:3] + struct.pack("<H", random.choice([0, 513, 0x8001, 0xFFFF]))
         if kind == WRITE:
             return body[:2] + random.randbytes(4 * random.choice([0, 65, 66, 256, 257, 320, 600]))
+        if kind == TILE:
+            return body[: random.randrange(5)]
         if kind == TRACE:
             return random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513]))
     cut = body[: random.randrange(len(body) + 1)]
@@ -106,7 +108,7 @@ def traffic(reference: Reference, count: int) -> Iterator[tuple[bytes, bytes]]:
     sent: list[bytes] = []
     number = random.getrandbits(16)
     for _ in range(count):
-        kind = random.choice([*KINDS[:-2], WRITE, WRITE, SIGN, TRACE] if random.random() < 0.9 else KINDS)
+        kind = random.choice([*KINDS[:-2], WRITE, WRITE, SIGN, TRACE] if random.random() < 0.8 else KINDS)
         # Mostly a newer one; some come again, late, or after many that were lost.
         number = (number + random.choice([1] * 8 + [0, -1, 5, -5, 0x7FFF, 0x8000, -0x7FFF])) % (1 << 16)
         chance = random.random()

@@ -30,7 +30,8 @@ def test_normalised_equals_twin(f, extra):
     seen.values("shift by", np.where(x > 0, (bits - length) // 2, -1), range((bits - 1) // 2 + 1))
     seen.point("zero", x == 0)
     seen.point("smallest", x == 1)
-    seen.point("largest, held at the largest word", (x == top) & (y == (1 << (f + 1 + extra)) - 1))
+    # With all places kept the root's own error may show.
+    seen.point("largest, at the largest word", (x == top) & (y >= (1 << (f + 1 + extra)) - 1 - extra))
     seen.close()
 
 
