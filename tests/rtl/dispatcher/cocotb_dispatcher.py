@@ -8,8 +8,8 @@ import rules
 from cocotb.clock import Clock
 from neighbours import Neighbours
 from packets import marked
-from protocol import ABORT, HELLO, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
-from requests_fuzz import traffic
+from protocol import ABORT, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
 
@@ -307,6 +307,15 @@ async def forgets_all_at_reset(dut):
         await ask(monitor, reference, request(HELLO, 1, bytes([2, 0, 0, 0, 0])), write)
         monitor, reference = await start(dut)
         await ask(monitor, reference, write, request(READ, 1, struct.pack("<HB", 0x304, 1)))
+
+
+@cocotb.test()
+async def refuses_wrong_lengths(dut):
+    """Each kind, a byte too long or, where any byte more is data, too short."""
+    monitor, reference = await start(dut)
+    for number, kind in enumerate(KINDS):
+        body = b"1234" if kind == TILE else BODIES[kind](reference) + b"\1"
+        await ask(monitor, reference, request(kind, number, body))
 
 
 @cocotb.test()
