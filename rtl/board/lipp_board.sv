@@ -27,14 +27,11 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,   // polarities of the syncs
   parameter bit VPositive = 1'b1,
-  parameter int F = 16,
-  parameter bit CrossCells = 1'b0,
-  parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int Model = lipp_optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  // Chief rays through the optics of the whole board: aims must be 0.
+  parameter lipp_optics_pkg::build_t Build = '{
+    fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
+  },
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous
@@ -57,6 +54,10 @@ module lipp_board #(
   output logic [23:0] rgb_o
 );
   import lipp_optics_pkg::IndexBits, lipp_optics_pkg::PixelBits;
+
+  if (Build.aims) begin : gen_illegal_aims
+    $fatal(1, "lipp_board: Build.aims must be 0: a board traces chief rays");
+  end
 
   logic rst_n;
   lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
@@ -264,7 +265,7 @@ module lipp_board #(
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .F(F), .Grid(Grid)
+    .F(F), .Grid(int'(Build.grid))
   ) i_scan_out (
     .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
     .brightness_i(set.display.brightness.value),
@@ -283,10 +284,7 @@ module lipp_board #(
   lipp_optics_pkg::ray_status_e exit_status;
   logic unused_first, unused_ray;
   assign unused_ray = ^ray;
-  lipp_optics_block #(
-    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(1'b0),
-    .Walk(Walk), .Converge(Converge), .Shear(Shear)
-  ) i_optics (
+  lipp_optics_block #(.Build(Build)) i_optics (
     .clk_i, .rst_ni(core_rst_n), .apb_sel_i(apb_sel), .apb_enable_i(apb_enable),
     .apb_write_i(apb_write), .apb_addr_i(apb_addr), .apb_wdata_i(apb_wdata), .apb_ready_o(apb_ready),
     .apb_rdata_o(apb_rdata), .apb_error_o(apb_error),

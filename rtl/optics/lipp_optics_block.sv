@@ -17,15 +17,8 @@
 /// APB4 without strobes: whole words, the low two address bits ignored. rtl/registers.rdl defines
 /// the registers; docs/reference/optics-block.md tells how software uses them.
 module lipp_optics_block #(
-  parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
-  parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int Model = lipp_optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter bit Aims = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
@@ -104,15 +97,11 @@ module lipp_optics_block #(
   logic unused_address;
   assign unused_address = ^addr_q[1:0];
 
-  assign status.build.fraction_bits.next = 5'(F);
-  assign status.build.grid.next = 1'(Grid);
-  assign status.build.model.next = 2'(Model);
-  assign status.build.viewer.next = Viewer;
-  assign status.build.aims.next = Aims;
-  assign status.build.walk.next = 3'(Walk);
-  assign status.build.cross_cells.next = CrossCells;
-  assign status.build.converge.next = Converge;
-  assign status.build.shear.next = Shear;
+  assign {
+    status.build.shear.next, status.build.converge.next, status.build.cross_cells.next,
+    status.build.walk.next, status.build.aims.next, status.build.viewer.next,
+    status.build.model.next, status.build.grid.next, status.build.fraction_bits.next
+  } = Build;
   assign status.status.busy.next = busy || apply_waits;
   assign status.status.running.next = running || start_waits;
   assign status.status.refused.next = refused;
@@ -201,10 +190,7 @@ module lipp_optics_block #(
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
 
   // ---- the optics ----
-  lipp_ray_lenslet #(
-    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge), .Shear(Shear)
-  ) i_lenslet (
+  lipp_ray_lenslet #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,
@@ -213,7 +199,7 @@ module lipp_optics_block #(
 
   // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
   // for each ray.
-  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
+  localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
   logic unused_valid;
   lipp_fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (

@@ -11,8 +11,9 @@
 package lipp_optics_pkg;
   import lipp_math_pkg::*;
 
-  // Most modules use only some of these.
+  // Most modules use only some of these, and a function only some fields of a build.
   /* verilator lint_off UNUSEDPARAM */
+  /* verilator lint_off UNUSEDSIGNAL */
 
   /// The status of a ray; the same numbers as in `lippmann.optics.rays`.
   typedef enum logic [2:0] {
@@ -39,6 +40,33 @@ package lipp_optics_pkg;
     JitterTable = 2'd1,
     JitterLfsr = 2'd2
   } jitter_e;
+
+  /// What is built of the optics: the word of the register `build`. Logic that a build does not use
+  /// is not there.
+  typedef struct packed {
+    logic       shear;          // the lattice may be sheared
+    logic       converge;       // elemental images may converge on a near eye
+    logic       cross_cells;    // cross terms of products in multiplier cells
+    logic [2:0] walk;           // further domes tried, for a ray that meets a dome outside its cell
+    logic       aims;           // rays aim at aperture points; otherwise chief rays only
+    logic       viewer;         // plano side to the viewer
+    logic [1:0] model;          // model_e
+    logic       grid;           // grid_e
+    logic [4:0] fraction_bits;  // F, 14 to 23
+  } build_t;
+
+  /// The default: chief rays, exact, with the widest words.
+  localparam build_t ExactSquare = '{fraction_bits: 5'd23, model: 2'(ModelExact), default: '0};
+
+  /// Tells whether exact rays of a build can leave their cell.
+  function automatic bit strays(build_t build);
+    return build.aims || build.viewer || build.converge;
+  endfunction
+
+  /// Tells whether the slope has a coefficient for the aperture point.
+  function automatic bit slope_aims(build_t build);
+    return build.aims && (build.model == 2'(ModelParaxial) || build.converge);
+  endfunction
 
   /// Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
   localparam int PixelBits = 18;
@@ -126,6 +154,11 @@ package lipp_optics_pkg;
     return f + 2 > MulBits ? 1 : 0;
   endfunction
 
+  /// E of a build's slopes and of its directions in the air.
+  function automatic int air_bits(build_t build);
+    return build.model == 2'(ModelExact) && !build.viewer ? extra_bits(int'(build.fraction_bits)) : 0;
+  endfunction
+
   // Latencies of the steps of a ray, W = F + 2.
 
   function automatic int pixel_latency();
@@ -210,6 +243,11 @@ package lipp_optics_pkg;
     return mul_latency(f + 2, f + 2) + 2 + (way > air ? way : air);
   endfunction
 
+  /// Latency of `lipp_exit_flat` (viewer) and `lipp_exit_dome`.
+  function automatic int exit_latency(bit viewer, int f);
+    return dome_latency(f) + (viewer ? leave_flat_latency(f) : 1);
+  endfunction
+
   /// Cycles from the point on the panel to the slope and the point on the first face.
   function automatic int slope_latency(int f, bit converge, bit shear);
     return 1 + blend_latency(f, local_bits(f, converge, shear));
@@ -227,18 +265,20 @@ package lipp_optics_pkg;
   endfunction
 
   /// Latency of `lipp_ray_pipeline`.
-  function automatic int ray_latency(
-      int f, int grid, int model, bit viewer, bit aims, int walk, bit converge, bit shear);
-    int before_dome, after_dome;
+  function automatic int ray_latency(build_t build);
+    int f, grid, walk, before_dome;
+    bit aims, viewer, converge, shear;
+    {f, grid, walk} = {int'(build.fraction_bits), int'(build.grid), int'(build.walk)};
+    {aims, viewer, converge, shear} = {build.aims, build.viewer, build.converge, build.shear};
     before_dome = lens_latency(f, grid, aims, converge, shear)
         + slope_latency(f, converge, shear) + unit_latency(f);
-    if (model != ModelExact) return before_dome + 2;
+    if (build.model != 2'(ModelExact)) return before_dome + 2;
     if (!viewer) before_dome += enter_flat_latency(f);
-    after_dome = dome_latency(f) + (viewer ? leave_flat_latency(f) : 1);
-    return before_dome + walk * walk_latency(grid, f, shear) + meet_dome_latency(f) + after_dome
-        + 2;
+    return before_dome + walk * walk_latency(grid, f, shear) + meet_dome_latency(f)
+        + exit_latency(viewer, f) + 2;
   endfunction
 
+  /* verilator lint_on UNUSEDSIGNAL */
   /* verilator lint_on UNUSEDPARAM */
 endpackage
 

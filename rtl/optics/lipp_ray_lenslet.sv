@@ -10,15 +10,8 @@
 ///
 /// Words as in `lipp_ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
 module lipp_ray_lenslet #(
-  parameter int F = 23,
-  parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
-  parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int Model = lipp_optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter bit Aims = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
@@ -49,7 +42,7 @@ module lipp_ray_lenslet #(
 );
   import lipp_optics_pkg::*;
 
-  localparam int Latency = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear);
+  localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
   localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3;
 
@@ -71,10 +64,7 @@ module lipp_ray_lenslet #(
   logic signed [F+3:0] x, y, z;
   logic signed [F+1:0] dx, dy, dz;
   ray_status_e status;
-  lipp_ray_pipeline #(
-    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge), .Shear(Shear)
-  ) i_pipeline (
+  lipp_ray_pipeline #(.Build(Build)) i_pipeline (
     .clk_i, .config_i(used), .u_i(u_q), .v_i(v_q), .a_i(a_q), .b_i(b_q),
     .i_o(i), .j_o(j), .x_o(x), .y_o(y), .z_o(z), .dx_o(dx), .dy_o(dy), .dz_o(dz),
     .status_o(status)

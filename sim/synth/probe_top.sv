@@ -6,15 +6,8 @@
 /// Every input of the engine comes from a register or a shift register, and every output is
 /// combined into a register: no logic is optimised away, and no timing path ends at a pin.
 module probe_top #(
-  parameter int F = 23,
-  parameter bit CrossCells = 1'b0,
-  parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int Model = lipp_optics_pkg::ModelExact,
-  parameter bit Viewer = 1'b0,
-  parameter bit Aims = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic clk_i,
   input  logic rst_ni,
@@ -50,10 +43,7 @@ module probe_top #(
     bit_o <= fold_q[OutBits+3];
   end
 
-  lipp_ray_lenslet #(
-    .F(F), .CrossCells(CrossCells), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims),
-    .Walk(Walk), .Converge(Converge), .Shear(Shear)
-  ) i_lenslet (
+  lipp_ray_lenslet #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .idle_o(idle), .ray_valid_i(valid_q), .ray_ready_o(ready),
     .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),

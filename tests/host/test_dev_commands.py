@@ -60,8 +60,10 @@ def test_faults_leave_elaboration_checks_alone():
     tried = [
         fault.was for fault in mutation.faults_of(mutation.repository() / "rtl" / "optics" / "lipp_ray_pipeline.sv")
     ]
-    assert any("keep_q" in line for line in tried)
-    assert not [line for line in tried if line.startswith("  if (Walk < 0") or line.startswith("  if (Model != ModelP")]
+    assert any("missed_q" in line for line in tried)
+    assert not [
+        line for line in tried if line.startswith("  if (Walk > 4") or line.startswith("  if (Model > ModelExact")
+    ]
 
 
 RESULTS = """<testsuites><testsuite tests="4" time="90" timestamp="2026-01-02T03:04:05.6">

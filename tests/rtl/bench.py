@@ -32,12 +32,12 @@ class Instance:
     inputs: Widths
     outputs: Widths
     latency: str
-    parameters: Mapping[str, int] = field(default_factory=dict)
+    parameters: Mapping[str, int | str] = field(default_factory=dict)
     config: Widths = field(default_factory=dict)
 
     @property
     def name(self) -> str:
-        return "_".join([self.module, *(f"{key}{value}" for key, value in self.parameters.items())])
+        return "_".join([self.module, *(f"{key}{value}".replace("'", "") for key, value in self.parameters.items())])
 
 
 #: The C++ that drives the bench: cocotb takes longer to start than a step's words to stream.

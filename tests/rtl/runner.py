@@ -53,7 +53,7 @@ class Compiled(Verilator):
 
 def compiled(
     top: str,
-    parameters: Mapping[str, int] | None = None,
+    parameters: Mapping[str, int | str] | None = None,
     bench: str = "",
     name: str | None = None,
     main: Path | None = None,
@@ -65,7 +65,7 @@ def compiled(
     has a file in sim/checks, the assertions of that file run.
     """
     parameters = parameters or {}
-    name = name or "-".join([top, *(f"{key}{value}" for key, value in parameters.items())])
+    name = name or "-".join([top, *(f"{key}{value}".replace("'", "") for key, value in parameters.items())])
     module = full_name(top)
     sources = needed(bench or module, rtl_sources(TOP, *RTL_FOLDERS))
     sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]

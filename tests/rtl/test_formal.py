@@ -115,7 +115,8 @@ FAULTS = {
         "frame_gate bmc", "frame_gate.sv", "apply_i || (apply_waits_o && !take_o)",
         "(apply_i || apply_waits_o) && !take_o", "waits|answered"),
     "start forgotten while the raster runs": (
-        "frame_gate bmc", "frame_gate.sv", "start_i || (start_waits_o && !begin_o)", "start_i", "waits|begins"),
+        "frame_gate bmc", "frame_gate.sv", "start_i || (start_waits_o && !begin_o && !abort_i)", "start_i",
+        "waits|begins"),
     "source changes as soon as it is written": (
         "frame_gate bmc", "frame_gate.sv", "if (take_o) stream_o", "stream_o", "changes"),
     "frame begins before the change that it waits for": (

@@ -175,11 +175,11 @@ class Scratch:
         ) as process:  # fmt: skip
             try:
                 said, _ = process.communicate(timeout=STAGE_S)
-            except BaseException as error:
-                os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
-                if isinstance(error, subprocess.TimeoutExpired):
-                    return -1, ""
-                raise
+            except subprocess.TimeoutExpired:
+                return -1, ""
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
         return process.returncode, said
 
 

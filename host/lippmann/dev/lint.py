@@ -23,7 +23,7 @@ def folder_of_modules() -> dict[str, str]:
 
 
 def elaborated(
-    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int], timeout: float | None = None
+    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Elaborate a module with Verilator; packages come first in `files`. The time-out is in seconds."""
     command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
@@ -33,7 +33,7 @@ def elaborated(
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=timeout)
 
 
-def lint(module: str, parameters: Mapping[str, int] | None = None) -> subprocess.CompletedProcess[str]:
+def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
     """Elaborate a module alone, with all warnings, from the files that it needs.
 
     Only its folder is searched, and those that it may build upon. Raises MissingLibraryError without Verilator, and

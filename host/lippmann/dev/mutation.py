@@ -35,6 +35,7 @@ WITHIN = {
         ("request_reader", "request_order", "register_access", "ray_access", "table_reader", "reply_builder"),
         "dispatcher",
     ),
+    "link_pkg": "packet_out",
     "math_pkg": "multiplier",
     "optics_pkg": "ray_lenslet",
     "panel_pkg": "test_pattern",
@@ -128,7 +129,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
     path = Path(fault.file)
     module = path.stem.removeprefix(PREFIX)
-    top = PREFIX + (WITHIN[module] if module.endswith("_pkg") else module)
+    top = PREFIX + WITHIN.get(module, module)
     with scratch.faulty(fault):
         files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder, *RTL_FOLDERS)]
         if elaborated(top, files, "-Wno-fatal", parameters={}).returncode:

@@ -163,9 +163,7 @@ def stages(named: Named) -> int:
     top = repository()
     packages = ("math/lipp_math_pkg.sv", "optics/lipp_optics_pkg.sv")
     files = [*(top / "rtl" / path for path in packages), top / "sim" / "synth" / "latency.sv"]
-    # Where the cross terms are computed does not count.
-    values = {name: value for name, value in parameters(named.build).items() if name != "CrossCells"}
-    result = elaborated("latency", files, parameters=values)
+    result = elaborated("latency", files, parameters=parameters(named.build))
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:
         raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")

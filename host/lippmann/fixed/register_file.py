@@ -111,3 +111,15 @@ def build_of(words: Mapping[str, int]) -> Build:
     flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells", "converge", "shear")}
     grid = get_args(Grid)[fields["grid"]]
     return Build(fields["fraction_bits"], grid, models[model], max_cell_steps=fields["walk"], **flags)
+
+
+def build_word(build: Build) -> int:
+    """Return what the register `build` of an optics block holds; also the RTL's parameter `Build`."""
+    values = {
+        "fraction_bits": build.fraction_bits,
+        "grid": get_args(Grid).index(build.grid),
+        "model": get_args(HardwareModel).index(build.model),
+        "walk": build.max_cell_steps,
+        **{name: int(getattr(build, name)) for name in ("viewer", "aims", "cross_cells", "converge", "shear")},
+    }
+    return sum(field.bits(values[name]) for name, field in OPTICS_REGISTERS["build"].fields.items())

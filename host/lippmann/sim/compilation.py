@@ -68,7 +68,7 @@ def verilated(
     top: str,
     sources: Sequence[Path],
     main: Sequence[Path],
-    parameters: Mapping[str, int] | None = None,
+    parameters: Mapping[str, int | str] | None = None,
     *,
     options: Sequence[str] = (),
     flags: Sequence[str] = FAST,

@@ -14,6 +14,7 @@ from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.register_file import build_word
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
 from lippmann.sim.compilation import FAST, UNCHECKED, kept, verilated
 from lippmann.sim.tools import needed, optics_sources, repository
@@ -82,19 +83,9 @@ def packed(config: Configuration) -> bytes:
     return bits.to_bytes((length + 31) // 32 * 4, "little")
 
 
-def parameters(build: Build) -> dict[str, int]:
-    """Return the RTL's parameters of a build."""
-    return {
-        "F": build.fraction_bits,
-        "Grid": int(build.grid == "hex"),
-        "Model": ("pinhole", "paraxial", "exact").index(build.model),
-        "Viewer": int(build.viewer),
-        "Aims": int(build.aims),
-        "Walk": build.max_cell_steps,
-        "CrossCells": int(build.cross_cells),
-        "Converge": int(build.converge),
-        "Shear": int(build.shear),
-    }
+def parameters(build: Build) -> dict[str, str]:
+    """Return the RTL's parameter of a build, as a number of SystemVerilog: what its register `build` holds."""
+    return {"Build": f"16'h{build_word(build):04x}"}
 
 
 def _compiled(build: Build, flags: Sequence[str]) -> Path:

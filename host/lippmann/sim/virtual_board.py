@@ -236,7 +236,7 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
     numbers = {
-        **{name: value for name, value in parameters(build).items() if name != "Aims"},
+        **parameters(build),
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
         "Width": panel.width_px,

@@ -47,6 +47,7 @@ async def every_request_is_answered_between_two_frames(dut):
     for port in dut:
         if port._name.endswith("_i") and port._name != "clk_i":
             port.value = 0
+    dut.rst_ni.value = 0
     for _ in range(3):
         await FallingEdge(dut.clk_i)
     dut.rst_ni.value = 1

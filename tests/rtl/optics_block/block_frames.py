@@ -221,7 +221,10 @@ async def frames_equal_the_twin(dut):
     await block.command(**APPLY)
     await block.settle(busy=0)
     statuses = set()
-    for jitter, stall in (("off", 0.0), ("table", 0.3), ("lfsr", 0.7)):
+    # Rays that leave through a neighbour are rare on some displays: frames follow until one was seen.
+    for jitter, stall in (("off", 0.0), ("table", 0.3), ("lfsr", 0.7), *[("lfsr", 0.0)] * 30):
+        if (jitter, stall) == ("lfsr", 0.0) and (4 in statuses or not BUILD.aims):
+            break
         block.stall = stall
         frame = frame_of(jitter, 400)
         await block.fill_table()

@@ -1,14 +1,7 @@
 /// ray_lenslet with its words packed, first port highest, and the latency that it claims.
 module ray_lenslet_bench #(
-  parameter int F = 14,
-  parameter int Grid = 0,
-  parameter int Model = 0,
-  parameter bit Viewer = 1'b0,
-  parameter bit Aims = 1'b0,
-  parameter int Walk = 0,
-  parameter bit Converge = 1'b0,
-  parameter bit Shear = 1'b0,
-  parameter bit CrossCells = 1'b0
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  localparam int F = int'(Build.fraction_bits)
 ) (
   input  logic                                     clk_i,
   input  logic                                     rst_ni,
@@ -34,11 +27,8 @@ module ray_lenslet_bench #(
   ray_status_e status;
   assign {u, v, a, b} = ray_i;
   assign exit_o = {i, j, x, y, z, dx, dy, dz, status};
-  assign latency_o = ray_latency(F, Grid, Model, Viewer, Aims, Walk, Converge, Shear) + 5;
-  lipp_ray_lenslet #(
-    .F(F), .Grid(Grid), .Model(Model), .Viewer(Viewer), .Aims(Aims), .Walk(Walk),
-    .Converge(Converge), .Shear(Shear), .CrossCells(CrossCells)
-  ) i_engine (
+  assign latency_o = ray_latency(Build) + 5;
+  lipp_ray_lenslet #(.Build(Build)) i_engine (
     .clk_i, .rst_ni, .config_i(config_i), .apply_i, .busy_o, .idle_o,
     .ray_valid_i(valid_i), .ray_ready_o(ready_o),
     .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
