@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -68,6 +68,9 @@ docs-tables: $(READY) ## make the key tables and JSON Schemas of the TOML files 
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again
 	$(BIN)/python -m lippmann.dev.generate_registers
+
+manifests: $(READY) ## make the FuseSoC core, Bender.yml and the .f lists of rtl/sources.toml again
+	$(BIN)/python -m lippmann.dev.generate_manifests
 
 synth: $(READY) ## place and route the RTL's named configurations (an hour; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis

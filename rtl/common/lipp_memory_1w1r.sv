@@ -5,7 +5,7 @@
 ///
 /// read_data_o(t) is the word at read_at_i(t - 2), as written before t - 2. The module is a memory
 /// with a register at its output; synthesis for an FPGA family may replace it by the family's cell
-/// (sim/synth/).
+/// (rtl/ecp5/).
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

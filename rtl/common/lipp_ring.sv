@@ -5,7 +5,7 @@
 ///
 /// Each clock one place is read, then overwritten; a word is read when the address has gone once
 /// round. An output register adds a clock. The initial address does not matter after one round.
-/// Synthesis for an FPGA family may replace this module by its memories (sim/synth/). The hierarchy
+/// Synthesis for an FPGA family may replace this module by its memories (rtl/ecp5/). The hierarchy
 /// is kept in synthesis: merged rings of one length would share their counter.
 (* keep_hierarchy *)
 module lipp_ring #(

@@ -4,7 +4,7 @@
 /// One hardware multiplier, 18 x 18 bits signed: p(t) = a(t - 3) * b(t - 3).
 ///
 /// It has registers at the operands, inside and at the product, as the multiplier cells of FPGAs.
-/// Synthesis for an FPGA family replaces this module by its cell (sim/synth/).
+/// Synthesis for an FPGA family replaces this module by its cell (rtl/ecp5/).
 module lipp_mult18 (
   input  logic               clk_i,
   input  logic signed [17:0] a_i,

@@ -10,7 +10,7 @@
 ///
 /// The products come first and all registers follow them: a simulator then moves one word a clock,
 /// and synthesis can move the registers into the multiplier cells. Synthesis for a family without
-/// such retiming replaces this module by its cells (sim/synth/). All words have 64 bits, since
+/// such retiming replaces this module by its cells (rtl/ecp5/). All words have 64 bits, since
 /// simulators neither mask nor extend those; synthesis removes the unused bits.
 /// Latency lipp_math_pkg::mul_latency(Wa, Wb).
 module lipp_wide_product #(

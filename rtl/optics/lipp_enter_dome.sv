@@ -48,6 +48,9 @@ module lipp_enter_dome #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
+  // By its bits: a comparison would be a carry chain before the choice.
+  logic above;
+  assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic [F+2:0] clamped_q;
   logic over_q, over;
@@ -57,7 +60,7 @@ module lipp_enter_dome #(
   always_ff @(posedge clk_i) begin
     c_q <= (Ws'(1) <<< (F + 3)) - sine;
     over_q <= c_q < 0 || c_q >= OverOne;
-    clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
+    clamped_q <= c_q[Ws-1] ? '0 : above ? Most : (F + 3)'(c_q);
   end
   logic signed [W-1:0] cos_glass;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos_glass));

@@ -161,6 +161,9 @@ module lipp_leave_flat #(
   localparam int Ws = 2 * Wf - SineDrop;
   localparam logic [F+2:0] Most = '1;
   logic signed [Ws-1:0] sine, c_q;
+  // By its bits: a comparison would be a carry chain before the choice.
+  logic above;
+  assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic reflected_q, reflected, over_q, over_late, steep_late;
@@ -172,7 +175,7 @@ module lipp_leave_flat #(
     c_q <= (Ws'(1) <<< (F + 3)) - sine;
     reflected_q <= c_q <= 0;
     over_q <= c_q >= OverOne;
-    clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
+    clamped_q <= c_q[Ws-1] ? '0 : above ? Most : (F + 3)'(c_q);
   end
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(dz_air_early));
 

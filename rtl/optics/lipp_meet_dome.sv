@@ -127,15 +127,18 @@ module lipp_meet_dome #(
 
   // ---- cosine and squared sine ----
   localparam logic [F+2:0] Most = '1;
+  // By its bits: a comparison would be a carry chain before the choice.
+  logic above;
+  assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
   logic [F+2:0] clamped_q, minus_q, s_q;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
   logic above_q, missed_q, missed_q2, over_q, over_q2;
   always_ff @(posedge clk_i) begin
-    missed_q <= c_q < 0;
-    above_q <= c_q > Ws'(Most);
+    missed_q <= c_q[Ws-1];
+    above_q <= above;
     over_q <= c_q >= OverOne;
     over_q2 <= over_q;
-    clamped_q <= c_q < 0 ? '0 : c_q > Ws'(Most) ? Most : (F + 3)'(c_q);
+    clamped_q <= c_q[Ws-1] ? '0 : above ? Most : (F + 3)'(c_q);
     // 1 - C, modulo 1; where the cosine is 0 the sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
     missed_q2 <= missed_q;

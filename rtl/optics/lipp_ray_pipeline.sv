@@ -221,8 +221,11 @@ module lipp_ray_pipeline #(
     lipp_delay #(.Width(1), .Cycles(OutAt - InsideAt)) i_inside (
       .clk_i, .d_i(in_cell), .q_o(inside_late)
     );
-    lipp_delay #(.Width(2), .Cycles(OutAt - DomeAt)) i_missed (
-      .clk_i, .d_i({missed, meet_beyond || dome_steep}), .q_o({missed_late, dome_beyond_late})
+    // A register before the long delay, which may be far away.
+    logic met_missed_q, met_beyond_q;
+    always_ff @(posedge clk_i) {met_missed_q, met_beyond_q} <= {missed, meet_beyond || dome_steep};
+    lipp_delay #(.Width(2), .Cycles(OutAt - DomeAt - 1)) i_missed (
+      .clk_i, .d_i({met_missed_q, met_beyond_q}), .q_o({missed_late, dome_beyond_late})
     );
     lipp_delay #(.Width(2 * IndexBits + 1), .Cycles(OutAt - LastAt - Early)) i_lens_out (
       .clk_i, .d_i({last_i, last_j, walk_beyond}), .q_o({early_i, early_j, walk_beyond_early})
@@ -261,6 +264,7 @@ module lipp_ray_pipeline #(
   logic signed [Wf-1:0] x_q2, y_q2, z_q2;
   logic signed [W-1:0] dx_q2, dy_q2, dz_q2;
   logic missed_q, beyond_q2, reflected_q, blocked_q, crosstalk_q;
+  logic [1:0] flat_q;  // both halves of dz are 0
   always_ff @(posedge clk_i) begin
     own_missing_q <= own_missing_late;
     beyond_q2 <= out_beyond || beyond_late;
@@ -268,12 +272,13 @@ module lipp_ray_pipeline #(
         {out_i, out_j, out_x, out_y, out_z, out_dx, out_dy, out_dz};
     {missed_q, reflected_q, blocked_q, crosstalk_q} <=
         {out_missed, out_reflected, out_dz[W-1], out_crosstalk};
+    flat_q <= {out_dz[W-1:W/2] == '0, out_dz[W/2-1:0] == '0};
     {i_o, j_o, x_o, y_o, z_o, dx_o, dy_o, dz_o} <=
         {i_q, j_q, x_q2, y_q2, z_q2, dx_q2, dy_q2, dz_q2};
     if (own_missing_q || exit_missing) status_o <= StatusBlocked;
     else if (missed_q || beyond_q2) status_o <= StatusMissed;
     else if (reflected_q) status_o <= StatusInternalReflection;
-    else if (blocked_q || dz_q2 == '0) status_o <= StatusBlocked;
+    else if (blocked_q || &flat_q) status_o <= StatusBlocked;
     else if (crosstalk_q) status_o <= StatusCrosstalk;
     else status_o <= StatusOk;
   end

@@ -54,6 +54,7 @@ NOT_RUN = {
     r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),
+    r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
 }
 

@@ -15,7 +15,7 @@ import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
 from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, needed, repository, rtl_sources
+from lippmann.sim.tools import PREFIX, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"
@@ -67,7 +67,7 @@ def compiled(
     parameters = parameters or {}
     name = name or "-".join([top, *(f"{key}{value}".replace("'", "") for key, value in parameters.items())])
     module = full_name(top)
-    sources = needed(bench or module, rtl_sources(TOP, *RTL_FOLDERS))
+    sources = needed(bench or module, rtl_sources(TOP))
     sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]
     options, link = list(OPTIONS), []
     if main is None:

@@ -11,14 +11,15 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.dev.synthesis import REPLACED, elaborate, elaboration, place, run_tool, sources, stages
+from lippmann.dev.synthesis import elaborate, elaboration, place, run_tool, sources, stages
 from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import PREFIX, needed, optics_sources, repository, verilator_environment
+from lippmann.sim.tools import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
 from runner import BUILD
 
 TOP = repository()
 HERE = Path(__file__).parent / "cells"
+CELLS = rtl_folders(TOP, devices=True)["ecp5"]
 CLOCKS = 20_000
 SEED = 1
 
@@ -28,8 +29,8 @@ def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
     generic = {path.stem.removeprefix(PREFIX): path for path in optics_sources(TOP)}
     files = {
-        "generic": [generic[module] for module in REPLACED],
-        "ecp5": [*(TOP / f"sim/synth/{PREFIX}{module}_ecp5.sv" for module in REPLACED), HERE / "ecp5_models.sv"],
+        "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
+        "ecp5": [*CELLS, HERE / "ecp5_models.sv"],
     }[request.param]
     shared = [generic[name] for name in ("math_pkg", "delay", "fifo")]
     sources = [*shared, HERE / "bench.sv", *files]
@@ -78,8 +79,8 @@ def test_wide_product(printed, kind, latency):
 
 def test_what_is_simulated_is_what_is_placed(tmp_path):
     """Products of all pairs of widths, extreme words and a million random ones: generic cells against ECP5's."""
-    generic, ecp5 = TOP / "rtl" / "math", TOP / "sim" / "synth"
-    placed = [ecp5 / "lipp_mult18_ecp5.sv", ecp5 / "lipp_wide_product_ecp5.sv", generic / "lipp_multiplier.sv"]
+    cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
+    placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]
     shared = needed("products", {path.stem: path for path in optics_sources(TOP)} | {"products": HERE / "products.sv"})
     sources = [*shared, HERE / "ecp5_models.sv"]
 
@@ -148,7 +149,7 @@ def test_fifo_never_reads_what_is_being_written(printed):
 def test_memory_1w1r_refuses_what_the_cell_cannot_hold():
     command = [
         "verilator", "--lint-only", "-Wno-PINMISSING", "--top-module", "lipp_memory_1w1r", "-GAddressBits=15",
-        str(TOP / "sim" / "synth" / "lipp_memory_1w1r_ecp5.sv"), str(HERE / "ecp5_models.sv"),
+        str(TOP / "rtl" / "ecp5" / "lipp_memory_1w1r.sv"), str(HERE / "ecp5_models.sv"),
     ]  # fmt: skip
     result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
     assert result.returncode != 0
@@ -160,7 +161,7 @@ def test_yosys_reads_the_table_of_tiles_at_any_size_of_panel(width, height):
     """It is the deepest memory of the board: an entry for each tile of both buffers, 64 tiles to 32768."""
     read = f"read_slang --threads 1 --empty-blackboxes -GWidth={width} -GHeight={height} --top lipp_tile_table"
     files = "rtl/math/lipp_math_pkg.sv rtl/optics/lipp_optics_pkg.sv rtl/panel/lipp_panel_pkg.sv"
-    files += " rtl/panel/lipp_tile_table.sv sim/synth/lipp_memory_1w1r_ecp5.sv sim/synth/ecp5_cells.sv"
+    files += " rtl/panel/lipp_tile_table.sv rtl/ecp5/lipp_memory_1w1r.sv rtl/ecp5/black_boxes.v"
     entries = 2 << (-(-width // 32) * -(-height // 32)).bit_length()
     bits = next(bits for bits in (18, 9, 4, 2, 1) if bits * entries <= 1024 * 18)
     count = f"select -assert-count {-(-32 // bits)} t:DP16KD"
@@ -171,10 +172,10 @@ def test_sources_of_the_probe():
     files = sources(TOP)
     names = [path.name for path in files]
     assert names[:2] == ["lipp_math_pkg.sv", "lipp_optics_pkg.sv"]
-    cells = {f"{PREFIX}{module}_ecp5.sv" for module in REPLACED}
-    generic = {f"{PREFIX}{module}.sv" for module in (*REPLACED, "optics_block", "optics_registers")}
-    assert {"probe_top.sv", "lipp_ray_lenslet.sv", *cells} <= set(names)
-    assert generic.isdisjoint(names)
+    assert {"probe_top.sv", "lipp_ray_lenslet.sv"} <= set(names)
+    assert {"lipp_optics_block.sv", "lipp_optics_registers.sv"}.isdisjoint(names)
+    assert len(CELLS) == 5
+    assert {path for path in files if path.name in {cell.name for cell in CELLS}} == {*CELLS}
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)

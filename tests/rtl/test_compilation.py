@@ -89,7 +89,7 @@ def test_a_build_that_fails_leaves_nothing_and_says_why(tmp_path):
 
 
 def test_a_build_is_given_the_files_that_its_top_needs():
-    files = rtl_sources(TOP, "registers", "optics")
+    files = rtl_sources(TOP)
     names = [path.stem for path in needed("lipp_ring", files)]
     assert names == ["lipp_ring"]
     names = [path.stem for path in needed("lipp_ray_lenslet", files)]

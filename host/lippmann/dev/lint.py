@@ -13,12 +13,12 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, needed, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, needed, repository, rtl_folders, rtl_sources, verilator_environment
 
 
 def folder_of_modules() -> dict[str, str]:
     """Return the hand-written modules of rtl/, without their prefix, each with its folder."""
-    paths = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
+    paths = (path for path in rtl_sources(repository()) if path.parent.name != "registers")
     return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
 
@@ -40,7 +40,8 @@ def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subp
     subprocess.TimeoutExpired after a minute: a refused module must not compute its tables first.
     """
     top = repository()
-    folders = RTL_FOLDERS[: RTL_FOLDERS.index(folder_of_modules()[module]) + 1]
+    known = [*rtl_folders(top)]
+    folders = known[: known.index(folder_of_modules()[module]) + 1]
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, rtl_sources(top, *folders))]
     return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 

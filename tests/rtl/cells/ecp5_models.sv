@@ -1,4 +1,4 @@
-/// Models of ECP5's cells as its data sheet tells of them, for the uses that sim/synth makes of them.
+/// Models of ECP5's cells as its data sheet tells of them, for the uses that rtl/ecp5 makes of them.
 ///
 /// Written apart from the modules under test: what they do not use is refused.
 

@@ -6,10 +6,10 @@ import subprocess
 import pytest
 from click.testing import CliRunner
 from lippmann.dev.lint import folder_of_modules, lint, main
-from lippmann.sim.tools import PREFIX, RTL_FOLDERS, rtl_sources, verilator_environment
+from lippmann.sim.tools import PREFIX, rtl_sources
 from runner import TOP
 
-SOURCES = rtl_sources(TOP, *RTL_FOLDERS)
+SOURCES = rtl_sources(TOP)
 FOLDER_OF = folder_of_modules()
 MODULES = sorted(FOLDER_OF)
 
@@ -274,19 +274,3 @@ def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
         "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: mend the warnings above",
     ]  # fmt: skip
     assert "-m lippmann.dev.lint\n" in (TOP / "Makefile").read_text()
-
-
-@pytest.mark.parametrize("module", ["ray_lenslet", "optics_block"])
-def test_the_files_for_a_project_of_ones_own_are_these_in_this_order(module):
-    """As docs/reference/rtl.md lists them, each line of several files in reverse."""
-    page = (TOP / "docs/reference/rtl.md").read_text()
-    lines = re.search(r"```text\n(rtl/.*?)```", page, re.DOTALL)[1].splitlines()
-    files = []
-    for pattern, said in (line.split(maxsplit=1) for line in lines):
-        if module == "optics_block" or "only for optics_block" not in said:
-            new = sorted(set(TOP.glob(pattern)) - set(files), reverse=True)
-            assert new, pattern
-            files += [path for path in new if module == "optics_block" or path.stem != "lipp_optics_block"]
-    command = ["verilator", "--lint-only", "--top-module", PREFIX + module, *map(str, files), "-Wno-MULTIDRIVEN"]
-    done = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
