@@ -7,7 +7,7 @@
 ///
 ///   OpClaim  may the block's registers be written? StatusOk once no apply waits
 ///   OpTrace  takes the rays of the stream; after done_o with StatusOk, nine words of each exit ray
-///            follow as a stream
+///            follow as a stream. Before those of the last one the raster is the source again
 ///   OpSign   starts a frame whose rays are signed, with StatusBusy, or StatusOptics
 ///   OpResult of the last OpSign: StatusOk when its rays are signed, otherwise StatusBusy or
 ///            StatusOptics
@@ -69,6 +69,7 @@ module lipp_ray_access (
   state_e state_q;
   logic asked_q;  // the bus has been asked
   logic signing_q, sign_refused_q;
+  logic restore_q;  // the source is set to the raster behind a trace
   logic [2:0] pause_q;
   logic [8:0] left_q;        // words of rays not yet fetched
   logic [7:0] at_q;
@@ -87,7 +88,7 @@ module lipp_ray_access (
   always_comb begin
     {bus_at_o, bus_word_o} = {AtControl, Apply};
     case (state_q)
-      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpTrace)};
+      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpTrace && !restore_q)};
       Begin: bus_word_o = Start;
       End: bus_word_o = Abort;
       Claim, TakenOver, Begun, Ended: bus_at_o = AtStatus;
@@ -117,11 +118,11 @@ module lipp_ray_access (
       state_q <= Idle;
       status_o <= StatusOk;
       runs_o <= RunsNothing;
-      {asked_q, signing_q, sign_refused_q, pause_q, left_q, at_q} <= '0;
+      {asked_q, signing_q, sign_refused_q, restore_q, pause_q, left_q, at_q} <= '0;
       {exit_left_q, trace_o, sign_start_o, done_o, denied_o} <= '0;
     end else if (clear_i) begin
       state_q <= Idle;
-      {asked_q, signing_q, sign_refused_q, trace_o, sign_start_o, done_o} <= '0;
+      {asked_q, signing_q, sign_refused_q, restore_q, trace_o, sign_start_o, done_o} <= '0;
     end else begin
       {done_o, sign_start_o} <= '0;
       pause_q <= pause_q - 1'b1;
@@ -154,11 +155,11 @@ module lipp_ray_access (
         Source: if (heard) state_q <= TakeOver;
         TakeOver: if (heard) state_q <= TakenOver;
         TakenOver: if (heard && !busy) begin
-          done_o <= op_i == OpTrace;
-          trace_o <= op_i == OpTrace;
+          restore_q <= 1'b0;
+          {done_o, trace_o} <= {2{op_i == OpTrace && !restore_q}};
           sign_start_o <= op_i == OpSign;
           if (op_i == OpSign) signing_q <= 1'b1;
-          state_q <= op_i == OpTrace ? Place : Begin;
+          state_q <= op_i != OpTrace ? Begin : restore_q ? Words : Place;
         end
         // ---- a frame ----
         Begin: if (heard) begin
@@ -190,7 +191,8 @@ module lipp_ray_access (
         Exit: if (exit_valid_i) begin
           exit_left_q <= 4'd9;
           trace_o <= left_q != '0;
-          state_q <= Words;
+          restore_q <= left_q == '0;
+          state_q <= left_q != '0 ? Words : Source;
         end
         default: if (word_ready_i) begin  // Words
           exit_left_q <= exit_left_q - 1'b1;

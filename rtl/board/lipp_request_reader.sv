@@ -5,7 +5,8 @@
 ///
 /// The words of a WRITE and of a TRACE are collected in a memory. The data of a TILE go to the tile
 /// writer as they come, a register later, since they are more than a memory holds. A request that
-/// is refused is read to its end.
+/// is refused is read to its end, and so is a TRACE of a pixel (u, v) that PixelBits do not hold:
+/// StatusLength.
 ///
 /// done_o is high from the clock after the last byte until next_i; request_o and status_o are valid
 /// then. No byte is taken meanwhile. A request has 3 bytes or more: packet_fifo sees to it.
@@ -38,6 +39,7 @@ module lipp_request_reader #(
   output logic               tile_last_o
 );
   import lipp_link_pkg::*;
+  import lipp_optics_pkg::PixelBits, lipp_optics_pkg::beyond_bits;
 
   localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
 
@@ -71,12 +73,15 @@ module lipp_request_reader #(
   logic [31:0] words[256];
   logic [23:0] collected_q;  // the word's bytes so far
   logic [1:0] byte_q;        // byte of the word being received
+  logic [31:0] word;
+  logic wide_q;              // a traced ray's pixel is more than its word
+  assign word = {in_data_i, collected_q};
   logic collect_word, full;
   assign full = request_q.words[8];
   assign collect_word = state_q == Words && take && byte_q == 2'd3 && !full;
   always_ff @(posedge clk_i) begin
     if (state_q == Words && take) collected_q <= {in_data_i, collected_q[23:8]};
-    if (collect_word) words[request_q.words[7:0]] <= {in_data_i, collected_q};
+    if (collect_word) words[request_q.words[7:0]] <= word;
     word_o <= words[word_at_i];
   end
 
@@ -90,7 +95,7 @@ module lipp_request_reader #(
         length_ok = request_q.arguments[2] != '0 && request_q.arguments[2] <= 8'd64;
       RequestWrite: length_ok = request_q.words != '0 && request_q.words <= 9'd64;
       RequestTiles: length_ok = table_count != '0 && table_count <= 16'd512;
-      RequestTrace: length_ok = request_q.words != '0 && request_q.words[1:0] == '0;
+      RequestTrace: length_ok = request_q.words != '0 && request_q.words[1:0] == '0 && !wide_q;
       default: length_ok = 1'b1;
     endcase
   end
@@ -114,7 +119,7 @@ module lipp_request_reader #(
       state_q <= Kind;
       request_q <= '{kind: RequestHello, number: '0, arguments: '0, words: '0};
       status_q <= StatusOk;
-      {argument_q, byte_q, tile_start_o, tile_empty_o} <= '0;
+      {argument_q, byte_q, wide_q, tile_start_o, tile_empty_o} <= '0;
     end else begin
       tile_start_o <= 1'b0;
       case (state_q)
@@ -122,7 +127,7 @@ module lipp_request_reader #(
           request_q.kind <= request_e'(in_data_i);
           request_q.words <= '0;
           status_q <= StatusOk;
-          {argument_q, byte_q} <= '0;
+          {argument_q, byte_q, wide_q} <= '0;
           state_q <= NumberLow;
         end
         NumberLow: if (take) begin
@@ -172,7 +177,10 @@ module lipp_request_reader #(
         end
         Words: if (take) begin
           byte_q <= byte_q + 1'b1;
-          if (collect_word) request_q.words <= request_q.words + 1'b1;
+          if (collect_word) begin
+            request_q.words <= request_q.words + 1'b1;
+            if (!request_q.words[1]) wide_q <= wide_q || beyond_bits(word, PixelBits);
+          end
           if (full || (in_last_i && byte_q != 2'd3)) begin  // no room, or an incomplete word
             status_q <= StatusLength;
             state_q <= refused;

@@ -3,20 +3,22 @@
 
 /// Square root, faithfully rounded: y = sqrt(x) for x in [0, 1). Used for cosines.
 ///
-/// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word.
+/// Input x_i: unsigned, J = F + 3 fraction bits (J bits). Output y_o: near word with K = Extra more
+/// fraction bits.
 /// Normalise = 0 accepts x in [1/4, 1) only. Normalise = 1 accepts all x: k is the largest number
 /// up to 15 with 4^k x < 1, and q is the root of 4^k x (`lipp_quadratic`); words as integers,
 ///
-///   y    = min(((q >> k) + 4) >> 3, 2^(F+1) - 1)
+///   y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
 ///
 /// x = 0 gives 0. |y - sqrt(x)| < 2^-(F + 1). Latency sqrt_latency(Normalise).
 module lipp_sqrt #(
   parameter int F = 23,
-  parameter bit Normalise = 1'b1
+  parameter bit Normalise = 1'b1,
+  parameter int Extra = 0  // 0 to 3
 ) (
-  input  logic                clk_i,
-  input  logic        [F+2:0] x_i,
-  output logic signed [F+1:0] y_o
+  input  logic                      clk_i,
+  input  logic        [F+2:0]       x_i,
+  output logic signed [F+1+Extra:0] y_o
 );
   import lipp_math_pkg::*;
 
@@ -24,6 +26,10 @@ module lipp_sqrt #(
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_sqrt: F must be 14 to 23");
+  end
+
+  if (Extra < 0 || Extra > 3) begin : gen_illegal_extra
+    $fatal(1, "lipp_sqrt: Extra must be 0 to 3");
   end
 
   logic [J-1:0] scaled;
@@ -70,9 +76,10 @@ module lipp_sqrt #(
 
   lipp_quadratic #(.F(F), .Root(RootSquare)) i_quadratic (.clk_i, .x_i(scaled), .y_o(q));
 
-  logic [F+1:0] rounded_d;
-  assign rounded_d = (F+2)'((shifted + (F+5)'(4)) >> Guard);
-  always_ff @(posedge clk_i) y_o <= rounded_d[F+1] ? {1'b0, {(F + 1){1'b1}}} : rounded_d;
+  localparam int Wy = F + 2 + Extra;
+  logic [Wy-1:0] rounded_d;
+  assign rounded_d = Wy'((shifted + (F+5)'(4 >> Extra)) >> (Guard - Extra));
+  always_ff @(posedge clk_i) y_o <= rounded_d[Wy-1] ? {1'b0, {(Wy - 1){1'b1}}} : rounded_d;
 
 endmodule
 

@@ -8,29 +8,31 @@
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
-/// All words have F fraction bits. beyond_o: Wy bits do not hold y. Second = 0 omits the second
-/// product. Wa is at most Wx. Latency blend_latency(F, Wx).
+/// x and a have F fraction bits; k, l and y have Wk - 2. beyond_o: Wy bits do not hold y. Second = 0
+/// omits the second product. Wa is at most Wx. Latency blend_latency(F, Wx).
 module lipp_blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter bit Second = 1'b1,
   parameter int Wx = F + 2,         // bits of x, a wide word or more
   parameter int Wa = F + 2,         // bits of a, likewise
-  parameter int Wy = F + 2          // bits of y, likewise
+  parameter int Wk = F + 2,         // bits of k and l
+  parameter int Wy = Wk             // bits of y, as many or more
 ) (
   input  logic                clk_i,
-  input  logic signed [F+1:0] k_i,
+  input  logic signed [Wk-1:0] k_i,
   input  logic signed [Wx-1:0] x_i,
-  input  logic signed [F+1:0] l_i,
+  input  logic signed [Wk-1:0] l_i,
   input  logic signed [Wa-1:0] a_i,
   output logic signed [Wy-1:0] y_o,
   output logic                 beyond_o
 );
   import lipp_math_pkg::*;
+  import lipp_optics_pkg::extra_bits;
 
   localparam int W = F + 2;
   localparam int Drop = F - Guard;
-  localparam int Wp = Wx + W - Drop;
+  localparam int Wp = Wx + Wk - Drop;
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_blend: F must be 14 to 23");
@@ -38,22 +40,25 @@ module lipp_blend #(
   if (Wx < W || Wx > W + 2 || Wa < W || Wa > Wx) begin : gen_illegal_width
     $fatal(1, "lipp_blend: Wx must be F + 2 to F + 4, and Wa F + 2 to Wx");
   end
-  if (Wy < W || Wy > W + 2) begin : gen_illegal_sum
-    $fatal(1, "lipp_blend: Wy must be F + 2 to F + 4");
+  if (Wk != W && Wk != W + extra_bits(F)) begin : gen_illegal_factor
+    $fatal(1, "lipp_blend: Wk must be F + 2, or have extra_bits(F) more");
+  end
+  if (Wy < Wk || Wy > W + 2) begin : gen_illegal_sum
+    $fatal(1, "lipp_blend: Wy must be Wk to F + 4");
   end
 
   logic signed [Wp-1:0] kx, la;
   logic signed [Wp:0] sum_q, sum_d;
   logic signed [Wp-Guard:0] y_d;
   lipp_multiplier #(
-    .CrossCells(CrossCells), .Wa(Wx), .Wb(W), .Drop(Drop)
+    .CrossCells(CrossCells), .Wa(Wx), .Wb(Wk), .Drop(Drop)
   ) i_kx (.clk_i, .a_i(x_i), .b_i(k_i), .p_o(kx));
   if (Second) begin : gen_second
-    logic signed [Wa+W-Drop-1:0] la_early;
+    logic signed [Wa+Wk-Drop-1:0] la_early;
     lipp_multiplier #(
-      .CrossCells(CrossCells), .Wa(Wa), .Wb(W), .Drop(Drop)
+      .CrossCells(CrossCells), .Wa(Wa), .Wb(Wk), .Drop(Drop)
     ) i_la (.clk_i, .a_i, .b_i(l_i), .p_o(la_early));
-    lipp_delay #(.Width(Wp), .Cycles(mul_latency(Wx, W) - mul_latency(Wa, W))) i_la_match (
+    lipp_delay #(.Width(Wp), .Cycles(mul_latency(Wx, Wk) - mul_latency(Wa, Wk))) i_la_match (
       .clk_i, .d_i(Wp'(la_early)), .q_o(la)
     );
   end else begin : gen_alone

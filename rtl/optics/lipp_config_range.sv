@@ -16,6 +16,7 @@ module lipp_config_range #(
 
   localparam int F = int'(Build.fraction_bits);
   localparam int W = F + 2;
+  localparam int Wm = W + air_bits(Build);
   localparam int Wf = W + 2;
   localparam int Model = int'(Build.model);
   localparam bit Aims = Build.aims;
@@ -30,9 +31,9 @@ module lipp_config_range #(
 
   logic [24:0] unfit_d, unfit_q;
   assign unfit_d = {
-    beyond_bits(config_i.slope_x, W), beyond_bits(config_i.slope_y, W),
-    SlopeAims && beyond_bits(config_i.slope_aim_x, W),
-    SlopeAims && beyond_bits(config_i.slope_aim_y, W),
+    beyond_bits(config_i.slope_x, Wm), beyond_bits(config_i.slope_y, Wm),
+    SlopeAims && beyond_bits(config_i.slope_aim_x, Wm),
+    SlopeAims && beyond_bits(config_i.slope_aim_y, Wm),
     Model != ModelPinhole && beyond_bits(config_i.point_x, W),
     Model != ModelPinhole && beyond_bits(config_i.point_y, W),
     Aims && beyond_bits(config_i.point_aim_x, W), Aims && beyond_bits(config_i.point_aim_y, W),

@@ -8,24 +8,28 @@
 /// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
 ///   t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
-///   g    = max((t_x t_x >> F-3) + (t_y t_y >> F-3), 0) >> 2
+///   g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
 ///   dz   = sqrt(M - g)
 ///
 /// i is 1/n; g has F + 3 fraction bits. max() is needed since a cut product may be negative. Words:
-/// near. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4. beyond_o: M - g < 1/4.
+/// near, e and t with E = extra_bits(F) more bits, dz with 3 E: a long way to the dome magnifies
+/// their errors. From n >= 1.16 and |e| < sqrt(3)/2 follows M - g > 1/4. beyond_o: M - g < 1/4.
 /// Latency enter_flat_latency(F).
 module lipp_enter_flat #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0, // cross terms of products in multiplier cells
+  localparam int E = lipp_optics_pkg::extra_bits(F),
+  localparam int Wt = F + 2 + E,
+  localparam int Wz = F + 2 + 3 * E
 ) (
-  input  logic                clk_i,
-  input  logic signed [F+1:0] ex_i,
-  input  logic signed [F+1:0] ey_i,
-  input  logic signed [F+1:0] index_inverse_i,  // 1/n
-  output logic signed [F+1:0] tx_o,
-  output logic signed [F+1:0] ty_o,
-  output logic signed [F+1:0] dz_o,
-  output logic                beyond_o
+  input  logic                 clk_i,
+  input  logic signed [Wt-1:0] ex_i,
+  input  logic signed [Wt-1:0] ey_i,
+  input  logic signed [F+1:0]  index_inverse_i,  // 1/n
+  output logic signed [Wt-1:0] tx_o,
+  output logic signed [Wt-1:0] ty_o,
+  output logic signed [Wz-1:0] dz_o,
+  output logic                 beyond_o
 );
   import lipp_math_pkg::*;
 
@@ -37,41 +41,41 @@ module lipp_enter_flat #(
 
   // ---- e / n ----
   localparam int Drop = F + 1 - Guard;
-  localparam int Wp = 2 * W - Drop;
+  localparam int Wp = Wt + W - Drop;
   logic signed [Wp-1:0] tx, ty;
-  logic signed [W-1:0] tx_q, ty_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_tx (
+  logic signed [Wt-1:0] tx_q, ty_q;
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(W), .Drop(Drop)) i_tx (
     .clk_i, .a_i(ex_i), .b_i(index_inverse_i), .p_o(tx)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_ty (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(W), .Drop(Drop)) i_ty (
     .clk_i, .a_i(ey_i), .b_i(index_inverse_i), .p_o(ty)
   );
   always_ff @(posedge clk_i) begin
-    tx_q <= W'((tx + Wp'(4)) >>> Guard);
-    ty_q <= W'((ty + Wp'(4)) >>> Guard);
+    tx_q <= Wt'((tx + Wp'(4)) >>> Guard);
+    ty_q <= Wt'((ty + Wp'(4)) >>> Guard);
   end
 
   // ---- the axial component, from the unit length ----
-  localparam int SquareDrop = F - 3;
-  localparam int Wq = 2 * W - SquareDrop;
+  localparam int SquareDrop = F - 3 + 2 * E;
+  localparam int Wq = 2 * Wt - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;
   logic [F+2:0] square_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
     .clk_i, .a_i(tx_q), .b_i(tx_q), .p_o(tx2)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
     .clk_i, .a_i(ty_q), .b_i(ty_q), .p_o(ty2)
   );
   always_ff @(posedge clk_i) begin
     sum_q <= tx2 + ty2;
     square_q <= ~(F + 3)'(sum_q[Wq-1] ? '0 : sum_q >>> 2);
   end
-  lipp_sqrt #(.F(F), .Normalise(1'b0)) i_sqrt (.clk_i, .x_i(square_q), .y_o(dz_o));
+  lipp_sqrt #(.F(F), .Normalise(1'b0), .Extra(3 * E)) i_sqrt (.clk_i, .x_i(square_q), .y_o(dz_o));
   lipp_delay #(.Width(1), .Cycles(sqrt_latency(1'b0))) i_beyond (
     .clk_i, .d_i(square_q[F+2:F+1] == '0), .q_o(beyond_o)
   );
 
-  lipp_delay #(.Width(2 * W), .Cycles(mul_latency(W, W) + 2 + sqrt_latency(1'b0))) i_t (
+  lipp_delay #(.Width(2 * Wt), .Cycles(mul_latency(Wt, Wt) + 2 + sqrt_latency(1'b0))) i_t (
     .clk_i, .d_i({tx_q, ty_q}), .q_o({tx_o, ty_o})
   );
 

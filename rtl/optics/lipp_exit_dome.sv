@@ -7,12 +7,15 @@
 ///
 /// n, cos and s as `lipp_meet_dome` gives them, e the ray's direction in the air, both at the
 /// dome; d its direction in the glass, meet_dome_latency(F) before. A ray that is missed or
-/// totally reflected keeps its direction in the glass.
+/// totally reflected keeps its direction in the glass, rounded to near words.
+/// e and d have the widths of `lipp_enter_flat`.
 /// The origin is the point on the dome from the lenslet's vertex: x = n_x, y = n_y, z = n_z - 1.
 /// Latency exit_latency(0, F), from n.
 module lipp_exit_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0
+  parameter bit CrossCells = 1'b0,
+  localparam int Wt = F + 2 + lipp_optics_pkg::extra_bits(F),
+  localparam int Wz = F + 2 + 3 * lipp_optics_pkg::extra_bits(F)
 ) (
   input  logic                            clk_i,
   input  lipp_optics_pkg::optics_config_t config_i,
@@ -21,11 +24,11 @@ module lipp_exit_dome #(
   input  logic signed [F+1:0]             nz_i,
   input  logic signed [F+1:0]             cos_i,
   input  logic signed [F+3:0]             s_i,
-  input  logic signed [F+1:0]             ex_i,
-  input  logic signed [F+1:0]             ey_i,
-  input  logic signed [F+1:0]             dx_i,
-  input  logic signed [F+1:0]             dy_i,
-  input  logic signed [F+1:0]             dz_i,
+  input  logic signed [Wt-1:0]            ex_i,
+  input  logic signed [Wt-1:0]            ey_i,
+  input  logic signed [Wt-1:0]            dx_i,
+  input  logic signed [Wt-1:0]            dy_i,
+  input  logic signed [Wz-1:0]            dz_i,
   input  logic                            missed_i,
   output logic signed [F+3:0]             x_o,
   output logic signed [F+3:0]             y_o,
@@ -45,10 +48,11 @@ module lipp_exit_dome #(
   logic unused_config;
   assign unused_config = ^config_i;
 
-  logic signed [W-1:0] dome_dz, air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
+  logic signed [Wz-1:0] dome_dz;
+  logic signed [W-1:0] air_dx, air_dy, air_dz, air_dx_q, air_dy_q, air_dz_q;
   logic reflected, beyond, missed, keep_q;
   logic signed [W-1:0] nx, ny, nz, glass_dx, glass_dy, glass_dz;
-  lipp_delay #(.Width(W), .Cycles(meet_dome_latency(F))) i_dz (
+  lipp_delay #(.Width(Wz), .Cycles(meet_dome_latency(F))) i_dz (
     .clk_i, .d_i(dz_i), .q_o(dome_dz)
   );
   lipp_leave_dome #(.F(F), .CrossCells(CrossCells)) i_leave_dome (
@@ -59,8 +63,16 @@ module lipp_exit_dome #(
   lipp_delay #(.Width(3 * W), .Cycles(Latency)) i_n (
     .clk_i, .d_i({nx_i, ny_i, nz_i}), .q_o({nx, ny, nz})
   );
-  lipp_delay #(.Width(3 * W), .Cycles(meet_dome_latency(F) + Latency)) i_glass (
-    .clk_i, .d_i({dx_i, dy_i, dz_i}), .q_o({glass_dx, glass_dy, glass_dz})
+  logic signed [W-1:0] round_dx_q, round_dy_q, round_dz_q;
+  logic [Wz-1:0] round_dz;
+  assign round_dz = (dz_i + Wz'((1 << (Wz - W)) >> 1)) >> (Wz - W);
+  always_ff @(posedge clk_i) begin
+    round_dx_q <= W'((dx_i + Wt'(Wt - W)) >>> (Wt - W));
+    round_dy_q <= W'((dy_i + Wt'(Wt - W)) >>> (Wt - W));
+    round_dz_q <= round_dz[W-1] ? {1'b0, {(W - 1){1'b1}}} : round_dz[W-1:0];  // 1 overflows
+  end
+  lipp_delay #(.Width(3 * W), .Cycles(meet_dome_latency(F) + Latency - 1)) i_glass (
+    .clk_i, .d_i({round_dx_q, round_dy_q, round_dz_q}), .q_o({glass_dx, glass_dy, glass_dz})
   );
   lipp_delay #(.Width(1), .Cycles(Latency - 1)) i_missed (
     .clk_i, .d_i(missed_i), .q_o(missed)

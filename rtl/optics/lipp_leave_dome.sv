@@ -10,9 +10,10 @@
 ///   C'   = 2^(F+3) - (s n2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
 ///   k    = (4 cos' - (cos n >> F-2) + 4) >> 3
-///   d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
-///   d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
+///   d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+///   d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
 ///
+/// e_x and e_y have E = extra_bits(F) more fraction bits than near words, dz has 3 E more.
 /// s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2, F fraction bits.
 /// Totally reflected (reflected_o) where C' <= 0. The exit direction is a near word. beyond_o: C'
 /// above 1 or, unless reflected, k outside its word or the direction outside [-1, 1], by more than
@@ -20,7 +21,10 @@
 /// Latency dome_latency(F).
 module lipp_leave_dome #(
   parameter int F = 23,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit CrossCells = 1'b0, // cross terms of products in multiplier cells
+  localparam int E = lipp_optics_pkg::extra_bits(F),
+  localparam int Wt = F + 2 + E,
+  localparam int Wz = F + 2 + 3 * E
 ) (
   input  logic                clk_i,
   input  logic signed [F+1:0] nx_i,  // near
@@ -28,9 +32,9 @@ module lipp_leave_dome #(
   input  logic signed [F+1:0] nz_i,
   input  logic signed [F+1:0] cos_i,
   input  logic signed [F+3:0] s_i,   // F + 3 fraction bits
-  input  logic signed [F+1:0] ex_i,  // near: direction before the flat face
-  input  logic signed [F+1:0] ey_i,
-  input  logic signed [F+1:0] dz_i,  // near: along the axis in the glass
+  input  logic signed [Wt-1:0] ex_i, // direction before the flat face
+  input  logic signed [Wt-1:0] ey_i,
+  input  logic signed [Wz-1:0] dz_i, // along the axis in the glass
   input  logic signed [F+2:0] index_i,         // n, F fraction bits
   input  logic signed [F+3:0] index_square_i,  // n^2, F fraction bits
   output logic signed [F+1:0] dx_o,  // near
@@ -98,20 +102,21 @@ module lipp_leave_dome #(
   localparam int Wk = 2 * W - Drop;
   localparam int Wp = Wk + 1;
   localparam int BendLatency = bend_latency(F);
-  logic signed [W-1:0] nx, ny, nz, ex, ey;
+  logic signed [W-1:0] nx, ny, nz;
+  logic signed [Wt-1:0] ex, ey;
   logic signed [Wk-1:0] kx, ky, kz;
   logic signed [Wp-1:0] axial_early, axial, dx_q, dy_q, dz_q;
   lipp_delay #(.Width(3 * W), .Cycles(BendLatency)) i_normal (
     .clk_i, .d_i({nx_i, ny_i, nz_i}), .q_o({nx, ny, nz})
   );
-  lipp_delay #(.Width(2 * W), .Cycles(BendLatency + mul_latency(W, W))) i_e (
+  lipp_delay #(.Width(2 * Wt), .Cycles(BendLatency + mul_latency(W, W))) i_e (
     .clk_i, .d_i({ex_i, ey_i}), .q_o({ex, ey})
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W + 1), .Drop(Drop)) i_axial (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wz), .Wb(W + 1), .Drop(Drop + 3 * E)) i_axial (
     .clk_i, .a_i(dz_i), .b_i(index_i), .p_o(axial_early)
   );
   lipp_delay #(
-    .Width(Wp), .Cycles(BendLatency + mul_latency(W, W) - mul_latency(W, W + 1))
+    .Width(Wp), .Cycles(BendLatency + mul_latency(W, W) - mul_latency(Wz, W + 1))
   ) i_axial_match (.clk_i, .d_i(axial_early), .q_o(axial));
   lipp_multiplier #(
     .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
@@ -122,18 +127,19 @@ module lipp_leave_dome #(
   lipp_multiplier #(
     .CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)
   ) i_kz (.clk_i, .a_i(bend_q), .b_i(nz), .p_o(kz));
-  // The low three places of e << 3 are clear; the rounding's half, bit 2, is set there.
   always_ff @(posedge clk_i) begin
-    dx_q <= ((Wp'(ex) <<< Guard) | Wp'(4)) + Wp'(kx);
-    dy_q <= ((Wp'(ey) <<< Guard) | Wp'(4)) + Wp'(ky);
+    dx_q <= (Wp'(ex) <<< (Guard - E)) + Wp'(kx);
+    dy_q <= (Wp'(ey) <<< (Guard - E)) + Wp'(ky);
     dz_q <= axial + Wp'(kz);
   end
 
   logic signed [Wp-Guard-1:0] dx_r, dy_r, dz_r;
-  logic signed [Wp-1:0] dz_half;
-  assign dx_r = (Wp - Guard)'(dx_q >>> Guard);
-  assign dy_r = (Wp - Guard)'(dy_q >>> Guard);
+  logic signed [Wp-1:0] dx_half, dy_half, dz_half;
+  assign dx_half = dx_q + Wp'(4);
+  assign dy_half = dy_q + Wp'(4);
   assign dz_half = dz_q + Wp'(4);
+  assign dx_r = (Wp - Guard)'(dx_half >>> Guard);
+  assign dy_r = (Wp - Guard)'(dy_half >>> Guard);
   assign dz_r = (Wp - Guard)'(dz_half >>> Guard);
   logic signed [Wp-Guard-1:0] dx_q2, dy_q2, dz_q2;
   always_ff @(posedge clk_i) begin

@@ -10,14 +10,15 @@
 ///
 /// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, M = 2^(F+3) - 1:
 ///
-///   b    = ((hx dx >> F-2) + (hy dy >> F-2) + (zc dz >> F-2) + 1) >> 1
-///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+1)
+///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
+///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
 ///   cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
-///   l    = (2 cos - b + 2) >> 2,  downward (-2 cos - b + 2) >> 2, missed (2^(F+1) - b + 2) >> 2
-///   N_x  = saturate(((hx << 4) + (l dx >> F-3) + 4) >> 3),  N_y likewise
-///   N_z  = saturate(((zc << 4) + (l dz >> F-3) + 4) >> 3)
+///   l    = (8 cos - b + 8) >> 4,  downward (-8 cos - b + 8) >> 4, missed (2^(F+3) - b + 8) >> 4
+///   N_x  = saturate(((hx << 4) + (l dx >> F-3+E) + 4) >> 3),  N_y likewise
+///   N_z  = saturate(((zc << 4) + (l dz >> F-3+3E) + 4) >> 3)
 ///
-/// b has F + 2 fraction bits, C and s have F + 3, l has F. missed_o: C < 0. beyond_o: b or l outside
+/// dx and dy are near words with E = extra_bits(F) more fraction bits, dz has 3 E more. b has F + 4
+/// fraction bits, C and s have F + 3, l has F. missed_o: C < 0. beyond_o: b or l outside
 /// its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1], by more than roundings.
 /// Downward, V is in the plane of the vertices (zc = 1) and dz = -dz_i: the products of dz_i are
 /// cut, then subtracted. A ray that passes the sphere by downward goes on for half a radius from
@@ -26,14 +27,17 @@
 module lipp_meet_dome #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
-  parameter bit Upward = 1'b1
+  parameter bit Upward = 1'b1,
+  localparam int E = lipp_optics_pkg::extra_bits(F),
+  localparam int Wt = F + 2 + E,
+  localparam int Wz = F + 2 + 3 * E
 ) (
   input  logic                clk_i,
   input  logic signed [F+2:0] hx_i,  // F fraction bits
   input  logic signed [F+2:0] hy_i,
-  input  logic signed [F+1:0] dx_i,  // near
-  input  logic signed [F+1:0] dy_i,
-  input  logic signed [F+1:0] dz_i,
+  input  logic signed [Wt-1:0] dx_i,
+  input  logic signed [Wt-1:0] dy_i,
+  input  logic signed [Wz-1:0] dz_i,
   input  logic signed [F+3:0] zc_i,  // far: 1 - T/R
   input  logic signed [F+8:0] oz_i,  // 1 - zc^2, F + 3 fraction bits
   output logic signed [F+1:0] nx_o,  // near
@@ -50,7 +54,7 @@ module lipp_meet_dome #(
   localparam int W = F + 2;
   localparam int Wh = W + 1;
   localparam int Wf = W + 2;
-  localparam int Wb = Wf + 2;  // b keeps two more bits, since it is squared
+  localparam int Wb = Wf + 4;  // b keeps four more bits, since it is squared
   localparam int FootLatency = foot_latency(F);
 
   if (F < 14 || F > 23) begin : gen_illegal
@@ -58,36 +62,36 @@ module lipp_meet_dome #(
   end
 
   // ---- b, the length from the foot of the perpendicular ----
-  localparam int DotDrop = F + 1 - Guard;
+  localparam int DotDrop = F - 1 - Guard;  // and the bits that d has more
   localparam int Wd = Wf + W - DotDrop;
   logic signed [Wd-1:0] bx, by, bz, bz_late, bxy_q, b_sum_q;
   logic signed [Wh+W-DotDrop-1:0] bx_early, by_early;
   logic signed [Wd-2:0] b_d;
   logic signed [Wb-1:0] b_q;
   logic b_beyond_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_bx (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wt), .Drop(DotDrop + E)) i_bx (
     .clk_i, .a_i(hx_i), .b_i(dx_i), .p_o(bx_early)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(W), .Drop(DotDrop)) i_by (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wt), .Drop(DotDrop + E)) i_by (
     .clk_i, .a_i(hy_i), .b_i(dy_i), .p_o(by_early)
   );
-  lipp_delay #(.Width(2 * Wd), .Cycles(mul_latency(Wf, W) - mul_latency(Wh, W))) i_bxy (
+  lipp_delay #(.Width(2 * Wd), .Cycles(axial_latency(F) - mul_latency(Wh, Wt))) i_bxy (
     .clk_i, .d_i({Wd'(bx_early), Wd'(by_early)}), .q_o({bx, by})
   );
   if (Upward) begin : gen_bz
-    lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(DotDrop)) i_bz (
+    lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wz), .Drop(DotDrop + 3 * E)) i_bz (
       .clk_i, .a_i(zc_i), .b_i(dz_i), .p_o(bz)
     );
     lipp_delay #(.Width(Wd), .Cycles(1)) i_bz_match (.clk_i, .d_i(bz), .q_o(bz_late));
   end else begin : gen_dz
-    lipp_delay #(.Width(Wd), .Cycles(mul_latency(Wf, W) + 1)) i_bz_match (
-      .clk_i, .d_i(-(Wd'(dz_i) <<< (Guard - 1))), .q_o(bz_late)
+    lipp_delay #(.Width(Wd), .Cycles(axial_latency(F) + 1)) i_bz_match (
+      .clk_i, .d_i(-((Wd'(dz_i) <<< 4) >>> (3 * E))), .q_o(bz_late)
     );
     assign bz = '0;
     logic unused_bz;
     assign unused_bz = ^{bz, zc_i, oz_i};
   end
-  assign b_d = (Wd - 1)'((b_sum_q + Wd'(1)) >>> (Guard - 2));
+  assign b_d = (Wd - 1)'((b_sum_q + Wd'(1)) >>> 1);
   always_ff @(posedge clk_i) begin
     bxy_q <= bx + by;
     b_sum_q <= bxy_q + bz_late;
@@ -115,7 +119,7 @@ module lipp_meet_dome #(
     .Cycles(FootLatency + mul_latency(Wb, Wb) - mul_latency(Wh, Wh) - 2)
   ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
   lipp_multiplier #(
-    .CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 4), .Square(1'b1)
+    .CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 8), .Square(1'b1)
   ) i_b2 (
     .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
   );
@@ -147,16 +151,16 @@ module lipp_meet_dome #(
   localparam int LengthLatency = mul_latency(Wb, Wb) + 2 + sqrt_latency(1'b1);  // from b
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
-  logic signed [Wl-1:0] twice_cos, length_d;
-  logic signed [Wl-3:0] length;
+  logic signed [Wl-1:0] scaled_cos, length_d;
+  logic signed [Wl-5:0] length;
   logic signed [Wf-1:0] length_q;
   logic signed [W-1:0] cos_q;
   logic b_beyond_late, length_beyond_q;
   lipp_delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
     .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
   );
-  assign twice_cos = Wl'(cos) <<< 1;
-  assign length_d = (Upward ? twice_cos : -twice_cos) - Wl'(b_late);
+  assign scaled_cos = Wl'(cos) <<< 3;
+  assign length_d = (Upward ? scaled_cos : -scaled_cos) - Wl'(b_late);
   // The cosine of a ray that missed is 0.
   logic missed_late;
   if (Upward) begin : gen_stay
@@ -166,10 +170,10 @@ module lipp_meet_dome #(
       .clk_i, .d_i(missed_q), .q_o(missed_late)
     );
   end
-  assign length = (Wl - 2)'((length_d + (Wl'(2) | (Wl'(missed_late) <<< (F + 1)))) >>> 2);
+  assign length = (Wl - 4)'((length_d + (Wl'(8) | (Wl'(missed_late) <<< (F + 3)))) >>> 4);
   always_ff @(posedge clk_i) begin
     length_q <= Wf'(length);
-    length_beyond_q <= b_beyond_late || length != (Wl - 2)'($signed(length[Wf-1:0]));
+    length_beyond_q <= b_beyond_late || length != (Wl - 4)'($signed(length[Wf-1:0]));
     cos_q <= cos;
   end
 
@@ -178,22 +182,26 @@ module lipp_meet_dome #(
   localparam int Wn = Wf + W - PointDrop;
   localparam int ReachLatency = FootLatency + LengthLatency + 1;
   logic signed [Wh-1:0] hx_late, hy_late;
-  logic signed [W-1:0] dx_late, dy_late, dz_late;
-  logic signed [Wn-1:0] lx, ly, lz, nx_q, ny_q, nz_q;
-  lipp_delay #(.Width(3 * W), .Cycles(ReachLatency)) i_d (
+  logic signed [Wt-1:0] dx_late, dy_late;
+  logic signed [Wz-1:0] dz_late;
+  logic signed [Wn-1:0] lx, ly, lx_early, ly_early, lz, nx_q, ny_q, nz_q;
+  lipp_delay #(.Width(2 * Wt + Wz), .Cycles(ReachLatency)) i_d (
     .clk_i, .d_i({dx_i, dy_i, dz_i}), .q_o({dx_late, dy_late, dz_late})
   );
-  lipp_delay #(.Width(2 * Wh), .Cycles(ReachLatency + mul_latency(Wf, W))) i_h (
+  lipp_delay #(.Width(2 * Wh), .Cycles(ReachLatency + axial_latency(F))) i_h (
     .clk_i, .d_i({hx_i, hy_i}), .q_o({hx_late, hy_late})
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lx (
-    .clk_i, .a_i(length_q), .b_i(dx_late), .p_o(lx)
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wt), .Drop(PointDrop + E)) i_lx (
+    .clk_i, .a_i(length_q), .b_i(dx_late), .p_o(lx_early)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_ly (
-    .clk_i, .a_i(length_q), .b_i(dy_late), .p_o(ly)
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wt), .Drop(PointDrop + E)) i_ly (
+    .clk_i, .a_i(length_q), .b_i(dy_late), .p_o(ly_early)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(PointDrop)) i_lz (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(Wz), .Drop(PointDrop + 3 * E)) i_lz (
     .clk_i, .a_i(length_q), .b_i(dz_late), .p_o(lz)
+  );
+  lipp_delay #(.Width(2 * Wn), .Cycles(axial_latency(F) - mul_latency(Wf, Wt))) i_lxy (
+    .clk_i, .d_i({lx_early, ly_early}), .q_o({lx, ly})
   );
   // V << 4 has four clear places below F; the rounding's half is set in the third of them.
   localparam logic signed [Wn-1:0] One = Wn'(1) <<< (F + 4);
@@ -214,7 +222,7 @@ module lipp_meet_dome #(
   );
 
   // ---- delays of earlier results ----
-  localparam int PointLatency = mul_latency(Wf, W) + 2;
+  localparam int PointLatency = axial_latency(F) + 2;
   logic length_beyond, over;
   lipp_delay #(.Width(W + 1), .Cycles(PointLatency)) i_cos (
     .clk_i, .d_i({cos_q, length_beyond_q}), .q_o({cos_o, length_beyond})

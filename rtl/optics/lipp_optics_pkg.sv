@@ -85,9 +85,9 @@ package lipp_optics_pkg;
     logic signed [SlopeBits-1:0]  y_from_v;
     logic signed [OffsetBits-1:0] x_offset;
     logic signed [OffsetBits-1:0] y_offset;
-    logic signed [31:0] slope_x;         // wide: slope from a - x (exact), from x (others, Converge)
+    logic signed [31:0] slope_x;         // wide, E more bits: slope from a - x (exact) or x
     logic signed [31:0] slope_y;
-    logic signed [31:0] slope_aim_x;     // wide: slope from a (paraxial, Converge)
+    logic signed [31:0] slope_aim_x;     // the same from a (paraxial, Converge)
     logic signed [31:0] slope_aim_y;
     logic signed [31:0] point_x;         // wide: point on the first face, in radii, from x
     logic signed [31:0] point_y;
@@ -147,6 +147,18 @@ package lipp_optics_pkg;
     return word >>> (bits - 1) != word >>> 31;
   endfunction
 
+  /// E, the bits more of slopes and directions on their way into the glass, in exact builds with the
+  /// plano side to the panel: slopes and lateral directions have E, dz has 3 E. None where a word
+  /// fits a multiplier cell.
+  function automatic int extra_bits(int f);
+    return f + 2 > MulBits ? 1 : 0;
+  endfunction
+
+  /// E of a build's slopes and of its directions in the air.
+  function automatic int air_bits(build_t build);
+    return build.model == 2'(ModelExact) && !build.viewer ? extra_bits(int'(build.fraction_bits)) : 0;
+  endfunction
+
   // Latencies of the steps of a ray, W = F + 2.
 
   function automatic int pixel_latency();
@@ -195,14 +207,19 @@ package lipp_optics_pkg;
     return mul_latency(f + 2, f + 2) + 1 + mul_latency(f + 2, f + 2) + 2 + sqrt_latency(1'b0);
   endfunction
 
-  /// Latency of `lipp_meet_dome` up to the length b along the ray; the largest product is far x near.
+  /// Latency of the product of a far word and dz in `lipp_meet_dome`.
+  function automatic int axial_latency(int f);
+    return mul_latency(f + 4, f + 2 + 3 * extra_bits(f));
+  endfunction
+
+  /// Latency of `lipp_meet_dome` up to the length b along the ray.
   function automatic int foot_latency(int f);
-    return mul_latency(f + 4, f + 2) + 3;
+    return axial_latency(f) + 3;
   endfunction
 
   function automatic int meet_dome_latency(int f);
-    return foot_latency(f) + mul_latency(f + 6, f + 6) + 2 + sqrt_latency(1'b1) + 1
-        + mul_latency(f + 4, f + 2) + 2;
+    return foot_latency(f) + mul_latency(f + 8, f + 8) + 2 + sqrt_latency(1'b1) + 1
+        + axial_latency(f) + 2;
   endfunction
 
   function automatic int cell_step_latency(int grid, int f, bit shear);

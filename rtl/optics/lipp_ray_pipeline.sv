@@ -95,7 +95,8 @@ module lipp_ray_pipeline #(
     .stray_o(stray), .beyond_o(beyond), .missing_o(own_missing)
   );
   logic signed [Wh-1:0] hx, hy;
-  logic signed [W-1:0] ex, ey, ez;
+  localparam int Wm = W + air_bits(Build);
+  logic signed [Wm-1:0] ex, ey, ez;
   logic difference, flat_beyond, steep;
   lipp_start_ray #(.Build(Build)) i_start_ray (
     .clk_i, .config_i, .x_i(x), .y_i(y), .a_i(a), .b_i(b), .difference_o(difference),
@@ -144,10 +145,16 @@ module lipp_ray_pipeline #(
   end else begin : gen_exact
     // ---- into the glass at the flat face ----
     localparam int FirstAt = UnitAt + (Viewer ? 0 : enter_flat_latency(F));
-    logic signed [W-1:0] first_dx, first_dy, first_dz;
+    localparam int Wt = W + extra_bits(F);
+    localparam int Wz = W + 3 * extra_bits(F);
+    logic signed [Wt-1:0] first_dx, first_dy;
+    logic signed [Wz-1:0] first_dz;
     logic first_beyond;
     if (Viewer) begin : gen_air
-      assign {first_dx, first_dy, first_dz, first_beyond} = {ex, ey, ez, 1'b0};
+      assign first_dx = Wt'(ex) <<< (Wt - W);
+      assign first_dy = Wt'(ey) <<< (Wt - W);
+      assign first_dz = Wz'(ez) <<< (Wz - W);
+      assign first_beyond = 1'b0;
     end else begin : gen_glass
       lipp_enter_flat #(.F(F), .CrossCells(Build.cross_cells)) i_enter_flat (
         .clk_i, .ex_i(ex), .ey_i(ey), .index_inverse_i(config_i.index_inverse[W-1:0]),
@@ -164,7 +171,9 @@ module lipp_ray_pipeline #(
         DomeAt + (strays(Build) ? cell_step_latency(Grid, F, Build.shear) : 0);
     logic signed [IndexBits-1:0] first_i, first_j, last_i, last_j;
     logic signed [Wh-1:0] first_hx, first_hy;
-    logic signed [W-1:0] dx, dy, dz, nx, ny, nz, cos;
+    logic signed [Wt-1:0] dx, dy;
+    logic signed [Wz-1:0] dz;
+    logic signed [W-1:0] nx, ny, nz, cos;
     logic signed [Wf-1:0] s;
     logic flat_beyond_late, walk_beyond, missed, meet_beyond, in_cell;
     lipp_delay #(.Width(2 * Wh + 1), .Cycles(FirstAt - SlopeAt)) i_h (
@@ -183,9 +192,9 @@ module lipp_ray_pipeline #(
     );
 
     // ---- from the dome to the viewer ----
-    logic signed [W-1:0] dome_ex, dome_ey;
+    logic signed [Wm-1:0] dome_ex, dome_ey;
     logic dome_steep, exit_beyond;
-    lipp_delay #(.Width(2 * W + 1), .Cycles(DomeAt - UnitAt)) i_e (
+    lipp_delay #(.Width(2 * Wm + 1), .Cycles(DomeAt - UnitAt)) i_e (
       .clk_i, .d_i({ex, ey, steep}), .q_o({dome_ex, dome_ey, dome_steep})
     );
     if (Viewer) begin : gen_viewer

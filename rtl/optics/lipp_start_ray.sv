@@ -7,13 +7,14 @@
 /// of an exact ray follows from a - x; otherwise there is a coefficient for each of a and x.
 /// Latency slope_latency(F, Converge, Shear) of the point hx_o, hy_o, in radii, F fraction bits,
 /// and of flat_beyond_o: slope or point are out of range; unit_latency(F) more of the direction
-/// ex_o, ey_o, ez_o, near words, and of steep_o: the slope is 60 degrees or more. difference_o, a
+/// ex_o, ey_o, ez_o, near words with air_bits(Build) more, and of steep_o: the slope is 60 degrees or more. difference_o, a
 /// clock after the input: a - x is out of range.
 module lipp_start_ray #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),
   localparam int Wx = lipp_optics_pkg::local_bits(F, Build.converge, Build.shear),
-  localparam int Wa = lipp_optics_pkg::local_bits(F, 1'b0, Build.shear)
+  localparam int Wa = lipp_optics_pkg::local_bits(F, 1'b0, Build.shear),
+  localparam int Wm = F + 2 + lipp_optics_pkg::air_bits(Build)
 ) (
   input  logic                            clk_i,
   input  lipp_optics_pkg::optics_config_t config_i,
@@ -25,9 +26,9 @@ module lipp_start_ray #(
   output logic signed [F+2:0]             hx_o,
   output logic signed [F+2:0]             hy_o,
   output logic                            flat_beyond_o,
-  output logic signed [F+1:0]             ex_o,
-  output logic signed [F+1:0]             ey_o,
-  output logic signed [F+1:0]             ez_o,
+  output logic signed [Wm-1:0]            ex_o,
+  output logic signed [Wm-1:0]            ey_o,
+  output logic signed [Wm-1:0]            ez_o,
   output logic                            steep_o
 );
   import lipp_optics_pkg::*;
@@ -55,16 +56,16 @@ module lipp_start_ray #(
         || towards_y_d[Wx] != towards_y_d[Wx-1]);
   end
 
-  logic signed [W-1:0] mx, my;
+  logic signed [Wm-1:0] mx, my;
   logic [3:0] blend_beyond;
   assign flat_beyond_o = |blend_beyond;
-  lipp_blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_mx (
-    .clk_i, .k_i(config_i.slope_x[W-1:0]), .x_i(from_x_q),
-    .l_i(config_i.slope_aim_x[W-1:0]), .a_i(a_q), .y_o(mx), .beyond_o(blend_beyond[0])
+  lipp_blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa), .Wk(Wm)) i_mx (
+    .clk_i, .k_i(config_i.slope_x[Wm-1:0]), .x_i(from_x_q),
+    .l_i(config_i.slope_aim_x[Wm-1:0]), .a_i(a_q), .y_o(mx), .beyond_o(blend_beyond[0])
   );
-  lipp_blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa)) i_my (
-    .clk_i, .k_i(config_i.slope_y[W-1:0]), .x_i(from_y_q),
-    .l_i(config_i.slope_aim_y[W-1:0]), .a_i(b_q), .y_o(my), .beyond_o(blend_beyond[1])
+  lipp_blend #(.F(F), .CrossCells(CrossCells), .Second(SlopeAims), .Wx(Wx), .Wa(Wa), .Wk(Wm)) i_my (
+    .clk_i, .k_i(config_i.slope_y[Wm-1:0]), .x_i(from_y_q),
+    .l_i(config_i.slope_aim_y[Wm-1:0]), .a_i(b_q), .y_o(my), .beyond_o(blend_beyond[1])
   );
   if (Build.model == 2'(ModelPinhole)) begin : gen_centre
     assign hx_o = '0;
@@ -86,7 +87,7 @@ module lipp_start_ray #(
       .l_i(config_i.point_aim_y[W-1:0]), .a_i(b_q), .y_o(hy_o), .beyond_o(blend_beyond[3])
     );
   end
-  lipp_unit_slope #(.F(F), .CrossCells(CrossCells)) i_unit_slope (
+  lipp_unit_slope #(.F(F), .Extra(Wm - W), .CrossCells(CrossCells)) i_unit_slope (
     .clk_i, .mx_i(mx), .my_i(my), .ex_o, .ey_o, .ez_o, .beyond_o(steep_o)
   );
 

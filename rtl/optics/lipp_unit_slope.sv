@@ -5,35 +5,42 @@
 ///
 /// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places:
 ///
-///   x    = ((m_x m_x >> F-4) + (m_y m_y >> F-4) + 2^(F+4) + 4) >> 3
-///   e_z  = min(rsqrt(x), 2^(F+1) - 1)
-///   e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
+///   x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
+///   e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
+///   e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
 ///
-/// x, in [1, 4), has F + 1 fraction bits. Input: wide words. Output: near words. beyond_o: x is 4 or
-/// more, a slope of 60 degrees or more. Latency unit_latency(F).
+/// x, in [1, 4), has F + 1 fraction bits. Input: wide words. Output: near words. All have E = Extra
+/// more fraction bits, 0 or extra_bits(F). beyond_o: x is 4 or more, a slope of 60 degrees or more.
+/// Latency unit_latency(F).
 module lipp_unit_slope #(
   parameter int F = 23,
+  parameter int Extra = 0,
   parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
-  input  logic                clk_i,
-  input  logic signed [F+1:0] mx_i,
-  input  logic signed [F+1:0] my_i,
-  output logic signed [F+1:0] ex_o,
-  output logic signed [F+1:0] ey_o,
-  output logic signed [F+1:0] ez_o,
-  output logic                beyond_o
+  input  logic                      clk_i,
+  input  logic signed [F+1+Extra:0] mx_i,
+  input  logic signed [F+1+Extra:0] my_i,
+  output logic signed [F+1+Extra:0] ex_o,
+  output logic signed [F+1+Extra:0] ey_o,
+  output logic signed [F+1+Extra:0] ez_o,
+  output logic                      beyond_o
 );
   import lipp_math_pkg::*;
+  import lipp_optics_pkg::extra_bits;
 
-  localparam int W = F + 2;
+  localparam int W = F + 2 + Extra;
   localparam int MulLatency = mul_latency(W, W);
 
   if (F < 14 || F > 23) begin : gen_illegal
     $fatal(1, "lipp_unit_slope: F must be 14 to 23");
   end
 
+  if (Extra != 0 && Extra != extra_bits(F)) begin : gen_illegal_extra
+    $fatal(1, "lipp_unit_slope: Extra must be 0 or extra_bits(F)");
+  end
+
   // ---- 1 + m^2 ----
-  localparam int SquareDrop = F - 4;
+  localparam int SquareDrop = F - 4 + 2 * Extra;
   localparam int Wq = 2 * W - SquareDrop;
   logic signed [Wq-1:0] mx2, my2;
   logic signed [Wq:0] sum_q;
@@ -51,13 +58,13 @@ module lipp_unit_slope #(
 
   // ---- 1 / sqrt(1 + m^2) ----
   logic steep;
-  logic [F+1:0] inverse;
+  logic [W-1:0] inverse;
   logic signed [W-1:0] ez;
-  lipp_rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
-  assign ez = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);  // 1 overflows
+  lipp_rsqrt #(.F(F), .Extra(Extra)) i_rsqrt (.clk_i, .x_i(square_q[F+2:0]), .y_o(inverse));
+  assign ez = inverse[W-1] ? {1'b0, {(W - 1){1'b1}}} : $signed(inverse);  // 1 overflows
 
   // ---- the direction ----
-  localparam int Drop = F - Guard;
+  localparam int Drop = F - Guard + Extra;
   localparam int Wp = 2 * W - Drop;
   logic signed [W-1:0] mx_late, my_late;
   logic signed [Wp-1:0] ex, ey;

@@ -13,7 +13,9 @@
 /// cell_step_latency(Grid, F, Shear) more of inside_o: the point is in the last dome's cell.
 module lipp_walk_domes #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
-  localparam int F = int'(Build.fraction_bits)
+  localparam int F = int'(Build.fraction_bits),
+  localparam int Wt = F + 2 + lipp_optics_pkg::extra_bits(F),
+  localparam int Wz = F + 2 + 3 * lipp_optics_pkg::extra_bits(F)
 ) (
   input  logic                                         clk_i,
   input  lipp_optics_pkg::optics_config_t              config_i,
@@ -21,15 +23,15 @@ module lipp_walk_domes #(
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
   input  logic signed [F+2:0]                          hx_i,
   input  logic signed [F+2:0]                          hy_i,
-  input  logic signed [F+1:0]                          dx_i,
-  input  logic signed [F+1:0]                          dy_i,
-  input  logic signed [F+1:0]                          dz_i,
+  input  logic signed [Wt-1:0]                         dx_i,
+  input  logic signed [Wt-1:0]                         dy_i,
+  input  logic signed [Wz-1:0]                         dz_i,
   input  logic                                         beyond_i,
   output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                          dx_o,
-  output logic signed [F+1:0]                          dy_o,
-  output logic signed [F+1:0]                          dz_o,
+  output logic signed [Wt-1:0]                         dx_o,
+  output logic signed [Wt-1:0]                         dy_o,
+  output logic signed [Wz-1:0]                         dz_o,
   output logic                                         beyond_o,
   output logic signed [F+1:0]                          nx_o,
   output logic signed [F+1:0]                          ny_o,
@@ -57,7 +59,9 @@ module lipp_walk_domes #(
   assign unused_config = ^config_i;
 
   logic [Walk:0][Wh-1:0] hx, hy;
-  logic [Walk:0][W-1:0] dx, dy, dz, nx, ny, nz, cos;
+  logic [Walk:0][Wt-1:0] dx, dy;
+  logic [Walk:0][Wz-1:0] dz;
+  logic [Walk:0][W-1:0] nx, ny, nz, cos;
   logic [Walk:0][IndexBits-1:0] i, j;
   logic [Walk:0][Wf-1:0] s;
   logic [Walk:0] missed, beyond, meet_beyond;  // beyond: before the dome
@@ -110,7 +114,7 @@ module lipp_walk_domes #(
             || j_q[IndexBits] != j_q[IndexBits-1];
       end
       assign beyond[k+1] = index_beyond_q || moved_beyond;
-      lipp_delay #(.Width(3 * W), .Cycles(WalkLatency)) i_d (
+      lipp_delay #(.Width(2 * Wt + Wz), .Cycles(WalkLatency)) i_d (
         .clk_i, .d_i({dx[k], dy[k], dz[k]}), .q_o({dx[k+1], dy[k+1], dz[k+1]})
       );
       logic unused_walk;

@@ -2219,8 +2219,8 @@ module lipp_optics_registers (
             readback_data_var[ad_hi(8'h0)][31:0] = 32'h4c495050;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h4)) begin
-            readback_data_var[ad_hi(8'h4)][15:0] = 16'h1;
-            readback_data_var[ad_hi(8'h4)][31:16] = 16'h2;
+            readback_data_var[ad_hi(8'h4)][15:0] = 16'h0;
+            readback_data_var[ad_hi(8'h4)][31:16] = 16'h3;
         end
         if(ad_low(rd_mux_addr) == ad_low(8'h8)) begin
             readback_data_var[ad_hi(8'h8)][4:0] = hwif_in.build.fraction_bits.next;

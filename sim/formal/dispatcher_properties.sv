@@ -207,10 +207,11 @@ module dispatcher_properties #(
   wire reg_reads = regs inside {RegAsk, RegWait, RegWord} && !reg_write;
   wire ray_looks = rays inside {RayClaim, RayTakenOver, RayBegun, RayEnded};
   wire ray_list = rays inside {[RayPlace:RayWords]};
+  wire restoring = i_dut.i_rays.restore_q;
   wire [9:0] rays_left = 10'(ray_left[8:2]) + 10'(rays inside {RayPlace, RayFetch} && ray_at != '0)
       + 10'(rays inside {RayOffer, RayExit});
   wire [9:0] exit_left = 10'(i_dut.i_rays.exit_left_q);
-  wire [9:0] ray_words = 10'd8 * rays_left + rays_left + (rays == RayWords ? exit_left : '0);
+  wire [9:0] ray_words = 10'd8 * rays_left + rays_left + (rays == RayWords || restoring ? exit_left : '0);
   logic reg_part, ray_part;
   always_comb begin
     case (kind)
@@ -265,6 +266,7 @@ module dispatcher_properties #(
         if (out_valid) todo = 6'd1;
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
         else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
+        else if (restoring) todo = asked ? 6'd7 - bus_for_q : 6'd8;
         else if (rays == RayPlace) todo = 6'd20 - {ray_at, 1'b0};
         else if (rays == RayFetch) todo = 6'd19 - {ray_at, 1'b0};
         else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q : 6'd3;
@@ -311,7 +313,7 @@ module dispatcher_properties #(
       in_table: assert (state != Execute || table_idle);
       in_read: assert (!(state inside {Reply, Words}) || (kind == RequestRead && ok ? reg_reads
           && reg_left == (state == Words ? reply_left : i_dut.words) : regs == RegIdle && !i_dut.register_start));
-      in_trace: assert (!(state inside {Reply, Words}) || (kind == RequestTrace && ok ? ray_list
+      in_trace: assert (!(state inside {Reply, Words}) || (kind == RequestTrace && ok ? (ray_list || restoring)
           && ray_words == (state == Words ? reply_left : i_dut.words) : rays_idle));
       in_tiles: assert (!(state inside {Reply, Words}) || (kind == RequestTiles && ok ?
           (state == Reply && i_dut.table_start && table_left == '0 && !i_dut.table_valid)
@@ -324,6 +326,8 @@ module dispatcher_properties #(
           && 2'(ray_left[1:0] + ray_at) == '0));
       in_ray: assert (!(rays inside {[RayOffer:RayWords]}) || (ray_left[1:0] == '0 && ray_at == '0));
       in_exit: assert (rays != RayWords || (exit_left != '0 && exit_left <= 10'd9));
+      in_restore: assert (!restoring || (state inside {Reply, Words} && kind == RequestTrace && ok && !trace
+          && rays inside {[1:RayTakenOver]} && ray_left == '0 && ray_at == '0 && exit_left == 10'd9));
       in_traced: assert (ray_q == (rays == RayExit));
       in_trace_o: assert (!trace || ray_list);
       in_trace_off: assert (rays != RayWords || trace == (ray_left != '0));
@@ -349,7 +353,7 @@ module dispatcher_properties #(
       in_polls_new: assert (!((asked && !ray_looks) || rays == RaySettle) || polls_q == '0);
       in_looks: assert (polls_q <= 3'(looks_q));
       in_look: assert (!asked || look_q == ray_looks);
-      in_running: assert (!(rays inside {[4'd1:RayTakenOver], RayEnded} || (rays == RayEnd && asked))
+      in_running: assert (!(ray_list || rays inside {[4'd1:RayTakenOver], RayEnded} || (rays == RayEnd && asked))
           || !running_q);
     end
   end

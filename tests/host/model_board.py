@@ -74,6 +74,12 @@ def qoi_pixels(data, count):
     return bytes(out) if len(out) == 3 * count else None
 
 
+def _pixels_fit(body):
+    """Whether 18 bits hold u and v of each ray."""
+    pixels = np.frombuffer(body, "<i4").reshape(-1, 4)[:, :2]
+    return bool(((pixels >= -(1 << 17)) & (pixels < 1 << 17)).all())
+
+
 class ModelBoard:
     """Serves TCP (`url`), or a pty; the state outlives connections, and ends with `power_cycle`."""
 
@@ -274,7 +280,7 @@ class ModelBoard:
             TILE: size >= 5,
             PRESENT: size == 6,
             TILES: size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512,
-            TRACE: size % 16 == 0 and 1 <= size // 16 <= 64,
+            TRACE: size % 16 == 0 and 1 <= size // 16 <= 64 and _pixels_fit(body),
         }.get(kind, size == 0)
         if not right:
             raise RefusedError(LENGTH)
@@ -420,7 +426,7 @@ class ModelBoard:
     def _trace(self, body):
         if self.version > 1:
             self._must_be_free()
-        self.registers[SOURCE], self.stream = 1, True
+        self.registers[SOURCE], self.stream = 0, False
         return self.traced(*np.frombuffer(body, "<i4").reshape(-1, 4).T).astype("<i4").tobytes()
 
     def _sign(self, _):

@@ -132,7 +132,7 @@ def test_registers_by_hand(grid):
         "y_from_u": 0, "y_from_v": Fraction(1, 16) / row * 2**36,
         "x_offset": (Fraction("-0.3") - Fraction("0.05")) / Fraction("1.25") * 2**40 + half,
         "y_offset": Fraction("0.2") / row * 2**40 + half,
-        "slope_x": Fraction(5, 12) * 2**f, "slope_y": row / 3 * 2**f,
+        "slope_x": Fraction(5, 12) * 2 ** (f + 1), "slope_y": row / 3 * 2 ** (f + 1),
         "point_x": Fraction(1, 2) * Fraction("1.25") / Fraction("1.6") * 2**f,
         "cell_half": Fraction("0.625") / Fraction("1.6") * 2 ** (f + 1),
         "cell_half_y": 0 if hexagonal else Fraction("0.5") / Fraction("1.6") * 2 ** (f + 1),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 
 import click.testing
 import numpy as np
@@ -137,6 +138,21 @@ def test_rays_near_the_critical_angle_and_on_edges():
     row = fixed.measure(named, display, "boundaries", iter([words]))
     assert row["kept"]
     assert row["status_differs"] > 0
+
+
+@pytest.mark.parametrize("name", ["widest-aims-square", "widest-aims-hex"])
+def test_the_promise_holds_beyond_the_owners_cell(name):
+    """Aims up to one and a half pitches away: long ways through the glass magnify what is rounded before them."""
+    named, seed = CONFIGURATIONS[name], int(os.environ.get("LIPPMANN_SEED", SEED))
+    print(f"seed {seed}")
+    for display in named.displays(SCENES):
+        for words in (
+            word_sets.wide_words(display, named.build, seed, 100_000),
+            word_sets.boundary_words(display, named.build, seed, 5_000),
+        ):
+            row = fixed.measure(named, display, "wide", iter([words]))
+            assert row["kept"], row
+            assert row["rays"] - row["refused"] > 1_000
 
 
 @pytest.mark.parametrize("name", ["widest-square", "widest-aims-hex"])

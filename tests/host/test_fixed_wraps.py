@@ -84,7 +84,7 @@ def ideal(words: tuple[np.ndarray, ...], config: Configuration, build: Build, tw
     ulp = 2.0**-f
     u, v, a, b = words
     c = {
-        key: value * 2.0 ** -bits_and_fraction(key, f)[1]
+        key: value * 2.0 ** -bits_and_fraction(key, build)[1]
         for key, value in dataclasses.asdict(config).items()
     }  # fmt: skip
     half_row = 0.5 if grid == "hex" else 0.0

@@ -105,6 +105,8 @@ def test_registers_package_and_configuration_agree():
     fraction = dict.fromkeys(names, "F")
     fraction.update(dict.fromkeys(("index_inverse", "exit_z", "cell_half"), "F + 1"), depth_rest="F + 3")
     fraction.update(dict.fromkeys(("converge_x", "converge_y"), "F + 2"), converge_share="F + 11")
+    slopes = ("slope_x", "slope_y", "slope_aim_x", "slope_aim_y")
+    fraction.update(dict.fromkeys(slopes, "F + E"))
     fraction.update(dict.fromkeys(("cell_half_y", "cell_rise"), "F + 1"), extent_i="", extent_j="")
     for name, (bits, text) in registers.items():
         assert package[name][0] == bits, name
@@ -131,9 +133,20 @@ def test_words_have_the_fraction_bits_that_the_registers_tell():
     }  # fmt: skip
     for name, (_, fraction) in optics_registers().items():
         if name in known:
-            bits = sum(int(part) if part != "F" else f for part in fraction.split(" + "))
+            # E is 0 in this build.
+            bits = sum({"F": f, "E": 0}.get(part) or int(part.replace("E", "0")) for part in fraction.split(" + "))
             value = math.ldexp(getattr(config, name), -bits)
             assert abs(value - known[name]) <= 2.0**-f, name
+
+
+@pytest.mark.parametrize(("f", "extra"), [(16, 0), (17, 1), (23, 1)])
+def test_slopes_have_a_bit_more_on_their_way_into_the_glass(f, extra):
+    """D = gap + T/n = 1 + 0.9 / 1.6 = 1.5625, and p / D = 0.512; the models without a dome have none more."""
+    display = display_of("square", "panel", pitch=0.8, radius=2.0, index=1.6, thickness=0.9, gap=1.0)
+    build = Build.of(display, "exact", f, aims=False)
+    assert configuration(display, build, "exact").slope_x == math.floor(0.512 * 2.0 ** (f + extra) + 0.5)
+    build = Build.of(display, "pinhole", f, aims=False)
+    assert configuration(display, build, "pinhole").slope_x == math.floor(-0.512 * 2.0**f + 0.5)
 
 
 def test_a_configuration_is_written_and_read_back():
@@ -198,7 +211,7 @@ def test_the_most_samples_are_written_as_0():
 
 
 def test_a_block_tells_its_build():
-    words = {"identity": 0x4C495050, "version": 0x00020007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
+    words = {"identity": 0x4C495050, "version": 0x00030007, "build": 23 | 1 << 5 | 2 << 6 | 1 << 8 | 1 << 9 | 3 << 10}
     build = Build(23, "hex", "exact", viewer=True, aims=True, max_cell_steps=3)
     assert build_of(words) == build
     assert build_of({**words, "build": words["build"] | 1 << 13}) == dataclasses.replace(build, cross_cells=True)
@@ -206,8 +219,8 @@ def test_a_block_tells_its_build():
     assert build_of({**words, "build": words["build"] | 1 << 15}) == dataclasses.replace(build, shear=True)
     with pytest.raises(InputError, match="0x4C495051"):
         build_of({**words, "identity": 0x4C495051})
-    for major in (0, 1, 3):
-        with pytest.raises(InputError, match=f"version {major}, this host knows 2"):
+    for major in (0, 1, 2, 4):
+        with pytest.raises(InputError, match=f"version {major}, this host knows 3"):
             build_of({**words, "version": major << 16 | 7})
     with pytest.raises(InputError, match="field model: 3 is unknown to this host, which knows 0 to 2"):
         build_of({**words, "build": words["build"] | 3 << 6})

@@ -11,8 +11,9 @@ from lippmann.fixed.words import OFFSET_BITS, PIXEL_BITS, SLOPE_BITS
 from random_cases import configured_display
 
 
-def bits_and_fraction(register: str, f: int) -> tuple[int, int]:
+def bits_and_fraction(register: str, build: Build) -> tuple[int, int]:
     """Bits of a register's word, and its fraction bits, as rtl/optics/lipp_optics_pkg.sv lists them."""
+    f = build.fraction_bits
     if register in ("x_offset", "y_offset"):
         return OFFSET_BITS, 40
     if "_from_" in register:
@@ -24,6 +25,9 @@ def bits_and_fraction(register: str, f: int) -> tuple[int, int]:
         "cell_rise": (f + 4, f + 1), "converge_share": (f + 9, f + 11), "converge_x": (f + 9, f + 2),
         "converge_y": (f + 9, f + 2), "extent_i": (14, 0), "extent_j": (13, 0), "shear_x": far,
     }  # fmt: skip
+    if register.startswith("slope_"):
+        more = build.model == "exact" and not build.viewer and f > 16
+        return f + 2 + more, f + more
     return special.get(register, wide)
 
 
@@ -51,7 +55,7 @@ def any_registers(random: np.random.Generator, build: Build, count: int, display
     made = dict(zip(names, table.copy(), strict=True))
     share = random.choice([0.0, 0.03, 0.1, 0.3, 1.0], count, p=[0.1, 0.4, 0.3, 0.15, 0.05])
     for register in names:
-        bits, _ = bits_and_fraction(register, f)
+        bits, _ = bits_and_fraction(register, build)
         accepted = bits if bits > 32 else 32
         made[register] = np.where(random.random(count) < share, wild(random, bits, accepted, count), made[register])
     low, one = 2.0**-f, 1 << f
@@ -77,7 +81,7 @@ def any_registers(random: np.random.Generator, build: Build, count: int, display
         (extent, {"extent_i": np.full(count, 8191.0), "extent_j": np.full(count, 4095.0)}),
     ):  # fmt: skip
         for register, value in values.items():
-            bits, _ = bits_and_fraction(register, f)
+            bits, _ = bits_and_fraction(register, build)
             top = 1 << (bits - 1)
             made[register] = np.where(
                 which, np.clip(np.floor(value + 0.5), -top, top - 1).astype(np.int64), made[register]

@@ -1,9 +1,11 @@
 """The ports of every step of the ray for F fraction bits, and the bench that holds them all."""
 
+import itertools
 from collections.abc import Mapping
 
 import pytest
 from bench import Instance, Segment, stream
+from lippmann.fixed.words import extra_bits
 
 GRIDS = ("square", "hex")
 
@@ -15,6 +17,7 @@ FRACTIONS = [pytest.param(f, marks=[] if f in (16, 23) else pytest.mark.full) fo
 def steps(f: int) -> dict[str, Instance]:
     """Every step as an instance, by a short name."""
     near, point, far = f + 2, f + 3, f + 4
+    lateral, axial = near + extra_bits(f), near + 3 * extra_bits(f)
     lattice, index = 12 + f, 12
     made: dict[str, Instance] = {}
     # The same words must come out of products whose cross terms are in cells.
@@ -29,10 +32,13 @@ def steps(f: int) -> dict[str, Instance]:
 
     for root, number in (("reciprocal", 0), ("square", 1)):
         add(f"quadratic-{root}", "quadratic", {"x_i": f + 3}, {"y_o": f + 5}, "quadratic_latency()", Root=number)
-    add("rsqrt", "rsqrt", {"x_i": f + 3}, {"y_o": near}, "rsqrt_latency()")
-    for normalise in (0, 1):
+    for k in range(4):
+        add(f"rsqrt-{k}", "rsqrt", {"x_i": f + 3}, {"y_o": near + k}, "rsqrt_latency()", Extra=k)
+    for normalise, k in itertools.product((0, 1), range(4)):
         latency = f"sqrt_latency(1'b{normalise})"
-        add(f"sqrt-{normalise}", "sqrt", {"x_i": f + 3}, {"y_o": near}, latency, Normalise=normalise)
+        add(
+            f"sqrt-{normalise}-{k}", "sqrt", {"x_i": f + 3}, {"y_o": near + k}, latency, Normalise=normalise, Extra=k,
+        )  # fmt: skip
     add(
         "pixel_to_lattice", "pixel_to_lattice", each("u_i v_i", 18), {**each("x_o y_o", lattice), "beyond_o": 1},
         "pixel_latency()",
@@ -83,20 +89,32 @@ def steps(f: int) -> dict[str, Instance]:
             name, "shear", each("x_i y_i", bits), {"x_o": far, "beyond_o": 1}, f"shear_latency({f})",
             {"g_i": far}, Wx=bits, **cells,
         )  # fmt: skip
-    add("unit_slope", "unit_slope", each("mx_i my_i", near), {**each("ex_o ey_o ez_o", near), "beyond_o": 1},
-        f"unit_latency({f})", **cells)  # fmt: skip
+    for k in {0, extra_bits(f)}:
+        for second in (0, 1):
+            add(
+                f"blend-{second}-slope-{k}", "blend", each("x_i a_i", far), {"y_o": near + k, "beyond_o": 1},
+                f"blend_latency({f}, {far})", each("k_i l_i", near + k), Second=second, Wx=far, Wa=far, Wk=near + k,
+                **cells,
+            )  # fmt: skip
+        add(
+            f"unit_slope-{k}", "unit_slope", each("mx_i my_i", near + k),
+            {**each("ex_o ey_o ez_o", near + k), "beyond_o": 1}, f"unit_latency({f})", Extra=k, **cells,
+        )  # fmt: skip
     add(
-        "enter_flat", "enter_flat", each("ex_i ey_i", near), {**each("tx_o ty_o dz_o", near), "beyond_o": 1},
+        "enter_flat", "enter_flat", each("ex_i ey_i", lateral),
+        {**each("tx_o ty_o", lateral), "dz_o": axial, "beyond_o": 1},
         f"enter_flat_latency({f})", {"index_inverse_i": near}, **cells,
     )  # fmt: skip
     for upward in (0, 1):
         add(
-            f"meet_dome-{upward}", "meet_dome", {**each("hx_i hy_i", point), **each("dx_i dy_i dz_i", near)},
+            f"meet_dome-{upward}", "meet_dome",
+            {**each("hx_i hy_i", point), **each("dx_i dy_i", lateral), "dz_i": axial},
             {**each("nx_o ny_o nz_o cos_o", near), "s_o": far, **each("missed_o beyond_o", 1)},
             f"meet_dome_latency({f})", {"zc_i": far, "oz_i": f + 9}, Upward=upward, **cells,
         )  # fmt: skip
     add(
-        "leave_dome", "leave_dome", {**each("nx_i ny_i nz_i cos_i ex_i ey_i dz_i", near), "s_i": far},
+        "leave_dome", "leave_dome",
+        {**each("nx_i ny_i nz_i cos_i", near), **each("ex_i ey_i", lateral), "dz_i": axial, "s_i": far},
         {**each("dx_o dy_o dz_o", near), **each("reflected_o beyond_o", 1)}, f"dome_latency({f})",
         {"index_i": point, "index_square_i": far}, **cells,
     )  # fmt: skip

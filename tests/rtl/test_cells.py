@@ -5,6 +5,7 @@ The expected outputs are computed here, from the ports that a bench prints.
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections import deque
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 from lippmann.dev.synthesis import DESIGNS, elaborate, elaboration, place, run_tool, sources, stages
 from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import PREFIX, optics_sources, repository, rtl_folders, verilator_environment
+from lippmann.sim.tools import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
 from runner import BUILD
 
 TOP = repository()
@@ -73,6 +74,28 @@ def test_wide_product(printed, kind, latency):
         seen.add((a, b))
     assert any(a == -(1 << wa - 1) for a, _ in seen)
     assert len(seen) > CLOCKS // 4
+
+
+def test_what_is_simulated_is_what_is_placed(tmp_path):
+    """Products of all pairs of widths, extreme words and a million random ones: generic cells against ECP5's."""
+    cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
+    placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]
+    shared = needed("products", {path.stem: path for path in optics_sources(TOP)} | {"products": HERE / "products.sv"})
+    sources = [*shared, HERE / "ecp5_models.sv"]
+
+    def make(program: Path) -> None:
+        renamed = program.with_name("ecp5_products.sv")
+        text = "\n".join(path.read_text() for path in placed)
+        renamed.write_text(re.sub(r"\blipp_(mult18|wide_product|multiplier)\b", r"ecp5_\1", text))
+        options = ["-Wno-PINMISSING"]
+        verilated(program, "products", [*sources, renamed], [HERE / "main.cpp"], options=options, flags=SHORT)
+
+    program = kept(BUILD / "cells-products", [*sources, *placed, HERE / "main.cpp"], make)
+    clocks = 8000
+    print(f"seed {SEED}")
+    run = [str(program), str(clocks), f"+verilator+seed+{SEED}"]
+    said = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert (said.returncode, said.stdout.split()) == (0, ["products", str(11 * 12 * clocks)]), said.stdout + said.stderr
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 112, 80
 SOON = 5.0
 # Numbers of docs/reference/protocol.md.
 HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = range(1, 11)
-OK, ADDRESS, STALE, OPTICS, BUSY, ABORTED = 0, 3, 4, 9, 10, 11
+OK, LENGTH, ADDRESS, STALE, OPTICS, BUSY, ABORTED = 0, 2, 3, 4, 9, 10, 11
 FRAME_RUNS, SIGN_RUNS, THIS_RUNS = 1, 2, 3
 CONTROL, SOURCE, COLUMNS, SEED_AT = 0x20C, 0x214, 0x2C0, 0x2D0
 APPLY, START, ABORT_BIT = 1, 2, 4
@@ -132,15 +132,27 @@ def test_a_trace_while_a_frame_runs_is_answered(raw):
 
 
 def test_trace_start_sign_trace(raw):
+    """The raster is the source again behind a trace: the frame ends without an abort."""
+    assert raw.write(SOURCE, 1) == (OK, b"")
+    for _ in range(3):
+        assert raw.trace() == traced()
+        assert raw.board.read(SOURCE) == [0]
+        assert raw.write(CONTROL, START) == (OK, b"")
+        assert raw.trace()[0] in (OK, BUSY)
+        raw.idle()
+        assert raw.sign() == signed(SHORT)
     assert raw.trace() == traced()
-    # The frame waits for the raster as its source.
-    assert raw.write(CONTROL, START) == (OK, b"")
-    for _ in range(2):
-        assert raw.sign() == (BUSY, struct.pack("<BI", FRAME_RUNS, 0))
-        assert raw.trace() == (BUSY, struct.pack("<BI", FRAME_RUNS, 0))
-    assert raw.ask(ABORT) == (OK, b"")
-    assert raw.sign() == signed(SHORT)
+
+
+def test_a_trace_of_a_pixel_beyond_its_word_is_refused(raw):
+    """18 bits hold u and v. The board cut them silently, and traced another pixel."""
+    for place, word in ((0, 1 << 17), (4, -(1 << 17) - 1), (16, -(1 << 31)), (20, (1 << 31) - 1), (36, 1 << 18)):
+        rays = bytearray(TRACED[:48].tobytes())
+        rays[place : place + 4] = struct.pack("<i", word)
+        assert raw.ask(TRACE, bytes(rays)) == (LENGTH, b"")
     assert raw.trace() == traced()
+    ends = np.array([(-(1 << 17), (1 << 17) - 1, 0, 0), ((1 << 17) - 1, -(1 << 17), 0, 0)], np.int64)
+    assert raw.ask(TRACE, ends.astype("<i4").tobytes()) == (OK, rays_of(ends[:, 0], ends[:, 1]))
 
 
 def test_a_sign_counts_its_own_rays_only(raw):

@@ -376,11 +376,16 @@ class Traffic:
         return struct.pack("<BHH", self.rng.choice([0, 1, 1, 2]), self.rng.randrange(12), self.rng.randint(0, 6))
 
     def trace(self):
-        # Bits beyond a word's own, and aims, which this board's optics do not have, change nothing.
+        # Aims, which this board's optics do not have, change nothing. Pixels beyond their words are refused.
         rays = [
             (*self.rng.choice(self.judge.places), self.rng.getrandbits(31), 7)
             for _ in range(self.rng.choice([1, 2, 5, 64]))
         ]
+        if self.rng.random() < 0.1:
+            bits = self.rng.randint(18, 31)
+            wide = [self.rng.choice([-(1 << 17) - 1, 1 << 17, -(1 << bits), (1 << bits) - 1]), 5]
+            self.rng.shuffle(wide)
+            rays[self.rng.randrange(len(rays))] = (*wide, 0, 0)
         return b"".join(struct.pack("<4i", *ray) for ray in rays)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from lippmann.display import Display, Grid
 from lippmann.errors import InputError
-from lippmann.fixed.words import FRACTIONS
+from lippmann.fixed.words import FRACTIONS, extra_bits
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 from lippmann.toml import documented, key
@@ -89,6 +89,11 @@ class Build:
     def near(self) -> int:
         """Bits of a near or wide word, W."""
         return self.fraction_bits + 2
+
+    @property
+    def extra(self) -> int:
+        """Bits of slopes and directions in the air beyond a word's, `extra_bits`."""
+        return extra_bits(self.fraction_bits) if self.model == "exact" and not self.viewer else 0
 
     @property
     def local(self) -> int:

@@ -98,31 +98,33 @@ def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.
     near, far = f + 2, f + 4
     strays = exact and (build.aims or build.viewer or build.converge)
     walks, square = build.max_cell_steps > 0, build.grid == "square"
-    read = {
-        near: {
+    read = (
+        (near + build.extra, {
             "slope_x": True, "slope_y": True,
             "slope_aim_x": build.slope_aims, "slope_aim_y": build.slope_aims,
+        }),
+        (near, {
             "point_x": build.model != "pinhole", "point_y": build.model != "pinhole",
             "point_aim_x": build.aims, "point_aim_y": build.aims,
             "index_inverse": exact,
             "cell_half": strays, "cell_half_y": strays and square, "shear_lean": strays and build.shear,
             "cell_pitch_x": walks, "cell_pitch_y": walks, "shear_row": walks and build.shear,
-        },
-        near + 1: {"index": exact},
-        far: {
+        }),
+        (near + 1, {"index": exact}),
+        (far, {
             "index_square": exact, "index_inverse_square": build.viewer, "depth": exact,
             "exit_z": build.viewer or not exact, "cell_rise": strays and not square, "shear_x": build.shear,
-        },
-        f + 9: {
+        }),
+        (f + 9, {
             "depth_rest": exact and not build.viewer,
             "converge_share": build.converge, "converge_x": build.converge, "converge_y": build.converge,
-        },
-        words.INDEX_BITS + 2: {"extent_i": True},
-        words.INDEX_BITS + 1: {"extent_j": True},
-    }  # fmt: skip
+        }),
+        (words.INDEX_BITS + 2, {"extent_i": True}),
+        (words.INDEX_BITS + 1, {"extent_j": True}),
+    )  # fmt: skip
     cut: dict[str, Any] = {}
     beyond: words.Bools | np.bool_ = np.False_
-    for bits, registers in read.items():
+    for bits, registers in read:
         for name, is_read in registers.items():
             value = getattr(config, name)
             cut[name] = words.wrapped(value, bits)
@@ -184,7 +186,8 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     columns = _Format(words.SLOPE_BITS, words.SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}")
     rows = columns._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
     offsets = _Format(words.OFFSET_BITS, words.OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
-    slopes, points = _Format(near, f, _TOO_NEAR), _Format(near, f, _TOO_STEEP)
+    slopes = _Format(near + build.extra, f + build.extra, _TOO_NEAR)
+    points = _Format(near, f, _TOO_STEEP)
     shares = _Format(words.share_bits(f), f + 11, _FARTHER)
     shifts = shares._replace(fraction=f + 2, remedy="bring viewing_axis_mm and array.offset_mm nearer to the panel")
     registers = {

@@ -8,7 +8,7 @@ from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.saturate import beyond, saturate
 from lippmann.fixed.sqrt import sqrt
-from lippmann.fixed.words import GUARD, Bools, Ints, above_one, fits, guarded, wrapped
+from lippmann.fixed.words import GUARD, Bools, Ints, above_one, extra_bits, fits, guarded, wrapped
 
 
 def leave_dome(
@@ -21,11 +21,12 @@ def leave_dome(
         C'   = 2^(F+3) - (s n2 >> F)
         cos' = sqrt(min(max(C', 0), M))
         k    = (4 cos' - (cos n >> F-2) + 4) >> 3
-        d'_x = saturate(((e_x << 3) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
-        d'_z = saturate(((dz n >> F-3) + (k N_z >> F-3) + 4) >> 3)
+        d'_x = saturate(((e_x << 3-E) + (k N_x >> F-3) + 4) >> 3),  d'_y likewise
+        d'_z = saturate(((dz n >> F-3+3E) + (k N_z >> F-3) + 4) >> 3)
 
-    s = 1 - cos^2 and C' have F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow:
-    C' above 1, or, unless reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
+    e_x and e_y have E = `extra_bits` more fraction bits than near words, dz has 3 E more. s = 1 - cos^2 and C' have
+    F + 3 fraction bits, k is a wide word, n2 is n^2. Totally reflected: C' <= 0. Overflow: C' above 1, or, unless
+    reflected, k outside its word or the direction outside [-1, 1], by more than roundings.
     """
     near = f + 2
     c, cos_air = cosine_behind(met.s, index_square, f)
@@ -33,10 +34,10 @@ def leave_dome(
     bend = guarded((cos_air << 2) - glass)
     over = ~fits(bend, near)
     bend = wrapped(bend, near)
-    drop = f - GUARD
+    drop, extra = f - GUARD, extra_bits(f)
     kx, ky, kz = (multiplier(bend, n, near, near, drop) for n in (met.nx, met.ny, met.nz))
-    axial = multiplier(dz, index, near, near + 1, drop)
-    out = [guarded(d) for d in ((ex << GUARD) + kx, (ey << GUARD) + ky, axial + kz)]
+    axial = multiplier(dz, index, near + 3 * extra, near + 1, drop + 3 * extra)
+    out = [guarded(d) for d in ((ex << (GUARD - extra)) + kx, (ey << (GUARD - extra)) + ky, axial + kz)]
     reflected = c <= 0
     over = above_one(c, f) | (~reflected & (over | np.any([beyond(d, near) for d in out], axis=0)))
     dx, dy, dz = (saturate(d, near) for d in out)

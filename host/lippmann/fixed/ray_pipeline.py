@@ -24,7 +24,7 @@ from lippmann.fixed.move_lenslet import move_lenslet
 from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
 from lippmann.fixed.shear import shear
 from lippmann.fixed.unit_slope import unit_slope
-from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped
+from lippmann.fixed.words import INDEX_BITS, Bools, Ints, extra_bits, fits, wrapped
 from lippmann.optics.rays import Status
 
 
@@ -80,7 +80,7 @@ def ray_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, buil
         from_x, from_y = wrapped(from_x, local), wrapped(from_y, local)
     mx, my, hx, hy, outside = _sums(x, y, from_x, from_y, a, b, config, build)
     beyond = beyond | outside
-    ex, ey, ez, too_steep = unit_slope(mx, my, f)
+    ex, ey, ez, too_steep = unit_slope(mx, my, f, build.extra)
     beyond = beyond | too_steep
 
     if exact:
@@ -105,8 +105,9 @@ def _sums(
     """Return the slope of rays, their points on the first face, and where a word does not hold one of them."""
     f, near, bits = build.fraction_bits, build.near, (build.local, build.aim)
     to_a, to_b = (a, b) if build.slope_aims else (None, None)
-    mx, beyond_x = blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, near, *bits)
-    my, beyond_y = blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, near, *bits)
+    slope = near + build.extra, *bits, build.extra
+    mx, beyond_x = blend(config.slope_x, from_x, config.slope_aim_x, to_a, f, *slope)
+    my, beyond_y = blend(config.slope_y, from_y, config.slope_aim_y, to_b, f, *slope)
     beyond = beyond_x | beyond_y
     if build.model == "pinhole":
         return mx, my, np.zeros_like(x), np.zeros_like(y), beyond
@@ -127,7 +128,11 @@ def _through_lenslet(
     f, grid = build.fraction_bits, build.grid
     ex, ey, ez = air
     beyond = np.zeros(ex.shape, np.bool_)
-    dx, dy, dz, beyond = (ex, ey, ez, beyond) if build.viewer else enter_flat(ex, ey, config.index_inverse, f)
+    more = extra_bits(f)
+    if build.viewer:
+        dx, dy, dz = ex << more, ey << more, ez << 3 * more
+    else:
+        dx, dy, dz, beyond = enter_flat(ex, ey, config.index_inverse, f)
 
     def meet(hx: Ints, hy: Ints) -> Meeting:
         return meet_dome(hx, hy, dx, dy, dz, config.depth, config.depth_rest, f, not build.viewer)
@@ -159,6 +164,9 @@ def _through_lenslet(
     else:
         air_dx, air_dy, air_dz, reflected, over = leave_dome(met, ex, ey, dz, config.index, config.index_square, f)
         keeps = reflected | met.missed
+        # The direction in the glass is rounded to near words.
+        dx, dy = (wrapped((d + more) >> more, build.near) for d in (dx, dy))
+        dz = np.minimum((dz + (1 << 3 * more >> 1)) >> 3 * more, (1 << (f + 1)) - 1)
         dx, dy, dz = np.where(keeps, dx, air_dx), np.where(keeps, dy, air_dy), np.where(keeps, dz, air_dz)
         x, y, z = met.nx, met.ny, met.nz - (1 << (f + 1))
     return FixedRays(i, j, x, y, z, dx, dy, dz, np.zeros_like(i)), missed, reflected, beyond | over

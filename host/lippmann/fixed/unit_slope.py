@@ -9,22 +9,23 @@ from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.words import GUARD, Bools, Ints, guarded, wrapped
 
 
-def unit_slope(mx: Ints, my: Ints, f: int) -> tuple[Ints, Ints, Ints, Bools]:
+def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words, and where m^2 >= 3.
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places:
+    All have E = `extra` more fraction bits than such words. Words as integers, a b >> k the product that `multiplier`
+    cuts by k places:
 
-        x    = ((m_x m_x >> F-4) + (m_y m_y >> F-4) + 2^(F+4) + 4) >> 3
-        e_z  = min(rsqrt(x), 2^(F+1) - 1)
-        e_x  = ((m_x e_z >> F-3) + 4) >> 3,  e_y likewise
+        x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
+        e_z  = min(rsqrt(x), 2^(F+1+E) - 1)
+        e_x  = ((m_x e_z >> F-3+E) + 4) >> 3,  e_y likewise
 
     Those slopes, 60 degrees and more, overflow: x and e_x keep their lowest bits, as the registers do.
     """
-    word = f + 2
-    square = multiplier(mx, mx, word, word, f - 4) + multiplier(my, my, word, word, f - 4)
+    word, drop = f + 2 + extra, f - 4 + 2 * extra
+    square = multiplier(mx, mx, word, word, drop) + multiplier(my, my, word, word, drop)
     x = guarded(square) + (1 << (f + 1))
     beyond = x >= 1 << (f + 3)
-    ez = np.minimum(rsqrt(x & ((1 << (f + 3)) - 1), f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
-    ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD)), word)
-    ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD)), word)
+    ez = np.minimum(rsqrt(x & ((1 << (f + 3)) - 1), f, extra), (1 << (f + 1 + extra)) - 1)  # 1 does not fit a near word
+    ex = wrapped(guarded(multiplier(mx, ez, word, word, f - GUARD + extra)), word)
+    ey = wrapped(guarded(multiplier(my, ez, word, word, f - GUARD + extra)), word)
     return ex, ey, ez, beyond

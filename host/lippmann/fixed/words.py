@@ -35,14 +35,22 @@ FRACTIONS = range(14, 24)
 WIDEST, COMPACT = 23, 16
 
 
+def extra_bits(f: int) -> int:
+    """Return E, the bits more of slopes and directions on their way into the glass: where words take more than a cell.
+
+    They are in exact builds with the plano side to the panel: slopes and lateral directions have E, dz has 3 E.
+    """
+    return 1 if f + 2 > MUL_BITS else 0
+
+
 def share_bits(f: int) -> int:
     """Return the bits of the words of `converge`: a share with F + 11 fraction bits, and offsets with F + 2."""
     return f + 9
 
 
-def guarded(x: Ints) -> Ints:
-    """Round the guard bits away: floor((x + 4) / 8)."""
-    return (x + (1 << (GUARD - 1))) >> GUARD
+def guarded(x: Ints, kept: int = 0) -> Ints:
+    """Round the guard bits away, but for K that are kept: (x + (4 >> K)) >> (3 - K)."""
+    return (x + (1 << (GUARD - 1) >> kept)) >> (GUARD - kept)
 
 
 def halved(x: Ints) -> Ints:

@@ -21,7 +21,7 @@ from lippmann.fixed import ray_pipeline
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.meet_dome import Meeting
-from lippmann.fixed.words import OFFSET_FRACTION, Ints
+from lippmann.fixed.words import OFFSET_FRACTION, Ints, extra_bits
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats
@@ -30,7 +30,7 @@ from lippmann.optics.rays import Floats
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
 
-#: Fraction bits beyond F of the words. Other names are whole numbers.
+#: Fraction bits beyond F of the words, but for those of `_fractions`. Other names are whole numbers.
 _FRACTIONS = {
     **dict.fromkeys(
         (
@@ -58,6 +58,18 @@ _FRACTIONS = {
     **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "nx", "ny", "nz", "cos"), 1),
     **dict.fromkeys(("out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
     "s": 3,
+}
+
+
+def _fractions(build: Build) -> dict[str, int]:
+    """Return the fraction bits beyond F of a build's words."""
+    return {name: bits + build.extra * _EXTRA.get(name, 0) for name, bits in _FRACTIONS.items()}
+
+
+#: Those with more bits in some builds, by `Build.extra` times so many.
+_EXTRA = {
+    **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
+    "dz": 3,
 }
 #: What steps add to the state, in the order in which their functions return it.
 _ADDED = {
@@ -94,7 +106,8 @@ def hybrids(
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
     # As the twin's parameters are called.
-    state |= {"shear": build.shear, "half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
+    state |= {"extra": build.extra, "shear": build.shear}
+    state |= {"half": config.cell_half, "half_y": config.cell_half_y, "rise": config.cell_rise}
     state |= {"cx": config.cell_pitch_x, "cy": config.cell_pitch_y, "rx": config.shear_row}
     state |= {"lean": config.shear_lean, "g": config.shear_x}
     state |= {"share": config.converge_share, "offset_x": config.converge_x, "offset_y": config.converge_y}
@@ -109,7 +122,7 @@ def hybrids(
 def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
     """Take the remaining steps in float64; returns what `hybrids` yields."""
     state = dict(state)
-    for name, bits in _FRACTIONS.items():
+    for name, bits in _fractions(build).items():
         if name in state:
             state[name] = np.ldexp(np.asarray(state[name], np.float64), -(build.fraction_bits + bits))
     for name in steps:
@@ -144,11 +157,12 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
             slope, aimed, bits = state[f"slope_{axis}"], state[f"slope_aim_{axis}"], (build.local, build.aim)
             sum_ = (slope, at, aimed, to) if build.converge else (slope, to - at, 0, None)
             point = state[f"point_{axis}"], at, state[f"point_aim_{axis}"], to
-            state[f"m{axis}"] = steps[name](*sum_, f, build.near, *bits)[0]
+            state[f"m{axis}"] = steps[name](*sum_, f, build.near + build.extra, *bits, build.extra)[0]
             state[f"h{axis}"] = steps[name](*point, f, build.near + 1, *bits)[0]
     elif name == "meet_dome":
         if not state["upward"]:
-            state |= {f"d{axis}": state[f"e{axis}"] for axis in "xyz"}
+            more = extra_bits(build.fraction_bits) if steps is TWIN else 0
+            state |= {f"d{axis}": state[f"e{axis}"] * (1 << more * n) for axis, n in zip("xyz", (1, 1, 3), strict=True)}
         state["met"] = call("meet_dome")
         # As many further domes as the build tries.
         for _ in range(build.max_cell_steps):

@@ -8,8 +8,8 @@ import rules
 from cocotb.clock import Clock
 from neighbours import Neighbours
 from packets import marked
-from protocol import ABORT, HELLO, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
-from requests_fuzz import traffic
+from protocol import ABORT, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
 
@@ -132,8 +132,13 @@ async def replies_by_hand(dut):
         ("08 0d00", "88 0d00 09"),
         ("08 0d00", "88 0d00 09"),
         # A frame that waits for its source keeps all else from the optics until it is ended.
-        ("03 0d01 0003 00000000", "83 0d01 00"),
+        ("03 0b01 0003 00000000", "83 0b01 00"),
         ("07 0d02 01000000 02000000 03000000 04000000", "87 0d02 00" + struct.pack("<9I", *rules.exit_ray(ray)).hex()),
+        ("07 0d02 01000000 00000200 03000000 04000000", "87 0d02 02"),
+        ("07 0d02 fffffdff 02000000 03000000 04000000", "87 0d02 02"),
+        ("02 0d02 1402 01", "82 0d02 00 00000000"),
+        ("03 0c01 1402 01000000", "83 0c01 00"),
+        ("03 0d01 0c02 01000000", "83 0d01 00"),
         ("03 0e01 0c02 02000000", "83 0e01 00"),
         ("03 0e01 0c02 02000000", "83 0e01 00"),
         ("03 0f01 0c02 02000000", "83 0f01 0a 01 00000000"),
@@ -182,7 +187,7 @@ async def the_longest_of_each(dut):
         request(READ, 2, struct.pack("<HB", 0x300, 64)),
         request(TILE, 3, struct.pack("<HHB", 0, 0, 0) + random.randbytes(3200 - 4 - 8)),
         request(TILES, 4, struct.pack("<BHH", 1, reference.tiles - count, count)),
-        request(TRACE, 5, random.randbytes(1024)),
+        request(TRACE, 5, (bytes([0xFF, 0xFF, 1, 0, 0, 0, 0xFE, 0xFF]) + random.randbytes(8)) * 64),
         request(TRACE, 6, random.randbytes(3192)),
         request(WRITE, 7, random.randbytes(3193)),
         request(SIGN, 8, random.randbytes(3193)),
@@ -307,6 +312,15 @@ async def forgets_all_at_reset(dut):
         await ask(monitor, reference, request(HELLO, 1, bytes([2, 0, 0, 0, 0])), write)
         monitor, reference = await start(dut)
         await ask(monitor, reference, write, request(READ, 1, struct.pack("<HB", 0x304, 1)))
+
+
+@cocotb.test()
+async def refuses_wrong_lengths(dut):
+    """Each kind, a byte too long or, where any byte more is data, too short."""
+    monitor, reference = await start(dut)
+    for number, kind in enumerate(KINDS):
+        body = b"1234" if kind == TILE else BODIES[kind](reference) + b"\1"
+        await ask(monitor, reference, request(kind, number, body))
 
 
 @cocotb.test()

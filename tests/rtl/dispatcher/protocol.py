@@ -94,7 +94,8 @@ class Reference:
         if kind == TILES:
             return size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512
         if kind == TRACE:
-            return size % 16 == 0 and 1 <= size // 16 <= 64
+            pixels = (word for k, (word,) in enumerate(struct.iter_unpack("<i", body[: size & ~3])) if k % 4 < 2)
+            return size % 16 == 0 and 1 <= size // 16 <= 64 and all(-(1 << 17) <= one < 1 << 17 for one in pixels)
         return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6}.get(kind, 0)
 
     def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
@@ -181,6 +182,7 @@ class Reference:
         self._have(stream=1)
         rays = list(struct.iter_unpack("<4I", body))
         self.log += [("ray", *ray) for ray in rays]
+        self._have(stream=0)
         return OK, b"".join(struct.pack("<9I", *rules.exit_ray(ray)) for ray in rays)
 
     def _sign(self) -> tuple[int, bytes]:

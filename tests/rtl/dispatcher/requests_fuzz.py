@@ -65,7 +65,13 @@ def tiles(reference: Reference) -> bytes:
 
 
 def trace(_: Reference) -> bytes:
-    return random.randbytes(16 * random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
+    """Rays of any aims; a pixel's words end where theirs do, or now and then beyond."""
+    ends = [-(1 << 17), (1 << 17) - 1]
+    if random.random() < 0.1:
+        ends += [-(1 << 17) - 1, 1 << 17, -(1 << 31), (1 << 31) - 1]
+    pixels = [*ends, *(random.randrange(-(1 << 17), 1 << 17) for _ in range(4))]
+    rays = range(random.choice([1, 1, 2, 3, 64 if random.random() < 0.1 else 4]))
+    return b"".join(struct.pack("<2i", *random.choices(pixels, k=2)) + random.randbytes(8) for _ in rays)
 
 
 def nothing(_: Reference) -> bytes:
@@ -88,6 +94,8 @@ def bad_length(kind: int, body: bytes) -> bytes:
             return body[:3] + struct.pack("<H", random.choice([0, 513, 0x8001, 0xFFFF]))
         if kind == WRITE:
             return body[:2] + random.randbytes(4 * random.choice([0, 65, 66, 256, 257, 320, 600]))
+        if kind == TILE:
+            return body[: random.randrange(5)]
         if kind == TRACE:
             return random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513]))
     cut = body[: random.randrange(len(body) + 1)]
@@ -100,7 +108,7 @@ def traffic(reference: Reference, count: int) -> Iterator[tuple[bytes, bytes]]:
     sent: list[bytes] = []
     number = random.getrandbits(16)
     for _ in range(count):
-        kind = random.choice([*KINDS[:-2], WRITE, WRITE, SIGN, TRACE] if random.random() < 0.9 else KINDS)
+        kind = random.choice([*KINDS[:-2], WRITE, WRITE, SIGN, TRACE] if random.random() < 0.8 else KINDS)
         # Mostly a newer one; some come again, late, or after many that were lost.
         number = (number + random.choice([1] * 8 + [0, -1, 5, -5, 0x7FFF, 0x8000, -0x7FFF])) % (1 << 16)
         chance = random.random()

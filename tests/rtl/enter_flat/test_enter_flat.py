@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.enter_flat import enter_flat
+from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step
@@ -16,20 +17,24 @@ def test_equals_twin(f):
     rng = np.random.default_rng(s)
     seen = Coverage("enter_flat", f"F{f}")
     segments = []
-    most = int(np.sqrt(0.75) * (2 << f))
+    more = extra_bits(f)
+    b = f + more
+    most = int(np.sqrt(0.75) * (2 << b))
     for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3), 1.01, -1.0):
         inverse = int(np.clip(word(1 / n, f + 1), *signed(f + 2)))
         ex, ey = mixed(rng, 700, (-most, most), (-most, most))
         angle = rng.random(200) * 2 * np.pi
-        ex = np.concatenate([ex, word(0.866 * np.cos(angle), f + 1)])
-        ey = np.concatenate([ey, word(0.866 * np.sin(angle), f + 1)])
+        ex = np.concatenate([ex, word(0.866 * np.cos(angle), b + 1)])
+        ey = np.concatenate([ey, word(0.866 * np.sin(angle), b + 1)])
         within = (ex * ex + ey * ey <= most * most) | (n < 1.1)
         ex, ey = ex[within], ey[within]
         tx, ty, dz, beyond = enter_flat(ex, ey, inverse, f)
         out = {"tx_o": tx, "ty_o": ty, "dz_o": dz, "beyond_o": beyond.astype(np.int64)}
         segments.append(Segment({"index_inverse_i": inverse}, {"ex_i": ex, "ey_i": ey}, out))
-        sine = ((ex / n) ** 2 + (ey / n) ** 2) / 4.0 ** (f + 1)
-        seen.point("along the axis, dz the largest word", (ex == 0) & (ey == 0) & (dz == (2 << f) - 1))
+        sine = ((ex / n) ** 2 + (ey / n) ** 2) / 4.0 ** (b + 1)
+        # The argument is a word below 1, and so is a word of its root, but for the root's own error.
+        largest = dz >= (2 << f + 3 * more) - 1 - 2 * more
+        seen.point("along the axis, dz the largest word", (ex == 0) & (ey == 0) & largest)
         seen.point("squares cut to less than 0", (ex <= 0) & (ey <= 0) & (ex >= -2) & (ey >= -2))
         seen.point("root in the lower octave", sine > 0.5)
         seen.point("root in the upper octave", sine < 0.5)

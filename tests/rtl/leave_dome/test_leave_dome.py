@@ -5,6 +5,7 @@ import pytest
 from bench import Segment
 from lippmann.fixed.leave_dome import leave_dome
 from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step
@@ -34,7 +35,8 @@ def test_equals_twin(f):
     s_ = seed()
     rng = np.random.default_rng(s_)
     near, far = signed(f + 2), signed(f + 4)
-    one = 1 << (f + 3)
+    one, more = 1 << (f + 3), extra_bits(f)
+    into = [*[near] * 4, *[signed(f + 2 + more)] * 2, signed(f + 2 + 3 * more)]
     seen = Coverage("leave_dome", f"F{f}")
     segments = []
     for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3)):
@@ -42,14 +44,15 @@ def test_equals_twin(f):
         normal, cos, s, d = rays(rng, 600, n)
         # Words around C' = 0, the ray straight through, and everything else.
         edge = around([one / n**2, 0, one - 1], 12, 0, one - 1)
-        words = [*word(normal, f + 1), word(cos, f + 1), *word(n * d[:2], f + 1), word(d[2], f + 1), word(s, f + 3)]
-        limits = [near] * 7 + [(0, one - 1)]
+        words = [*word(normal, f + 1), word(cos, f + 1), *word(n * d[:2], f + 1 + more), word(d[2], f + 1 + 3 * more)]
+        words += [word(s, f + 3)]
+        limits = [*into, (0, one - 1)]
         wild = mixed(rng, 300, *limits)
         words = [np.concatenate([np.clip(w, *r), v]) for w, r, v in zip(words, limits, wild, strict=True)]
         words[7][300 : 300 + len(edge)] = edge
         segments.append((index, square, words))
     for index, square in zip(*(w[:9].tolist() for w in mixed(rng, 0, (1, signed(f + 3)[1]), (1, far[1]))), strict=True):
-        segments.append((index, square, mixed(rng, 30, *[near] * 7, far)))
+        segments.append((index, square, mixed(rng, 30, *into, far)))
     streams = []
     for index, square, words in segments:
         given = dict(zip(PORTS, words, strict=True))

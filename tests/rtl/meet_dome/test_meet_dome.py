@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.meet_dome import meet_dome
+from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step
@@ -36,18 +37,21 @@ def test_equals_twin(f, upward):
     seen = Coverage("meet_dome", f"{'up' if upward else 'down'}-F{f}")
     segments = []
     near, point, far = signed(f + 2), signed(f + 3), signed(f + 4)
+    more = extra_bits(f)
+    lateral, axial = signed(f + 2 + more), signed(f + 2 + 3 * more)
     for depth in (0.9, 0.5, 0.0, -1.0, -3.0, -4.9, *rng.uniform(-4, 0.9, 3)):
         zc = int(word(depth, f))
         x, y, d = rays(rng, 700, zc / (1 << f), upward)
         rest = int(word(1 - (zc / (1 << f)) ** 2, f + 3))
-        hx, hy, wild = word(x, f), word(y, f), mixed(rng, 200, point, point, near, near, near)
-        dx, dy, dz = np.minimum(word(d, f + 1), near[1])
+        hx, hy, wild = word(x, f), word(y, f), mixed(rng, 200, point, point, lateral, lateral, axial)
+        dx, dy = np.minimum(word(d[:2], f + 1 + more), lateral[1])
+        dz = np.minimum(word(d[2], f + 1 + 3 * more), axial[1])
         fits = (hx >= point[0]) & (hx <= point[1]) & (hy >= point[0]) & (hy <= point[1])
         assert fits.sum() > 100
         hx, hy, dx, dy, dz = (np.concatenate([w[fits], v]) for w, v in zip((hx, hy, dx, dy, dz), wild, strict=True))
         segments.append((zc, rest, (hx, hy, dx, dy, dz)))
     for zc, rest in zip(*(w[:25].tolist() for w in mixed(rng, 0, far, signed(f + 9))), strict=True):
-        segments.append((zc, rest, mixed(rng, 50, point, point, near, near, near)))
+        segments.append((zc, rest, mixed(rng, 50, point, point, lateral, lateral, axial)))
     streams = []
     for zc, rest, words in segments:
         met = meet_dome(*words, zc, rest, f, bool(upward))

@@ -10,8 +10,9 @@ from steps import FRACTIONS, stream_step
 from words import around, specials
 
 
+@pytest.mark.parametrize("extra", range(4))
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_normalised_equals_twin(f):
+def test_normalised_equals_twin(f, extra):
     s = seed()
     rng = np.random.default_rng(s)
     bits = f + 3
@@ -20,21 +21,23 @@ def test_normalised_equals_twin(f):
     magnitude = rng.integers(0, bits, 6000)
     x = np.concatenate([specials(0, top), around(4 ** np.arange(bits // 2 + 1), 20, 0, top),
                         (1 << magnitude) + (rng.random(6000) * (1 << magnitude)).astype(np.int64)])  # fmt: skip
-    y = sqrt(x, f)
-    stream_step("sqrt-1", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
+    y = sqrt(x, f, extra=extra)
+    stream_step(f"sqrt-1-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
 
-    seen = Coverage("sqrt", f"normalised-F{f}")
+    seen = Coverage("sqrt", f"normalised-F{f}-{extra}")
     # The shift from the number of bits, not by the twin's steps.
     length = np.array([int(word).bit_length() for word in x])
     seen.values("shift by", np.where(x > 0, (bits - length) // 2, -1), range((bits - 1) // 2 + 1))
     seen.point("zero", x == 0)
     seen.point("smallest", x == 1)
-    seen.point("largest, held at the largest word", (x == top) & (y == (1 << (f + 1)) - 1))
+    # With all places kept the root's own error may show.
+    seen.point("largest, at the largest word", (x == top) & (y >= (1 << (f + 1 + extra)) - 1 - extra))
     seen.close()
 
 
+@pytest.mark.parametrize("extra", range(4))
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_plain_equals_twin(f):
+def test_plain_equals_twin(f, extra):
     s = seed()
     rng = np.random.default_rng(s)
     quarter = 1 << (f + 1)
@@ -42,9 +45,10 @@ def test_plain_equals_twin(f):
         around([quarter, 2 * quarter, 3 * quarter, 4 * quarter], 300, quarter, 4 * quarter - 1),
         rng.integers(quarter, 4 * quarter, 5000),
     ])  # fmt: skip
-    stream_step("sqrt-0", f, [Segment({}, {"x_i": x}, {"y_o": sqrt(x, f, normalise=False)})], s)
+    y = sqrt(x, f, normalise=False, extra=extra)
+    stream_step(f"sqrt-0-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
 
-    seen = Coverage("sqrt", f"plain-F{f}")
+    seen = Coverage("sqrt", f"plain-F{f}-{extra}")
     seen.point("lower octave", x < 2 * quarter)
     seen.point("upper octave", x >= 2 * quarter)
     seen.close()
