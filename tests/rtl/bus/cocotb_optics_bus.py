@@ -56,12 +56,12 @@ class Wish:
 
     async def write(self, address, word):
         _, error = await self.master.cycle(address // 4, word)
-        await self.master.idle(random.randrange(3))
+        await self.master.idle(random.randint(1, 3))  # without an end, a cycle would be asked for again and again
         return error
 
     async def read(self, address):
         answer = await self.master.cycle(address // 4)
-        await self.master.idle(random.randrange(3))
+        await self.master.idle(random.randint(1, 3))  # without an end, a cycle would be asked for again and again
         return answer
 
 

@@ -81,7 +81,9 @@ def test_equals_twin(build):
     one = instance(build)
     seen = Coverage("ray_pipeline", one.name)
     batch, missing = [], statuses(build)
-    for number in range(200):
+    for number in range(2000):
+        if number >= 12 and not missing:
+            break
         config = random_configuration(rng, build)
         u, v, a, b = ray_words(rng, 250, build, config)
         rays: FixedRays = ray_pipeline(u, v, a, b, config, build)
