@@ -215,7 +215,7 @@ def test_proof(proof: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", [f if f in SANITY else pytest.param(f, marks=pytest.mark.full) for f in FAULTS])
 def test_a_broken_design_fails(fault: str, tmp_path: Path) -> None:
     proof, file, text, replacement, broken = FAULTS[fault]
-    (path,) = (checkout(tmp_path) / "rtl").rglob(PREFIX + file)
+    (path,) = (path for path in (checkout(tmp_path) / "rtl").rglob(PREFIX + file) if path.parent.name != "ecp5")
     source = path.read_text()
     assert source.count(text) == 1, f"{file} has changed: give this fault its new text"
     path.write_text(source.replace(text, replacement))

@@ -220,7 +220,14 @@ REFUSED = [
     ("saturate", {"From": 3, "To": 5}, "saturate: To must be 1 or more and From no less"),
     ("saturate", {"Slack": 18}, "saturate: Slack must be 0 or more and less than To"),
     ("saturate", {"Slack": -1}, "saturate: Slack must be 0 or more and less than To"),
-    *(("blend", {"F": 16, "Wy": y}, "blend: Wy must be F + 2 to F + 4") for y in (17, 21)),
+    *(("blend", {"F": 16, "Wy": y}, "blend: Wy must be Wk to F + 4") for y in (17, 21)),
+    ("blend", {"F": 16, "Wk": 19, "Wy": 19}, "blend: Wk must be F + 2, or have extra_bits(F) more"),
+    ("blend", {"F": 23, "Wk": 27, "Wy": 27}, "blend: Wk must be F + 2, or have extra_bits(F) more"),
+    *((root, {"Extra": e}, f"{root}: Extra must be 0 to 3") for root in ("rsqrt", "sqrt") for e in (-1, 4)),
+    *(
+        ("unit_slope", {"F": f, "Extra": e}, "unit_slope: Extra must be 0 or extra_bits(F)")
+        for f, e in ((16, 1), (23, 2))
+    ),
     ("saturate", {"To": 0}, "saturate: To must be 1 or more and From no less"),
 ]
 

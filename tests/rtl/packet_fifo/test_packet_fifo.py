@@ -32,11 +32,11 @@ module fuzz_bench(
   logic in_valid, in_ready, valid, ready, out_valid, out_ready, out_last, ended, bad;
   logic [7:0] in_data, data, out_data;
   logic accepted, dropped_long, dropped_cobs, dropped_short, dropped_crc;
-  cobs_decoder i_decoder (
+  lipp_cobs_decoder i_decoder (
     .clk_i, .rst_ni, .in_valid_i(in_valid), .in_ready_o(in_ready), .in_data_i(in_data),
     .out_valid_o(valid), .out_ready_i(ready), .out_data_o(data), .out_end_o(ended), .out_bad_o(bad)
   );
-  packet_fifo #(.AddressBits(12)) i_fifo (
+  lipp_packet_fifo #(.AddressBits(12)) i_fifo (
     .clk_i, .rst_ni, .in_valid_i(valid), .in_ready_o(ready), .in_data_i(data), .in_end_i(ended),
     .in_bad_i(bad), .out_valid_o(out_valid), .out_ready_i(out_ready), .out_data_o(out_data),
     .out_last_o(out_last), .accepted_o(accepted), .dropped_long_o(dropped_long),

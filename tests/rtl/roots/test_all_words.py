@@ -22,8 +22,8 @@ module root_bench #(parameter int F = 23) (
   output logic [F+1:0] y_o,
   output int           latency_o
 );
-  assign latency_o = lipp_optics_pkg::{latency};
-  {module} #(.F(F){parameters}) i_root (.clk_i, .x_i, .y_o);
+  assign latency_o = lipp_math_pkg::{latency};
+  lipp_{module} #(.F(F){parameters}) i_root (.clk_i, .x_i, .y_o);
 endmodule
 """
 

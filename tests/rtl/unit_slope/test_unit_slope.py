@@ -15,9 +15,8 @@ from words import mixed, word
 @pytest.mark.parametrize("f", FRACTIONS)
 def test_equals_twin(f, extra):
     s = seed()
+    extra = min(extra, extra_bits(f))  # no build of so few fraction bits has wider words
     rng = np.random.default_rng(s)
-    if extra > extra_bits(f):
-        pytest.skip("no build has words of this width")
     b = f + extra
     most = int(np.sqrt(3.0) * (1 << b)) - 1
     mx, my = mixed(rng, 4000, (-most, most), (-most, most))
