@@ -76,7 +76,8 @@ def test_wide_product(printed, kind, latency):
     assert len(seen) > CLOCKS // 4
 
 
-def test_what_is_simulated_is_what_is_placed(tmp_path):
+@pytest.mark.full  # half a minute; the tests above compare the cells at five pairs of widths
+def test_what_is_simulated_is_what_is_placed():
     """Products of all pairs of widths, extreme words and a million random ones: generic cells against ECP5's."""
     cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
     placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]

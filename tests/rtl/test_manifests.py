@@ -237,6 +237,7 @@ def test_fusesoc_simulates_the_example(place):
     assert "ray 500: " in done.stdout + done.stderr
 
 
+@pytest.mark.full
 def test_fusesoc_synthesises_the_example_with_the_cells_of_ecp5(place):
     said, _ = fusesoc(place, "synth", BOARD)
     counts = {cell: int(count) for count, cell in re.findall(r"^\s*(\d+)\s+([A-Z]\w+)\s*$", said, re.M)}
