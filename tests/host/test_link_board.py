@@ -60,7 +60,7 @@ def one_line(error):
 
 def test_rays_that_are_not_the_twins_are_told():
     with joined() as (model, board):
-        model.registers |= {0x200: 0x4C495050, 0x204: 2 << 16, 0x208: 2 << 6 | 1 << 5 | 16}  # exact, hex, F 16
+        model.registers |= {0x200: 0x4C495050, 0x204: 3 << 16, 0x208: 2 << 6 | 1 << 5 | 16}  # exact, hex, F 16
         build = board.optics_build()
         display = display_of("hex", "panel", width_px=96, height_px=72)
         check = check_rays(board, display, (3, 7), (2, 4))
