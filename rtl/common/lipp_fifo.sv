@@ -52,7 +52,8 @@ module lipp_fifo #(
   logic [Width-1:0] place_q[4];
   logic [1:0] put_q, get_q;
   logic [2:0] ready_words_q;
-  assign valid_o = ready_words_q != '0;
+  logic valid_q;  // ready_words_q != 0
+  assign valid_o = valid_q;
   assign data_o = place_q[get_q];
 
   always_ff @(posedge clk_i) begin
@@ -71,6 +72,7 @@ module lipp_fifo #(
       put_q <= '0;
       get_q <= '0;
       ready_words_q <= '0;
+      valid_q <= 1'b0;
     end else begin
       write_at_q <= write_at_q + AddressBits'(write_i);
       if (ask) read_at_q <= read_at_q + 1'b1;
@@ -82,6 +84,7 @@ module lipp_fifo #(
       put_q <= put_q + 2'(arrive);
       get_q <= get_q + 2'(take);
       ready_words_q <= ready_words_q + 3'(arrive) - 3'(take);
+      valid_q <= arrive || ready_words_q[2:1] != '0 || (ready_words_q[0] && !take);
     end
   end
 

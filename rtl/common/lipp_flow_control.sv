@@ -9,7 +9,8 @@
 /// Latency, fit into pipeline and FIFO.
 ///
 /// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
-/// pipeline's configuration may change.
+/// pipeline's configuration may change. Rays that come and go are counted a clock later: the ways from
+/// valid_i and ready_i end in registers.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -34,22 +35,23 @@ module lipp_flow_control #(
   end
 
   logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
-  logic open_q, accept, leave;
+  logic open_q, accept, entered, left_q;   // the last two: in the last clock
 
   assign ready_o = open_q && !hold_i;
   assign accept = valid_i && ready_o;
-  assign leave = valid_o && ready_i;
-  assign taken_d = taken_q + (AddressBits + 1)'(accept) - (AddressBits + 1)'(leave);
-  assign idle_o = taken_q == '0;
+  assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q);
+  assign idle_o = taken_q == '0 && !entered;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       taken_q <= '0;
+      left_q <= 1'b0;
       open_q <= 1'b0;
     end else begin
       taken_q <= taken_d;
-      // One place is spare, for a ray that is accepted while this is being computed.
-      open_q <= taken_q < (AddressBits + 1)'(Room - 1);
+      left_q <= valid_o && ready_i;
+      // Two places are spare, for rays that are accepted while this is being computed.
+      open_q <= taken_q < (AddressBits + 1)'(Room - 2);
     end
   end
 
@@ -70,6 +72,8 @@ module lipp_flow_control #(
       else valid_q <= (valid_q << 1) | Stages'(enter);
     end
   end
+
+  assign entered = gen_marks[0].valid_q[0];
 
   lipp_fifo #(.Width(Width), .AddressBits(AddressBits)) i_fifo (
     .clk_i, .rst_ni, .write_i(gen_marks[Marks-1].valid_q[(Held-1)%64]), .data_i(piped_i),

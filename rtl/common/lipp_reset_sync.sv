@@ -18,12 +18,14 @@ module lipp_reset_sync #(
     $fatal(1, "lipp_reset_sync: Stages must be 2 or more");
   end
 
-  // Not to be moved, merged or made a shift register.
-  (* async_reg = "true", keep = "true" *) logic [Stages-2:0] stage_q;
+  // Not to be moved, merged or made a shift register. High in reset, as many cells want it: there
+  // the inverter at the output meets theirs, and both vanish.
+  (* async_reg = "true", keep = "true" *) logic [Stages-1:0] stage_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) {rst_no, stage_q} <= '0;
-    else {rst_no, stage_q} <= {stage_q, 1'b1};
+    if (!rst_ni) stage_q <= '1;
+    else stage_q <= {stage_q[Stages-2:0], 1'b0};
   end
+  assign rst_no = !stage_q[Stages-1];
 
 endmodule
 

@@ -126,36 +126,37 @@ module lipp_meet_dome #(
   always_ff @(posedge clk_i) c_q <= rest + b2;
 
   // ---- cosine and squared sine ----
+  // What C is, then the choices: a chain of both would limit the clock.
   localparam logic [F+2:0] Most = '1;
-  // By its bits: a comparison would be a carry chain before the choice.
-  logic above;
-  assign above = !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
-  logic [F+2:0] clamped_q, minus_q, s_q;
   localparam logic signed [Ws-1:0] OverOne = (Ws'(1) <<< (F + 3)) + (Ws'(1) <<< SquareSlack);
+  logic [F+2:0] low_q, minus_q, clamped_q, s_q;
   logic above_q, missed_q, missed_q2, over_q, over_q2;
+  logic [1:0] zero_q;  // both halves of C are 0
   always_ff @(posedge clk_i) begin
     missed_q <= c_q[Ws-1];
-    above_q <= above;
+    above_q <= !c_q[Ws-1] && c_q[Ws-2:F+3] != '0;
+    zero_q <= {c_q[Ws-1:F/2] == '0, c_q[F/2-1:0] == '0};
     over_q <= c_q >= OverOne;
-    over_q2 <= over_q;
-    clamped_q <= c_q[Ws-1] ? '0 : above ? Most : (F + 3)'(c_q);
+    low_q <= (F + 3)'(c_q);
     // 1 - C, modulo 1; where the cosine is 0 the sine is limited to just below 1.
     minus_q <= (F + 3)'(-c_q);
-    missed_q2 <= missed_q;
-    s_q <= missed_q || (!above_q && clamped_q == '0) ? Most : above_q ? '0 : minus_q;
+    {missed_q2, over_q2} <= {missed_q, over_q};
+    clamped_q <= missed_q ? '0 : above_q ? Most : low_q;
+    s_q <= missed_q || &zero_q ? Most : above_q ? '0 : minus_q;
   end
   logic signed [W-1:0] cos;
   lipp_sqrt #(.F(F), .Normalise(1'b1)) i_sqrt (.clk_i, .x_i(clamped_q), .y_o(cos));
 
   // ---- the length to the dome ----
-  localparam int LengthLatency = mul_latency(Wb, Wb) + 2 + sqrt_latency(1'b1);  // from b
+  localparam int LengthLatency = mul_latency(Wb, Wb) + 3 + sqrt_latency(1'b1);  // from b
   localparam int Wl = Wb + 1;
   logic signed [Wb-1:0] b_late;
   logic signed [Wl-1:0] scaled_cos, length_d;
   logic signed [Wl-5:0] length;
   logic signed [Wf-1:0] length_q;
-  logic signed [W-1:0] cos_q;
-  logic b_beyond_late, length_beyond_q;
+  logic signed [W-1:0] cos_q, cos_q2;
+  logic b_beyond_late, b_beyond_q2, length_beyond_q;
+  logic [Wl-4-Wf:0] length_top_q;  // the bits that a word leaves out, and its sign
   lipp_delay #(.Width(Wb + 1), .Cycles(LengthLatency)) i_b (
     .clk_i, .d_i({b_q, b_beyond_q}), .q_o({b_late, b_beyond_late})
   );
@@ -167,14 +168,16 @@ module lipp_meet_dome #(
     assign missed_late = 1'b0;
   end else begin : gen_go_on
     lipp_delay #(.Width(1), .Cycles(sqrt_latency(1'b1))) i_missed (
-      .clk_i, .d_i(missed_q), .q_o(missed_late)
+      .clk_i, .d_i(missed_q2), .q_o(missed_late)
     );
   end
   assign length = (Wl - 4)'((length_d + (Wl'(8) | (Wl'(missed_late) <<< (F + 3)))) >>> 4);
   always_ff @(posedge clk_i) begin
     length_q <= Wf'(length);
-    length_beyond_q <= b_beyond_late || length != (Wl - 4)'($signed(length[Wf-1:0]));
-    cos_q <= cos;
+    length_top_q <= length[Wl-5:Wf-1];
+    b_beyond_q2 <= b_beyond_late;
+    length_beyond_q <= b_beyond_q2 || (|length_top_q && !(&length_top_q));
+    {cos_q, cos_q2} <= {cos, cos_q};
   end
 
   // ---- the point there, which is the normal ----
@@ -224,12 +227,12 @@ module lipp_meet_dome #(
   // ---- delays of earlier results ----
   localparam int PointLatency = axial_latency(F) + 2;
   logic length_beyond, over;
-  lipp_delay #(.Width(W + 1), .Cycles(PointLatency)) i_cos (
-    .clk_i, .d_i({cos_q, length_beyond_q}), .q_o({cos_o, length_beyond})
+  lipp_delay #(.Width(W + 1), .Cycles(PointLatency - 1)) i_cos (
+    .clk_i, .d_i({cos_q2, length_beyond_q}), .q_o({cos_o, length_beyond})
   );
   logic [F+2:0] s_late;
   assign s_o = $signed({1'b0, s_late});
-  lipp_delay #(.Width(F + 5), .Cycles(sqrt_latency(1'b1) + PointLatency)) i_s (
+  lipp_delay #(.Width(F + 5), .Cycles(sqrt_latency(1'b1) + PointLatency + 1)) i_s (
     .clk_i, .d_i({s_q, missed_q2, over_q2}), .q_o({s_late, missed_o, over})
   );
   assign beyond_o = length_beyond || over || (!missed_o && |point_beyond);

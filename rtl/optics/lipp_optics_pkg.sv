@@ -218,7 +218,7 @@ package lipp_optics_pkg;
   endfunction
 
   function automatic int meet_dome_latency(int f);
-    return foot_latency(f) + mul_latency(f + 8, f + 8) + 2 + sqrt_latency(1'b1) + 1
+    return foot_latency(f) + mul_latency(f + 8, f + 8) + 3 + sqrt_latency(1'b1) + 1
         + axial_latency(f) + 2;
   endfunction
 

@@ -23,6 +23,7 @@ module fifo_properties #(
   (* hierconn *) wire [2:0] \i_fifo.held_q ;
   (* hierconn *) wire \i_fifo.some_q ;
   (* hierconn *) wire \i_fifo.free_q ;
+  (* hierconn *) wire \i_fifo.valid_q ;
   (* hierconn *) wire [1:0] \i_fifo.put_q ;
   (* hierconn *) wire [1:0] \i_fifo.get_q ;
   (* hierconn *) wire [2:0] \i_fifo.ready_words_q ;
@@ -76,7 +77,8 @@ module fifo_properties #(
       inside_count: assert(stored <= Room && total == count);
       inside_held: assert(held <= 4 && ready_words <= 4
           && held == ready_words + asked[0] + asked[1]);
-      inside_flags: assert(\i_fifo.some_q == (stored != 0) && \i_fifo.free_q == (held < 4));
+      inside_flags: assert(\i_fifo.some_q == (stored != 0) && \i_fifo.free_q == (held < 4)
+          && \i_fifo.valid_q == (ready_words != 0));
       inside_places: assert(\i_fifo.put_q == \i_fifo.get_q + ready_words[1:0]);
       inside_memory: assert(\i_fifo.write_at_q == read_at + stored[AddressBits-1:0]);
       // A word moves on each clock, unless the places at the output are taken.

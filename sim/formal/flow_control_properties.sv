@@ -33,12 +33,14 @@ module flow_control_properties #(
   // this Latency does not have leaves its wire free; nothing uses that wire.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
   (* hierconn *) wire \i_flow.open_q ;
+  (* hierconn *) wire \i_flow.left_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
   (* hierconn *) wire [(Marks > 3 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[2].valid_q ;
   (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[3].valid_q ;
   wire [AddressBits:0] taken = \i_flow.taken_q ;
   wire [Latency-1:0] marks;
+  wire [AddressBits:0] counted = taken + marks[0];  // with the ray of the last clock
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
   if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
@@ -55,6 +57,7 @@ module flow_control_properties #(
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
   (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
   (* hierconn *) wire [2:0] \gen_count.i_checks.flows_q ;
+  (* hierconn *) wire \gen_count.i_checks.leave_q ;
   wire [AddressBits:0] inside_q = \gen_count.i_checks.inside_q ;
   wire [AddressBits:0] recent = \gen_count.i_checks.recent_q ;
   wire [Latency+3:0] entered = \gen_count.i_checks.entered_q ;
@@ -111,16 +114,16 @@ module flow_control_properties #(
 
   if (Order) begin : gen_order
     wire [Index-1:0] before = watch - left_q;  // rays that leave before the watched one
-    wire [Latency-1:0] counted;  // a stage's count follows from that of the stage behind it
+    wire [Latency-1:0] follows;  // a stage's count follows from that of the stage behind it
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] here = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
-      assign counted[s] = here == before_q[s*Index +: Index] + marks[s];
+      assign follows[s] = here == before_q[s*Index +: Index] + marks[s];
     end
     always @(posedge clk_i) begin
       if (rst_ni) begin
         // Nothing lost, duplicated or reordered: the n-th to leave is the n-th accepted.
         in_order: assert(!valid || left_q != watch || index == watch);
-        inside_counted: assert(&counted);
+        inside_counted: assert(&follows);
         inside_waiting: assert(written == left_q + waiting);
         inside_watching: assert(watching == (before < waiting));
         inside_watched: assert(!watching || (ahead == before && watched == watch));
@@ -169,16 +172,18 @@ module flow_control_properties #(
     always @(posedge clk_i) begin
       if (rst_ni) begin
         idle_empty: assert(!idle || (marks == 0 && !valid && waiting == 0));
-        inside_taken: assert(taken == inside_q);
+        inside_taken: assert(counted == inside_q + \i_flow.left_q );
+        inside_left: assert(\i_flow.left_q == \gen_count.i_checks.leave_q );
         inside_written: assert(last == \i_flow.i_fifo.write_i );
         inside_tree: assert(&node_right);
-        inside_places: assert(taken == waiting + inside && taken <= Room);
+        inside_places: assert(counted == waiting + inside + \i_flow.left_q && counted <= Room);
         inside_recent: assert(recent == inside + wrote[0] + wrote[1] + wrote[2]);
-        inside_open: assert(!\i_flow.open_q || taken < Room);
+        inside_open: assert(!\i_flow.open_q || taken <= Room - 2);
         inside_entered: assert(entered == {wrote, marks});
-        inside_flows: assert(flows <= 4 && (flows < 1 || taken < Room)
-            && (flows < 2 || taken < Room - 1 || !\i_flow.open_q )
-            && (flows < 3 || taken < Room - 1));
+        inside_flows: assert(flows <= 5
+            && (flows < 1 || inside_q < Room - 3 || \i_flow.left_q )
+            && (flows < 2 || (counted < Room && (!\i_flow.open_q || taken < Room - 2)))
+            && (flows < 3 || counted < Room - 1) && (flows < 4 || taken < Room - 2));
       end
     end
   end
@@ -193,7 +198,7 @@ module flow_control_properties #(
     always @* assume(valid_i && ready_i == was_full_q && hold_i == was_full_q);
     always @(posedge clk_i) begin
       if (rst_ni) begin
-        cover_full: cover(taken == Room && waiting == Room);
+        cover_full: cover(counted == Room && waiting == Room);
         cover_drained: cover(was_full_q && idle);
       end
     end

@@ -19,16 +19,16 @@ module probe #(
 );
 
   // The names are kept, so that the report can tell these registers from the design's.
-  (* keep *) logic [1:0] reset_q;
+  (* keep *) logic [1:0] reset_q;  // high: the cells' resets are
   (* keep *) logic [In-1:0] in_q;
   (* keep *) logic [Out-1:0] out_q, fold_q;
   (* keep *) logic bit_q;
-  assign rst_no = reset_q[1];
+  assign rst_no = !reset_q[1];
   assign in_o = in_q;
   assign bit_o = bit_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) reset_q <= '0;
-    else reset_q <= {reset_q[0], 1'b1};
+    if (!rst_ni) reset_q <= '1;
+    else reset_q <= {reset_q[0], 1'b0};
   end
   always_ff @(posedge clk_i) begin
     in_q <= In'({in_q, bit_i});

@@ -22,7 +22,7 @@ module probe_top #(
   localparam int OutBits = 2 * IndexBits + 3 * (W + 2) + 3 * W + 3;
 
   // The names are kept, so that the report can tell the probe's registers from the engine's.
-  (* keep *) logic [1:0] reset_q;
+  (* keep *) logic [1:0] reset_q;  // high: the cells' resets are
   (* keep *) logic [ConfigBits-1:0] config_q;
   (* keep *) logic [RayBits-1:0] ray_q;
   (* keep *) logic apply_q, valid_q, ready_q;
@@ -31,8 +31,8 @@ module probe_top #(
   (* keep *) logic [OutBits+3:0] out_q, fold_q;
   ray_status_e status;
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) reset_q <= '0;
-    else reset_q <= {reset_q[0], 1'b1};
+    if (!rst_ni) reset_q <= '1;
+    else reset_q <= {reset_q[0], 1'b0};
   end
   always_ff @(posedge clk_i) begin
     config_q <= {config_q[ConfigBits-2:0], bit_i};
@@ -44,7 +44,7 @@ module probe_top #(
   end
 
   lipp_ray_lenslet #(.Build(Build)) i_lenslet (
-    .clk_i, .rst_ni(reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
+    .clk_i, .rst_ni(!reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .idle_o(idle), .ray_valid_i(valid_q), .ray_ready_o(ready),
     .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),
     .ray_a_i(ray_q[W+:W]), .ray_b_i(ray_q[0+:W]),

@@ -105,13 +105,13 @@ FAULTS = {
     "memory answers a clock early": (
         "memory_1w1r bmc", "memory_1w1r.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
     "no credit: rays enter while there is no room": (
-        "flow_control bmc_full", "flow_control.sv", "open_q <= taken_q < (AddressBits + 1)'(Room - 1)",
+        "flow_control bmc_full", "flow_control.sv", "open_q <= taken_q < (AddressBits + 1)'(Room - 2)",
         "open_q <= 1'b1", "room|promise|open"),
     "one place too many given away": (
-        "flow_control bmc_full", "flow_control.sv", "(AddressBits + 1)'(Room - 1)", "(AddressBits + 1)'(Room)",
+        "flow_control bmc_full", "flow_control.sv", "(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
         "room|promise|open"),
     "a ray that leaves frees no place": (
-        "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(leave)", "", "taken|idle|open|places"),
+        "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(left_q)", "", "taken|idle|open|places"),
     "mark comes out a clock late": (
         "flow_control bmc", "flow_control.sv", "assign enter = accept;",
         "assign enter = accept && open_q && valid_q == '0;", "places|entered|in_order|counted|latency|waiting"),
@@ -123,8 +123,10 @@ FAULTS = {
         "in_order|waiting|watch"),
     "hold ignored": (
         "flow_control bmc", "flow_control.sv", "open_q && !hold_i", "open_q", "hold"),
+    "idle while a ray enters": (
+        "flow_control bmc", "flow_control.sv", "taken_q == '0 && !entered", "taken_q == '0", "idle"),
     "idle before the last ray has left": (
-        "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0", "idle_o = gen_marks[0].valid_q == '0", "idle"),
+        "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0 && !entered", "idle_o = gen_marks[0].valid_q == '0", "idle"),
     "optics change within a frame": (
         "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d && !take_o", "apply_waits_o && !take_o",
         "between"),
