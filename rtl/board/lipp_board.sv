@@ -124,8 +124,14 @@ module lipp_board #(
     .out_last_o(request_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
   );
-  logic reply_valid, reply_ready, reply_last;
-  logic [7:0] reply_data;
+  logic answer_valid, answer_ready, answer_last, reply_valid, reply_ready, reply_last;
+  logic [7:0] answer_data, reply_data;
+  // The way of a reply is long: no path leads through.
+  lipp_skid_buffer #(.Width(9)) i_reply_buffer (
+    .clk_i, .rst_ni(rst_n), .in_valid_i(answer_valid), .in_ready_o(answer_ready),
+    .in_data_i({answer_last, answer_data}), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
+    .out_data_o({reply_last, reply_data})
+  );
   lipp_packet_out i_packet_out (
     .clk_i, .rst_ni(rst_n), .in_valid_i(reply_valid), .in_ready_o(reply_ready),
     .in_data_i(reply_data), .in_last_i(reply_last), .out_valid_o(tx_valid),
@@ -158,8 +164,8 @@ module lipp_board #(
   lipp_dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
     .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch), .reset_o(reset),
     .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
-    .in_last_i(request_last), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
-    .out_data_o(reply_data), .out_last_o(reply_last),
+    .in_last_i(request_last), .out_valid_o(answer_valid), .out_ready_i(answer_ready),
+    .out_data_o(answer_data), .out_last_o(answer_last),
     .bus_start_o(bus_start), .bus_write_o(bus_write), .bus_at_o(bus_at), .bus_word_o(bus_word),
     .bus_done_i(bus_done), .bus_word_i(bus_answer), .bus_error_i(bus_error),
     .tile_start_o(tile_start), .tile_o(tile), .tile_coding_o(tile_coding),

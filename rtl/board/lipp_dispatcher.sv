@@ -100,8 +100,8 @@ module lipp_dispatcher #(
   state_e state_q;
   reply_status_e status_q;
   logic executed_q;            // to be remembered
-  logic answer, reply_ready;
-  assign answer = state_q == Reply && reply_ready;
+  logic answer, reply_ready, reply_q;  // reply_q: the reply's head is in its register
+  assign answer = state_q == Reply && reply_q && reply_ready;
 
   // ---- the request ----
   request_t request;
@@ -209,9 +209,9 @@ module lipp_dispatcher #(
 
   // ---- the reply ----
   logic word_valid, word_ready, words_done;
-  logic [8*HeadBytes-1:0] head;
-  logic [5:0] head_bytes;
-  logic [9:0] words;
+  logic [8*HeadBytes-1:0] head, head_q;
+  logic [5:0] head_bytes, head_bytes_q;
+  logic [9:0] words, words_q;
   logic [31:0] common, build_q, reply_word;
   assign common = {status_q, request.number, ReplyBit | request.kind};
   always_comb begin
@@ -245,6 +245,13 @@ module lipp_dispatcher #(
       endcase
     end
   end
+  always_ff @(posedge clk_i) begin
+    {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) reply_q <= 1'b0;
+    else reply_q <= state_q == Reply && !answer;
+  end
   always_comb begin
     case (request.kind)
       RequestTiles: {word_valid, reply_word} = {table_valid, table_word};
@@ -255,12 +262,12 @@ module lipp_dispatcher #(
   assign register_ready = word_ready || is_hello;
   assign {table_ready, exit_word_ready} = {2{word_ready}};
   lipp_reply_builder #(.HeadBytes(HeadBytes)) i_reply (
-    .clk_i, .rst_ni, .start_i(state_q == Reply), .ready_o(reply_ready), .head_i(head),
-    .bytes_i(head_bytes), .words_i(words), .word_valid_i(word_valid), .word_ready_o(word_ready),
+    .clk_i, .rst_ni, .start_i(state_q == Reply && reply_q), .ready_o(reply_ready), .head_i(head_q),
+    .bytes_i(head_bytes_q), .words_i(words_q), .word_valid_i(word_valid), .word_ready_o(word_ready),
     .word_i(reply_word), .words_done_o(words_done), .out_valid_o, .out_ready_i, .out_data_o,
     .out_last_o
   );
-  assign next = (answer && words == '0) || words_done;
+  assign next = (answer && words_q == '0) || words_done;
   always_ff @(posedge clk_i) if (register_valid && is_hello) build_q <= register_word;
 
   // ---- the order of events ----
@@ -342,7 +349,7 @@ module lipp_dispatcher #(
             end
           endcase
         end
-        Reply: if (answer) state_q <= words == '0 ? Receive : Words;
+        Reply: if (answer) state_q <= words_q == '0 ? Receive : Words;
         default: if (words_done) state_q <= Receive;  // Words
       endcase
     end

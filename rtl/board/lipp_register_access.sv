@@ -47,11 +47,15 @@ module lipp_register_access (
   assign {bus_write_o, bus_at_o, bus_word_o} = {write_q, address, word_i};
   assign word_valid_o = state_q == Word;
 
-  logic [16:0] behind;
-  assign behind = {1'b0, first_i} + {6'd0, count_i, 2'd0};
+  // The range stands still from two clocks before the start.
+  logic [16:0] behind_q;
+  logic whole_q, high_q;
   always_ff @(posedge clk_i) begin
-    board_q <= first_i[1:0] == '0 && behind <= 17'h100;
-    optics_q <= first_i[1:0] == '0 && first_i >= 16'h200 && behind <= 17'h400;
+    behind_q <= {1'b0, first_i} + {6'd0, count_i, 2'd0};
+    whole_q <= first_i[1:0] == '0;
+    high_q <= first_i >= 16'h200;
+    board_q <= whole_q && behind_q <= 17'h100;
+    optics_q <= whole_q && high_q && behind_q <= 17'h400;
     if (bus_done_i) word_o <= bus_error_i ? '0 : bus_word_i;
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -4,7 +4,7 @@
 /// Access to the registers of the board and of the optics block, one at a time.
 ///
 /// start_i requests an access with write_i, at_i (byte address, a multiple of 4) and word_i. done_o
-/// is a pulse two or more clocks later, valid with word_o of a read, and with error_o if no
+/// is a pulse three or more clocks later, valid with word_o of a read, and with error_o if no
 /// register allows the access. The next access may start with that pulse. Addresses:
 ///
 ///   0x000 to 0x07f   board_registers
@@ -40,7 +40,10 @@ module lipp_register_bus (
   input  logic        m_apb_pslverr_optics
 );
 
-  logic optics_q, nowhere_q, ack;
+  logic optics_q, nowhere_q, nowhere_q2, ack, ack_q;
+  // The answers have a register before one is chosen.
+  logic [31:0] board_word_q, optics_word_q;
+  logic board_error_q, optics_error_q;
   assign m_apb_pprot = '0;
   assign m_apb_pstrb = {4{m_apb_pwrite}};
   assign ack = m_apb_penable && ((m_apb_psel_board && m_apb_pready_board) ||
@@ -50,18 +53,21 @@ module lipp_register_bus (
     if (start_i) begin
       {m_apb_pwrite, optics_q, m_apb_paddr, m_apb_pwdata} <= {write_i, at_i[9], at_i[8:0], word_i};
     end
-    word_o <= optics_q ? m_apb_prdata_optics : m_apb_prdata_board;
-    error_o <= nowhere_q || (optics_q ? m_apb_pslverr_optics : m_apb_pslverr_board);
+    {board_word_q, board_error_q} <= {m_apb_prdata_board, m_apb_pslverr_board};
+    {optics_word_q, optics_error_q} <= {m_apb_prdata_optics, m_apb_pslverr_optics};
+    word_o <= optics_q ? optics_word_q : board_word_q;
+    error_o <= nowhere_q2 || (optics_q ? optics_error_q : board_error_q);
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {m_apb_psel_board, m_apb_psel_optics, m_apb_penable, nowhere_q, done_o} <= '0;
+      {m_apb_psel_board, m_apb_psel_optics, m_apb_penable, nowhere_q, nowhere_q2, ack_q, done_o} <= '0;
     end else begin
       m_apb_psel_board <= (start_i && at_i[9:7] == '0) || (m_apb_psel_board && !ack);
       m_apb_psel_optics <= (start_i && at_i[9]) || (m_apb_psel_optics && !ack);
       m_apb_penable <= (m_apb_psel_board || m_apb_psel_optics) && !ack;
       nowhere_q <= start_i && !at_i[9] && at_i[8:7] != '0;
-      done_o <= ack || nowhere_q;
+      {ack_q, nowhere_q2} <= {ack, nowhere_q};
+      done_o <= ack_q || nowhere_q2;
     end
   end
 

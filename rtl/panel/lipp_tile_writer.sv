@@ -19,7 +19,7 @@
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
 /// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
-/// ReadLatency + 3 + ceil(log2(rows of tiles)) more (ReadLatency + 4 if there is only one row).
+/// ReadLatency + 4 + ceil(log2(rows of tiles)) more (ReadLatency + 5 if there is only one row).
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -247,6 +247,8 @@ module lipp_tile_writer #(
   logic [ReadLatency:1][PlaceBits-1:0] write_at_q;
   logic [ReadLatency:1][23:0] written_q;
   logic [31:0] crc_q;
+  logic hash_valid_q;  // a pixel of the CRC, a clock after the store's
+  logic [23:0] hashed_q;
   assign copy_buffer_o = !buffer_q;
   assign copy_at_o = at_q;
   assign write_o = write_q[ReadLatency];
@@ -258,16 +260,18 @@ module lipp_tile_writer #(
     write_at_q <= (ReadLatency * PlaceBits)'({write_at_q, at_q});
     written_q <= (24 * ReadLatency)'({written_q, rgb_q});
     if (start) crc_q <= lipp_link_pkg::CrcStart;
-    else if (write_o) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, write_rgb_o);
+    else if (hash_valid_q) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, hashed_q);
+    hashed_q <= write_rgb_o;
   end
 
-  assign done_o = state_q == Finish && write_q == '0;
+  assign done_o = state_q == Finish && write_q == '0 && !hash_valid_q;
   assign ok_o = full_q && !bad_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= Idle;
-      write_q <= '0;
+      {write_q, hash_valid_q} <= '0;
     end else begin
+      hash_valid_q <= write_o;
       write_q <= (ReadLatency + 1)'({write_q, emit && !full_q});
       unique case (state_q)
         Idle: if (start_i) state_q <= Locate;

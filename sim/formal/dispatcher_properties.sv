@@ -261,7 +261,7 @@ module dispatcher_properties #(
         else if (kind == RequestPresent) todo = present_start ? 6'd18 : 6'd17 - present_for_q;
         else if (kind == RequestReset) todo = 6'd13 + i_dut.reset_q;
       end
-      Reply: todo = 6'd11;
+      Reply: todo = i_dut.reply_q ? 6'd11 : 6'd12;
       default: begin
         if (out_valid) todo = 6'd1;
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
@@ -272,6 +272,8 @@ module dispatcher_properties #(
         else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q : 6'd3;
       end
     endcase
+    // The clock in which the reply's head comes into its register.
+    if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo + 6'd1;
   end
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
@@ -288,6 +290,8 @@ module dispatcher_properties #(
           + 2'(state == Words || out_valid));
       in_last: assert (!out_valid || i_dut.i_reply.i_writer.last_q == (state != Words));
       in_out: assert (!out_valid || i_dut.i_reply.i_writer.left_q <= 6'd34);
+      in_head: assert (!i_dut.reply_q || (state == Reply && i_dut.words_q == i_dut.words
+          && i_dut.head_bytes_q inside {[6'd4:6'd34]}));
       in_reply: assert ((state == Words) == (reply_left != '0));
       in_rest: assert (!(state inside {Receive, Judge}) || (regs_idle && rays_idle && table_idle));
       in_present: assert ((present_start || present_q) == (state == Execute && kind == RequestPresent));
@@ -310,6 +314,14 @@ module dispatcher_properties #(
       in_part: assert (state != Execute
           || (on_optics ? (ray_part && regs_idle) || (reg_part && rays_idle)
           : (uses_regs ? reg_part : regs_idle) && (uses_rays ? ray_part : rays_idle)));
+      in_range: assert (!(state inside {Judge, Execute}) || (i_dut.i_registers.behind_q ==
+          {1'b0, i_dut.i_registers.first_i} + {6'd0, i_dut.i_registers.count_i, 2'd0}
+          && i_dut.i_registers.whole_q == (i_dut.i_registers.first_i[1:0] == '0)
+          && i_dut.i_registers.high_q == (i_dut.i_registers.first_i >= 16'h200)));
+      in_block: assert (state != Execute || (i_dut.i_registers.board_q ==
+          (i_dut.i_registers.whole_q && i_dut.i_registers.behind_q <= 17'h100)
+          && i_dut.i_registers.optics_q == (i_dut.i_registers.whole_q && i_dut.i_registers.high_q
+          && i_dut.i_registers.behind_q <= 17'h400)));
       in_table: assert (state != Execute || table_idle);
       in_read: assert (!(state inside {Reply, Words}) || (kind == RequestRead && ok ? reg_reads
           && reg_left == (state == Words ? reply_left : i_dut.words) : regs == RegIdle && !i_dut.register_start));

@@ -88,7 +88,7 @@ FAULTS = {
         "dispatcher bmc", "ray_access.sv", "heard && !(occupied || running || busy)", "heard && occupied",
         "few_looks|polls"),
     "a reply waits for words that it does not have": (
-        "dispatcher bmc", "dispatcher.sv", "words == '0 ? Receive : Words;", "Words;", "answered|todo|reply|words"),
+        "dispatcher bmc", "dispatcher.sv", "words_q == '0 ? Receive : Words;", "Words;", "answered|todo|reply|words"),
     "a request is not read while the reply to the one before it is sent": (
         "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
         "answered|todo|one_at_a_time|unsent"),

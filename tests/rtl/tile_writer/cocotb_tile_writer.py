@@ -20,7 +20,7 @@ PLACE_BITS = (WIDTH * HEIGHT - 1).bit_length()
 COLUMNS, ROWS = -(-WIDTH // 32), -(-HEIGHT // 32)
 TILES = COLUMNS * ROWS
 #: Clocks that a tile takes beside those of its bytes and pixels.
-MORE = int(cocotb.plusargs["ReadLatency"]) + 3 + max((ROWS - 1).bit_length(), 1)
+MORE = int(cocotb.plusargs["ReadLatency"]) + 4 + max((ROWS - 1).bit_length(), 1)
 SMALL = WIDTH * HEIGHT < 5000
 RAW, SOLID, QOI, COPY = range(4)
 SEEN = Coverage("tile_writer", f"{WIDTH}x{HEIGHT}")
