@@ -139,11 +139,12 @@ module lipp_board #(
   );
 
   // ---- reset of all but the link ----
-  logic reset, core_rst_n;
+  logic reset, core_reset_q, core_rst_n;  // the register is high in reset, as in lipp_reset_sync
   always_ff @(posedge clk_i or negedge rst_n) begin
-    if (!rst_n) core_rst_n <= 1'b0;
-    else core_rst_n <= !reset;
+    if (!rst_n) core_reset_q <= 1'b1;
+    else core_reset_q <= reset;
   end
+  assign core_rst_n = !core_reset_q;
 
   // ---- requests ----
   logic bus_start, bus_write, bus_done, bus_error;

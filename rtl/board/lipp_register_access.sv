@@ -39,9 +39,10 @@ module lipp_register_access (
   state_e state_q;
   logic write_q, board_q, optics_q;  // the range is in this block
   logic [8:0] left_q;                // words not yet checked, then not yet accessed
-  logic [7:0] at_q;
+  logic [7:0] at_q;                  // word of a WRITE
+  logic [7:0] register_q;            // the register for it, counted in words
   logic [9:0] address;
-  assign address = first_i[9:0] + {at_q, 2'd0};
+  assign address = {register_q, 2'd0};
   assign word_at_o = at_q;
   assign bus_start_o = state_q == Ask;
   assign {bus_write_o, bus_at_o, bus_word_o} = {write_q, address, word_i};
@@ -62,14 +63,14 @@ module lipp_register_access (
     if (!rst_ni) begin
       state_q <= Idle;
       status_o <= StatusOk;
-      {write_q, left_q, at_q, done_o} <= '0;
+      {write_q, left_q, at_q, register_q, done_o} <= '0;
     end else begin
       done_o <= 1'b0;
       case (state_q)
         Idle: if (start_i) begin
           status_o <= StatusOk;
           write_q <= write_i;
-          {left_q, at_q} <= {count_i, 8'd0};
+          {left_q, at_q, register_q} <= {count_i, 8'd0, first_i[9:2]};
           state_q <= Range;
         end
         Range: begin
@@ -82,14 +83,14 @@ module lipp_register_access (
           end
         end
         Check: begin
-          at_q <= at_q + 1'b1;
+          register_q <= register_q + 1'b1;
           left_q <= left_q - 1'b1;
           if (!lipp_board_map_pkg::writable(address)) begin
             status_o <= StatusAddress;
             done_o <= 1'b1;
             state_q <= Idle;
           end else if (left_q == 9'd1) begin
-            {left_q, at_q} <= {count_i, 8'd0};
+            {left_q, register_q} <= {count_i, first_i[9:2]};
             state_q <= Fetch;
           end
         end
@@ -99,6 +100,7 @@ module lipp_register_access (
           if (write_q) begin
             if (bus_error_i) status_o <= StatusAddress;
             at_q <= at_q + 1'b1;
+            register_q <= register_q + 1'b1;
             left_q <= left_q - 1'b1;
             done_o <= left_q == 9'd1;
             state_q <= left_q == 9'd1 ? Idle : Fetch;
@@ -107,7 +109,7 @@ module lipp_register_access (
           end
         end
         default: if (word_ready_i) begin  // Word
-          at_q <= at_q + 1'b1;
+          register_q <= register_q + 1'b1;
           left_q <= left_q - 1'b1;
           state_q <= left_q == 9'd1 ? Idle : Ask;
         end

@@ -60,7 +60,7 @@ package lipp_math_pkg;
 
   /// Latency of `lipp_quadratic`: octave, table (2), two products and two sums.
   function automatic int quadratic_latency();
-    return 3 + 4 + 1 + 4 + 1;
+    return 4 + 4 + 1 + 4 + 1;
   endfunction
 
   /// Latency of `lipp_rsqrt`.

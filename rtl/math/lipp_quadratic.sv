@@ -75,41 +75,41 @@ module lipp_quadratic #(
   localparam table_t Table = make_table();
 
   // Octave: both have the same format of the fraction from here on.
-  logic [F+1:0] fraction_d;
-  logic [A:0] segment_d;
-  logic [1:0] asked_q;  // quarter of the table
+  logic [F+1:0] fraction_q;
+  logic octave_q;
+  logic [A:0] segment;
   logic signed [D-1:0] place_q;
-  assign fraction_d = x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
-  assign segment_d = {x_i[F+2], fraction_d[F+1-:A]};
+  assign segment = {octave_q, fraction_q[F+1-:A]};
   always_ff @(posedge clk_i) begin
-    asked_q <= segment_d[A-:2];
+    octave_q <= x_i[F+2];
+    fraction_q <= x_i[F+2] ? x_i[F+1:0] : {x_i[F:0], 1'b0};
     // Inverting the top bit subtracts half a segment.
-    place_q <= {~fraction_d[F+1-A], fraction_d[F-A-:D-1]};
+    place_q <= {~fraction_q[F+1-A], fraction_q[F-A-:D-1]};
   end
 
-  // The table is read as four quarters. Each has its own address, 0 while another is selected: a
-  // common address would drive every bit of the table, and its wires would limit the clock.
-  localparam int Quarter = Entries / 4;
-  logic [1:0] quarter_q;
-  logic [W0-1:0] c0_q;
-  logic signed [W1-1:0] c1_q;
+  // The table is read as eight parts. Each has its own address, 0 while another is asked for: a
+  // common address would drive every bit of the table, and its wires would limit the clock. What a
+  // part gives that was not asked for is 0, so that no choice follows, only a disjunction.
+  localparam int Parts = 8;
+  localparam int Part = Entries / Parts;
+  logic [Parts-1:0][Wt-1:0] entry_q;
   logic signed [W2-1:0] c2_q;
-  for (genvar k = 0; k < 4; k++) begin : gen_quarter
-    (* rom_style = "logic" *) logic [Wt-1:0] entries[Quarter];
-    initial for (int n = 0; n < Quarter; n++) entries[n] = Table[k*Quarter+n];
-    logic [A-2:0] at_q;
-    logic [Wt-1:0] entry_q;
+  logic signed [W1-1:0] c1_q;
+  logic [W0-1:0] c0_q;
+  for (genvar k = 0; k < Parts; k++) begin : gen_part
+    (* rom_style = "logic" *) logic [Wt-1:0] entries[Part];
+    initial for (int n = 0; n < Part; n++) entries[n] = Table[k*Part+n];
+    logic asked_q;
+    logic [A-3:0] at_q;
     always_ff @(posedge clk_i) begin
-      at_q <= segment_d[A-:2] == 2'(k) ? segment_d[A-2:0] : '0;
-      entry_q <= entries[at_q];
+      asked_q <= segment[A-:3] == 3'(k);
+      at_q <= segment[A-:3] == 3'(k) ? segment[A-3:0] : '0;
+      entry_q[k] <= asked_q ? entries[at_q] : '0;
     end
   end
-  logic [Wt-1:0] lower, upper;
-  assign lower = quarter_q[0] ? gen_quarter[1].entry_q : gen_quarter[0].entry_q;
-  assign upper = quarter_q[0] ? gen_quarter[3].entry_q : gen_quarter[2].entry_q;
   always_ff @(posedge clk_i) begin
-    quarter_q <= asked_q;
-    {c0_q, c1_q, c2_q} <= quarter_q[1] ? upper : lower;
+    {c0_q, c1_q, c2_q} <= ((entry_q[0] | entry_q[1]) | (entry_q[2] | entry_q[3]))
+        | ((entry_q[4] | entry_q[5]) | (entry_q[6] | entry_q[7]));
   end
 
   // slope = c1 + round(c2 z): c2 has two more fraction bits than c1, z has D.

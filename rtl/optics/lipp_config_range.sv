@@ -4,7 +4,7 @@
 /// Tells whether a register holds more than the word that a build reads of it.
 ///
 /// Such optics belong to no ray: all of them are missed. The optics stand still while rays are in
-/// the pipeline, far longer than these clocks. Latency 2.
+/// the pipeline, far longer than these clocks. Latency 3.
 module lipp_config_range #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (
@@ -29,7 +29,8 @@ module lipp_config_range #(
   localparam bit Cells = Exact && strays(Build);
   localparam int Grid = int'(Build.grid);
 
-  logic [24:0] unfit_d, unfit_q;
+  // The fields lie far apart: the second register is for the way from them.
+  logic [27:0] unfit_d, unfit_q, unfit_q2;
   assign unfit_d = {
     beyond_bits(config_i.slope_x, Wm), beyond_bits(config_i.slope_y, Wm),
     SlopeAims && beyond_bits(config_i.slope_aim_x, Wm),
@@ -47,16 +48,18 @@ module lipp_config_range #(
     Cells && Grid == GridSquare && beyond_bits(config_i.cell_half_y, W),
     Cells && Grid == GridHex && beyond_bits(config_i.cell_rise, Wf),
     Cells && Shear && beyond_bits(config_i.shear_lean, W),
-    Walks && (beyond_bits(config_i.cell_pitch_x, W) || beyond_bits(config_i.cell_pitch_y, W)),
+    Walks && beyond_bits(config_i.cell_pitch_x, W), Walks && beyond_bits(config_i.cell_pitch_y, W),
     Walks && Shear && beyond_bits(config_i.shear_row, W),
     Converge && beyond_bits(config_i.converge_share, F + 9),
-    Converge && (beyond_bits(config_i.converge_x, F + 9) || beyond_bits(config_i.converge_y, F + 9)),
+    Converge && beyond_bits(config_i.converge_x, F + 9),
+    Converge && beyond_bits(config_i.converge_y, F + 9),
     Shear && beyond_bits(config_i.shear_x, Wf),
-    beyond_bits(config_i.extent_i, IndexBits + 2) || beyond_bits(config_i.extent_j, IndexBits + 1)
+    beyond_bits(config_i.extent_i, IndexBits + 2), beyond_bits(config_i.extent_j, IndexBits + 1)
   };
   always_ff @(posedge clk_i) begin
     unfit_q <= unfit_d;
-    unfit_o <= |unfit_q;
+    unfit_q2 <= unfit_q;
+    unfit_o <= |unfit_q2;
   end
   // Each build uses only some of the fields.
   logic unused_config;

@@ -243,8 +243,9 @@ ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point
 
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Sequence[Mapping[str, Any]]) -> Page:
     """Return the page of the configurations and of the whole designs."""
-    charts = {"clock, MHz": [row["mhz"] for row in rows], "LUT": [row["lut"] for row in rows]}
-    plot = bar_charts("synthesis", [row["configuration"] for row in rows], charts)
+    shown = rows or whole
+    charts = {"clock, MHz": [row["mhz"] for row in shown], "LUT": [row["lut"] for row in shown]}
+    plot = bar_charts("synthesis", [row["configuration"] for row in shown], charts)
     tables = {"synthesis": rows, "synthesis-board": whole}
     context = {"rows": rows, "whole": whole, "mhz": WANTED_MHZ, "pixels": SAMPLE_PIXELS}
     return Page("synthesis", origin, [plot], tables, context, Path(__file__).with_name("templates"))
