@@ -121,7 +121,8 @@ module lipp_tile_writer #(
   end
 
   // ---- QOI's index of pixels; it always contains the previous pixel ----
-  logic [23:0] index[64];
+  // A block memory's output comes late in the clock.
+  (* ram_style = "distributed" *) logic [23:0] index[64];
   logic [63:0] known_q;
   logic [23:0] rgb_q, indexed;
   logic [5:0] hash;            // of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64

@@ -77,13 +77,18 @@ class Design:
         return build | size | timing
 
 
-#: Panels and configurations of the boards that are placed; the configurations are also placed as a block.
+#: Panels and configurations of the boards that are placed; the configurations are also placed as a block, bare and
+#: behind the adapters of rtl/bus.
 PANELS = ((640, 480), (1280, 720))
-WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square", "widest-hex")]
+WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(named, "probe_board", panel) for panel in PANELS for named in WHOLE]
 DESIGNS = {
     design.name: design
-    for design in (*map(Design, CONFIGURATIONS.values()), *(Design(named, "probe_block") for named in WHOLE), *BOARDS)
+    for design in (
+        *map(Design, CONFIGURATIONS.values()),
+        *(Design(named, f"probe_{part}") for part in ("block", "axi", "wishbone") for named in WHOLE),
+        *BOARDS,
+    )
 }
 
 
@@ -256,11 +261,9 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Se
 @click.option(
     "--seed",
     "seeds",
-    default=(1,),
     multiple=True,
-    show_default=True,
     type=click.IntRange(0),
-    help="nextpnr's seed. Each seed given is a row.",
+    help="nextpnr's seed. Each seed given is a row.  [default: 1; for boards 1, 2 and 3]",
 )
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
 def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
@@ -275,7 +278,7 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     scenes = repository() / "scenes"
     rows, whole = [], []
     for design in [DESIGNS[name] for name in names or DESIGNS]:
-        for seed in seeds:
+        for seed in seeds or ((1, 2, 3) if design in BOARDS else (1,)):
             placed = place(design, seed)
             log(f"{design.name}, seed {seed}: {placed['mhz']:.1f} MHz, {placed['seconds']:.0f} s")
             if design.top != "probe_top":
