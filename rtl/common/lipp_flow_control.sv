@@ -9,8 +9,8 @@
 /// Latency, fit into pipeline and FIFO.
 ///
 /// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
-/// pipeline's configuration may change. Rays that come and go are counted a clock later: the ways from
-/// valid_i and ready_i end in registers.
+/// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves two
+/// clocks later: the ways from valid_i and ready_i end in registers, and the output may be far away.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -30,26 +30,27 @@ module lipp_flow_control #(
 
   localparam int Room = 1 << AddressBits;
 
-  if (Latency < 1 || Latency > Room - 8) begin : gen_illegal
-    $fatal(1, "lipp_flow_control: Latency must be 1 to 8 less than the FIFO's places");
+  if (Latency < 1 || Latency > Room - 10) begin : gen_illegal
+    $fatal(1, "lipp_flow_control: Latency must be 1 to 10 less than the FIFO's places");
   end
 
   logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
-  logic open_q, accept, entered, left_q;   // the last two: in the last clock
+  logic open_q, accept, entered;           // entered: in the last clock
+  logic [1:0] left_q;                      // a ray left, one and two clocks ago
 
   assign ready_o = open_q && !hold_i;
   assign accept = valid_i && ready_o;
-  assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q);
+  assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q[1]);
   assign idle_o = taken_q == '0 && !entered;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       taken_q <= '0;
-      left_q <= 1'b0;
+      left_q <= '0;
       open_q <= 1'b0;
     end else begin
       taken_q <= taken_d;
-      left_q <= valid_o && ready_i;
+      left_q <= {left_q[0], valid_o && ready_i};
       // Two places are spare, for rays that are accepted while this is being computed.
       open_q <= taken_q < (AddressBits + 1)'(Room - 2);
     end

@@ -72,7 +72,7 @@ module lipp_tile_writer #(
   state_e state_q;
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
-  logic start, take, emit, move;
+  logic start, take, emit;
   logic [ReadLatency:0] write_q;  // a pixel was decoded, clocks ago less one
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
@@ -148,7 +148,8 @@ module lipp_tile_writer #(
   logic [6:0] run_q, run_d;    // remaining repetitions of the pixel less 1: none if negative
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
   logic [LeftBits-1:0] left_q; // pixels of the tile to come, less 2: negative at the last
-  logic bad, repeating, colour, look_up;
+  logic draws, moves, wrong;   // of a byte: a pixel, a part of one, none that QOI has here
+  logic step, repeats, bad, repeating, colour, look_up;
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;
 
@@ -173,46 +174,45 @@ module lipp_tile_writer #(
     end
   end
 
+  // What the byte at the input does, should it be taken: the choice does not wait for that.
   always_comb begin
-    {emit, bad, colour, look_up, move, difference} = '0;
+    {draws, moves, wrong, colour, look_up, difference} = '0;
     {want_d, luma_d, run_d, fill_d} = {want_q, luma_q, run_q, fill_q};
-    if (state_q == Decode && repeating) begin
-      emit = 1'b1;
-      if (!run_q[6]) run_d = run_q - 1'b1;
-    end else if (take && !bad_q) begin
-      if (want_q != '0) begin
-        want_d = want_q - 1'b1;
-        if (want_q == 2'd1) begin
-          emit = 1'b1;
-          colour = !luma_q;
-          difference = luma_q ? {4'd0, data_i[7:4], 8'd0, 4'd0, data_i[3:0]} : {before_q, data_i};
-          luma_d = 1'b0;
-          fill_d = coding_q == CodingSolid;
-          if (coding_q == CodingRaw) want_d = 2'd3;
-        end
-      end else if (data_i == 8'hfe) begin  // QOI_OP_RGB
-        want_d = 2'd3;
-      end else if (data_i == 8'hff) begin  // QOI_OP_RGBA
-        bad = 1'b1;
-      end else begin
-        emit = 1'b1;
-        unique case (data_i[7:6])
-          2'b00: look_up = 1'b1;
-          2'b01: difference = {
-            {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2, {6'd0, data_i[1:0]} - 8'd2
-          };
-          2'b10: begin  // the rest of the differences of red and blue comes with the second byte
-            {emit, move, want_d, luma_d} = {1'b0, 1'b1, 2'd1, 1'b1};
-            difference = {
-              {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
-            };
-          end
-          2'b11: run_d = {1'b0, data_i[5:0]} - 7'd1;
-        endcase
+    if (want_q != '0) begin
+      want_d = want_q - 1'b1;
+      if (want_q == 2'd1) begin
+        draws = 1'b1;
+        colour = !luma_q;
+        difference = luma_q ? {4'd0, data_i[7:4], 8'd0, 4'd0, data_i[3:0]} : {before_q, data_i};
+        luma_d = 1'b0;
+        fill_d = coding_q == CodingSolid;
+        if (coding_q == CodingRaw) want_d = 2'd3;
       end
+    end else if (data_i == 8'hfe) begin  // QOI_OP_RGB
+      want_d = 2'd3;
+    end else if (data_i == 8'hff) begin  // QOI_OP_RGBA
+      wrong = 1'b1;
+    end else begin
+      draws = 1'b1;
+      unique case (data_i[7:6])
+        2'b00: look_up = 1'b1;
+        2'b01: difference = {
+          {6'd0, data_i[5:4]} - 8'd2, {6'd0, data_i[3:2]} - 8'd2, {6'd0, data_i[1:0]} - 8'd2
+        };
+        2'b10: begin  // the rest of the differences of red and blue comes with the second byte
+          {draws, moves, want_d, luma_d} = {1'b0, 1'b1, 2'd1, 1'b1};
+          difference = {
+            {2'd0, data_i[5:0]} - 8'd40, {2'd0, data_i[5:0]} - 8'd32, {2'd0, data_i[5:0]} - 8'd40
+          };
+        end
+        2'b11: run_d = {1'b0, data_i[5:0]} - 7'd1;
+      endcase
     end
-    if (full_q && (take || emit)) bad = 1'b1;
   end
+  assign repeats = state_q == Decode && repeating;
+  assign step = take && !bad_q;
+  assign emit = repeats || (step && draws);
+  assign bad = (step && wrong) || (full_q && (take || emit));
 
   always_ff @(posedge clk_i) begin
     if (start) begin
@@ -225,9 +225,10 @@ module lipp_tile_writer #(
       last_q <= empty_i;
       bad_q <= missing || coding_i > CodingCopy || (coding_i == CodingCopy && !empty_i);
     end else begin
-      {want_q, luma_q, run_q} <= {want_d, luma_d, run_d};
-      fill_q <= fill_d && !(emit && left_q[LeftBits-1]);
-      if (emit || move) {rgb_q, hash_q, more_q} <= {rgb, hash_d, more_d};
+      if (step) {want_q, luma_q, run_q} <= {want_d, luma_d, run_d};
+      else if (repeats && !run_q[6]) run_q <= run_q - 1'b1;
+      fill_q <= (step ? fill_d : fill_q) && !(emit && left_q[LeftBits-1]);
+      if (step && (draws || moves)) {rgb_q, hash_q, more_q} <= {rgb, hash_d, more_d};
       if (take) before_q <= {before_q[7:0], data_i};
       if (take) last_q <= last_i;
       if (bad) bad_q <= 1'b1;

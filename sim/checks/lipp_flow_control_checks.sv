@@ -2,9 +2,9 @@
 /// The contract of `lipp_flow_control`, at its ports.
 ///
 /// The input is closed by hold_i, and open only while there is a free place; with a ready reader
-/// and no hold it opens within 5 clocks and stays open. A ray leaves Latency + 4 clocks after it
+/// and no hold it opens within 6 clocks and stays open. A ray leaves Latency + 4 clocks after it
 /// was accepted, or later if it had to wait for the reader. idle_o is high exactly when no ray is
-/// inside and none left in the last clock.
+/// inside and none left in the last two clocks.
 module lipp_flow_control_checks #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -38,9 +38,9 @@ module lipp_flow_control_checks #(
   reg [C-1:0] inside_q;         // rays accepted and not yet left
   reg [Latency+3:0] entered_q;  // a ray was accepted, 1 to Latency + 4 clocks ago
   reg [C-1:0] recent_q;         // how many in the last Latency + 3 clocks
-  reg [2:0] flows_q;            // clocks with a ready reader and no hold, up to 5
+  reg [2:0] flows_q;            // clocks with a ready reader and no hold, up to 6
   reg stalled_q;
-  reg leave_q;                  // a ray left in the last clock
+  reg [1:0] leave_q;            // a ray left, one and two clocks ago
   reg [Width-1:0] out_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -55,9 +55,9 @@ module lipp_flow_control_checks #(
       entered_q <= {entered_q[Latency+2:0], accept};
       recent_q <= recent_q + C'(accept) - C'(entered_q[Latency+2]);
       if (!ready_i || hold_i) flows_q <= 0;
-      else if (flows_q < 5) flows_q <= flows_q + 1;
+      else if (flows_q < 6) flows_q <= flows_q + 1;
       stalled_q <= valid_o && !ready_i;
-      leave_q <= leave;
+      leave_q <= {leave_q[0], leave};
     end
   end
   always @(posedge clk_i) out_q <= data_o;
@@ -66,8 +66,8 @@ module lipp_flow_control_checks #(
     if (checked) begin
       room: assert(inside_q <= C'(Room) && (!ready_o || inside_q < C'(Room)));
       hold: assert(!hold_i || !ready_o);
-      idle: assert(idle_o == (inside_q == 0 && !leave_q));
-      open: assert(flows_q < 5 || hold_i || ready_o);
+      idle: assert(idle_o == (inside_q == 0 && leave_q == 0));
+      open: assert(flows_q < 6 || hold_i || ready_o);
       latency: assert(valid_o == (inside_q > recent_q));
       stable_data: assert(!stalled_q || data_o == out_q);
     end

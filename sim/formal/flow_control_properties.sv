@@ -33,7 +33,7 @@ module flow_control_properties #(
   // this Latency does not have leaves its wire free; nothing uses that wire.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
   (* hierconn *) wire \i_flow.open_q ;
-  (* hierconn *) wire \i_flow.left_q ;
+  (* hierconn *) wire [1:0] \i_flow.left_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
   (* hierconn *) wire [(Marks > 3 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[2].valid_q ;
@@ -41,6 +41,7 @@ module flow_control_properties #(
   wire [AddressBits:0] taken = \i_flow.taken_q ;
   wire [Latency-1:0] marks;
   wire [AddressBits:0] counted = taken + marks[0];  // with the ray of the last clock
+  wire [1:0] gone = \i_flow.left_q [0] + \i_flow.left_q [1];  // still counted
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
   if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
@@ -57,7 +58,7 @@ module flow_control_properties #(
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
   (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
   (* hierconn *) wire [2:0] \gen_count.i_checks.flows_q ;
-  (* hierconn *) wire \gen_count.i_checks.leave_q ;
+  (* hierconn *) wire [1:0] \gen_count.i_checks.leave_q ;
   wire [AddressBits:0] inside_q = \gen_count.i_checks.inside_q ;
   wire [AddressBits:0] recent = \gen_count.i_checks.recent_q ;
   wire [Latency+3:0] entered = \gen_count.i_checks.entered_q ;
@@ -172,18 +173,19 @@ module flow_control_properties #(
     always @(posedge clk_i) begin
       if (rst_ni) begin
         idle_empty: assert(!idle || (marks == 0 && !valid && waiting == 0));
-        inside_taken: assert(counted == inside_q + \i_flow.left_q );
+        inside_taken: assert(counted == inside_q + gone);
         inside_left: assert(\i_flow.left_q == \gen_count.i_checks.leave_q );
         inside_written: assert(last == \i_flow.i_fifo.write_i );
         inside_tree: assert(&node_right);
-        inside_places: assert(counted == waiting + inside + \i_flow.left_q && counted <= Room);
+        inside_places: assert(counted == waiting + inside + gone && counted <= Room);
         inside_recent: assert(recent == inside + wrote[0] + wrote[1] + wrote[2]);
         inside_open: assert(!\i_flow.open_q || taken <= Room - 2);
         inside_entered: assert(entered == {wrote, marks});
-        inside_flows: assert(flows <= 5
-            && (flows < 1 || inside_q < Room - 3 || \i_flow.left_q )
-            && (flows < 2 || (counted < Room && (!\i_flow.open_q || taken < Room - 2)))
-            && (flows < 3 || counted < Room - 1) && (flows < 4 || taken < Room - 2));
+        inside_flows: assert(flows <= 6
+            && (flows < 1 || inside_q < Room - 5 || \i_flow.left_q [0])
+            && (flows < 2 || inside_q < Room - 4 || \i_flow.left_q [1])
+            && (flows < 3 || (counted < Room && (!\i_flow.open_q || taken < Room - 2)))
+            && (flows < 4 || counted < Room - 1) && (flows < 5 || taken < Room - 2));
       end
     end
   end

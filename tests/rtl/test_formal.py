@@ -111,7 +111,7 @@ FAULTS = {
         "flow_control bmc_full", "flow_control.sv", "(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
         "room|promise|open"),
     "a ray that leaves frees no place": (
-        "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(left_q)", "", "taken|idle|open|places"),
+        "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(left_q[1])", "", "taken|idle|open|places"),
     "mark comes out a clock late": (
         "flow_control bmc", "flow_control.sv", "assign enter = accept;",
         "assign enter = accept && open_q && valid_q == '0;", "places|entered|in_order|counted|latency|waiting"),

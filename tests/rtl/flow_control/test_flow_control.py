@@ -9,7 +9,7 @@ BENCH = Path(__file__).with_name("flow_control_bench.sv")
 
 
 @pytest.mark.parametrize(
-    ("latency", "bits"), [(20, 5), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 4), (8, 4), (120, 7)))]
+    ("latency", "bits"), [(20, 5), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 4), (6, 4), (118, 7)))]
 )
 def test_flow_control(latency, bits):
     parameters = {"Latency": latency, "AddressBits": bits, "Width": 20}
