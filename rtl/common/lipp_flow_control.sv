@@ -11,6 +11,7 @@
 /// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
 /// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves two
 /// clocks later: the ways from valid_i and ready_i end in registers, and the output may be far away.
+/// idle_o falls with a ray that comes, and rises three clocks after the last one left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -41,16 +42,17 @@ module lipp_flow_control #(
   assign ready_o = open_q && !hold_i;
   assign accept = valid_i && ready_o;
   assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q[1]);
-  assign idle_o = taken_q == '0 && !entered;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       taken_q <= '0;
       left_q <= '0;
+      idle_o <= 1'b1;
       open_q <= 1'b0;
     end else begin
       taken_q <= taken_d;
       left_q <= {left_q[0], valid_o && ready_i};
+      idle_o <= taken_q == '0 && !entered && !accept;
       // Two places are spare, for rays that are accepted while this is being computed.
       open_q <= taken_q < (AddressBits + 1)'(Room - 2);
     end

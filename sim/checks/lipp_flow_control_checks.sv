@@ -4,7 +4,7 @@
 /// The input is closed by hold_i, and open only while there is a free place; with a ready reader
 /// and no hold it opens within 6 clocks and stays open. A ray leaves Latency + 4 clocks after it
 /// was accepted, or later if it had to wait for the reader. idle_o is high exactly when no ray is
-/// inside and none left in the last two clocks.
+/// inside and none left in the last three clocks.
 module lipp_flow_control_checks #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -40,7 +40,7 @@ module lipp_flow_control_checks #(
   reg [C-1:0] recent_q;         // how many in the last Latency + 3 clocks
   reg [2:0] flows_q;            // clocks with a ready reader and no hold, up to 6
   reg stalled_q;
-  reg [1:0] leave_q;            // a ray left, one and two clocks ago
+  reg [2:0] leave_q;            // a ray left, one to three clocks ago
   reg [Width-1:0] out_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -57,7 +57,7 @@ module lipp_flow_control_checks #(
       if (!ready_i || hold_i) flows_q <= 0;
       else if (flows_q < 6) flows_q <= flows_q + 1;
       stalled_q <= valid_o && !ready_i;
-      leave_q <= {leave_q[0], leave};
+      leave_q <= {leave_q[1:0], leave};
     end
   end
   always @(posedge clk_i) out_q <= data_o;

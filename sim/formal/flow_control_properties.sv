@@ -58,7 +58,7 @@ module flow_control_properties #(
   (* hierconn *) wire [AddressBits:0] \gen_count.i_checks.recent_q ;
   (* hierconn *) wire [Latency+3:0] \gen_count.i_checks.entered_q ;
   (* hierconn *) wire [2:0] \gen_count.i_checks.flows_q ;
-  (* hierconn *) wire [1:0] \gen_count.i_checks.leave_q ;
+  (* hierconn *) wire [2:0] \gen_count.i_checks.leave_q ;
   wire [AddressBits:0] inside_q = \gen_count.i_checks.inside_q ;
   wire [AddressBits:0] recent = \gen_count.i_checks.recent_q ;
   wire [Latency+3:0] entered = \gen_count.i_checks.entered_q ;
@@ -174,7 +174,7 @@ module flow_control_properties #(
       if (rst_ni) begin
         idle_empty: assert(!idle || (marks == 0 && !valid && waiting == 0));
         inside_taken: assert(counted == inside_q + gone);
-        inside_left: assert(\i_flow.left_q == \gen_count.i_checks.leave_q );
+        inside_left: assert(\i_flow.left_q == \gen_count.i_checks.leave_q [1:0]);
         inside_written: assert(last == \i_flow.i_fifo.write_i );
         inside_tree: assert(&node_right);
         inside_places: assert(counted == waiting + inside + gone && counted <= Room);

@@ -1,8 +1,8 @@
 /// `lipp_ray_lenslet` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
 ///
 /// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes, and
-/// a number of rays inside, which leave at any time. That is what the proof `lipp_flow_control` says of
-/// it. The properties say that all rays inside see one configuration, which does not change.
+/// a number of rays inside, which leave at any time and are missed at any later time. That is what the
+/// proof `lipp_flow_control` says of it. The properties say that all rays inside see one configuration, which does not change.
 module ray_lenslet_properties #(
   parameter int Width = 2  // of the configuration
 ) (
@@ -12,7 +12,8 @@ module ray_lenslet_properties #(
   input logic             apply_i,
   input logic             valid_i,
   input logic             open_i,
-  input logic             leave_i
+  input logic             leave_i,
+  input logic             late_i   // that all have left is not yet told
 );
 
   reg started_q = 0;
@@ -22,9 +23,10 @@ module ray_lenslet_properties #(
   // ---- flow_control ----
   logic busy;
   reg [9:0] inside_q;
-  wire idle = inside_q == 0;
+  wire empty = inside_q == 0;
+  wire idle = empty && !late_i;
   wire accept = valid_i && open_i && !busy && inside_q < 10'h3ff;
-  wire leave = leave_i && !idle;
+  wire leave = leave_i && !empty;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) inside_q <= 0;
     else inside_q <= inside_q + accept - leave;
@@ -39,11 +41,11 @@ module ray_lenslet_properties #(
   // ---- the configuration as the rays see it ----
   (* anyseq *) reg watch;
   reg [Width-1:0] entered_with_q, used_q;
-  reg watching_q, idle_q, known_q;  // known_q: used_q and idle_q are valid, no reset since
+  reg watching_q, empty_q, known_q;  // known_q: used_q and empty_q are valid, no reset since
   always @(posedge clk_i) begin
     if (accept && watch && !watching_q) entered_with_q <= used;
     used_q <= used;
-    idle_q <= idle;
+    empty_q <= empty;
   end
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -66,9 +68,9 @@ module ray_lenslet_properties #(
 
   always @(posedge clk_i) begin
     if (rst_ni) begin
-      copy_idle: assert(!\i_config_bank.copy_q || (busy && idle));
-      only_idle: assert(!known_q || used == used_q || idle_q);
-      one_configuration: assert(!watching_q || (!idle && used == entered_with_q));
+      copy_idle: assert(!\i_config_bank.copy_q || (busy && empty));
+      only_idle: assert(!known_q || used == used_q || empty_q);
+      one_configuration: assert(!watching_q || (!empty && used == entered_with_q));
       closed: assert(!busy || !accept);
       taken_over: assert(!steady_q || !accept || used == wanted);
       inside_steady: assert(!steady_q || busy || used == wanted);

@@ -124,10 +124,10 @@ FAULTS = {
     "hold ignored": (
         "flow_control bmc", "flow_control.sv", "open_q && !hold_i", "open_q", "hold"),
     "idle while a ray enters": (
-        "flow_control bmc", "flow_control.sv", "taken_q == '0 && !entered", "taken_q == '0", "idle"),
+        "flow_control bmc", "flow_control.sv", "taken_q == '0 && !entered && !accept", "taken_q == '0 && !entered", "idle"),
     "idle before the last ray has left": (
-        "flow_control bmc", "flow_control.sv", "idle_o = taken_q == '0 && !entered",
-        "idle_o = gen_marks[0].valid_q == '0", "idle"),
+        "flow_control bmc", "flow_control.sv", "idle_o <= taken_q == '0 && !entered",
+        "idle_o <= gen_marks[0].valid_q == '0", "idle"),
     "optics change within a frame": (
         "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d && !take_o", "apply_waits_o && !take_o",
         "between"),
