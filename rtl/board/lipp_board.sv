@@ -151,9 +151,9 @@ module lipp_board #(
   logic [9:0] bus_at;
   logic [31:0] bus_word, bus_answer;
   logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
-  logic tile_last;
+  logic tile_last, part_valid, part_ready, part_last;  // part: of a tile, before its buffer
   logic [15:0] tile, table_at, epoch, present_epoch;
-  logic [7:0] tile_coding, tile_data;
+  logic [7:0] tile_coding, tile_data, part_data;
   logic [31:0] tile_crc, table_crc, present_crc;
   logic table_busy, table_front, present_start, present_done, frame_bad;
   lipp_link_pkg::reply_status_e present_status;
@@ -170,8 +170,8 @@ module lipp_board #(
     .bus_start_o(bus_start), .bus_write_o(bus_write), .bus_at_o(bus_at), .bus_word_o(bus_word),
     .bus_done_i(bus_done), .bus_word_i(bus_answer), .bus_error_i(bus_error),
     .tile_start_o(tile_start), .tile_o(tile), .tile_coding_o(tile_coding),
-    .tile_empty_o(tile_empty), .tile_valid_o(tile_valid), .tile_ready_i(tile_ready),
-    .tile_data_o(tile_data), .tile_last_o(tile_last), .tile_done_i(tile_done),
+    .tile_empty_o(tile_empty), .tile_valid_o(part_valid), .tile_ready_i(part_ready),
+    .tile_data_o(part_data), .tile_last_o(part_last), .tile_done_i(tile_done),
     .tile_ok_i(tile_ok), .stale_o(stale), .tile_bad_o(tile_bad),
     .table_busy_i(table_busy), .table_front_o(table_front), .table_at_o(table_at),
     .table_crc_i(table_crc),
@@ -243,6 +243,12 @@ module lipp_board #(
   logic [23:0] write_rgb, second_rgb_q, show_rgb_q;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc;
+  // The writer's readiness would reach as far as the packets' memory.
+  lipp_skid_buffer #(.Width(9)) i_tile_buffer (
+    .clk_i, .rst_ni(core_rst_n), .in_valid_i(part_valid), .in_ready_o(part_ready),
+    .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
+    .out_data_o({tile_last, tile_data})
+  );
   lipp_tile_writer #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_tile_writer (
     .clk_i, .rst_ni(core_rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
     .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),

@@ -125,7 +125,6 @@ module dispatcher_properties #(
     assume (!(bus_done_i && look_q && bus_word_i[1]) || running_q);
     assume (!(bus_done_i && look_q && looks_q == 2'd3 && !bus_word_i[1])
         || (!bus_word_i[0] && !bus_word_i[3]));
-    assume (!tile_ready_i || tile_open_q);
     assume (!(tile_valid && tile_open_q) || tile_shut_q < Late || tile_ready_i);
     assume (!tile_done_i || tile_end_q);
     assume (!tile_end_q || tile_for_q < Late || tile_done_i);
