@@ -26,6 +26,7 @@ math/lipp_quadratic.sv
 math/lipp_sqrt.sv
 math/lipp_rsqrt.sv
 optics/lipp_raster.sv
+optics/lipp_frame_gate.sv
 optics/lipp_config_range.sv
 optics/lipp_pixel_to_lattice.sv
 optics/lipp_lenslet_square.sv
@@ -33,6 +34,7 @@ optics/lipp_lenslet_hex.sv
 optics/lipp_aim.sv
 optics/lipp_converge.sv
 optics/lipp_shear.sv
+optics/lipp_extent.sv
 optics/lipp_pixel_to_lens.sv
 optics/lipp_blend.sv
 optics/lipp_unit_slope.sv
@@ -47,10 +49,8 @@ optics/lipp_exit_dome.sv
 optics/lipp_enter_dome.sv
 optics/lipp_leave_flat.sv
 optics/lipp_exit_flat.sv
-optics/lipp_extent.sv
 optics/lipp_ray_pipeline.sv
 optics/lipp_ray_lenslet.sv
-optics/lipp_frame_gate.sv
 optics/lipp_optics_block.sv
 bus/lipp_axil_to_apb.sv
 bus/lipp_wishbone_to_apb.sv
@@ -64,8 +64,8 @@ link/lipp_cobs_encoder.sv
 link/lipp_uart_tx.sv
 panel/lipp_tile_writer.sv
 panel/lipp_tile_table.sv
-panel/lipp_frame_store.sv
 panel/lipp_frame_check.sv
+panel/lipp_frame_store.sv
 panel/lipp_test_pattern.sv
 panel/lipp_scan_out.sv
 board/lipp_request_reader.sv

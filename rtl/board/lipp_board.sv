@@ -74,6 +74,18 @@ module lipp_board #(
 );
   import lipp_optics_pkg::IndexBits, lipp_optics_pkg::PixelBits;
 
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_board: Width and Height must be 1 to 16383");
+  end
+  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 0 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
+    $fatal(1, "lipp_board: porches must be 0 or more, and syncs 1 or more");
+  end
+  if (ClockHz < 1) begin : gen_illegal_clock
+    $fatal(1, "lipp_board: ClockHz must be 1 or more");
+  end
+  if (StoreLatency < 1) begin : gen_illegal_store
+    $fatal(1, "lipp_board: StoreLatency must be 1 or more");
+  end
   if (Build.aims) begin : gen_illegal_aims
     $fatal(1, "lipp_board: Build.aims must be 0: a board traces chief rays");
   end

@@ -5,8 +5,8 @@
 /// order of their numbers (modulo 65536).
 ///
 /// The last one executed is remembered with its status. It expires when the numbers are 32768
-/// beyond its own, before newer ones would seem older; so numbers of all requests count. A new
-/// session, a HELLO with a new nonce, forgets it.
+/// beyond its own, before newer ones would seem older; so numbers of all requests count. A request
+/// is older by 1 to 32767. A new session, a HELLO with a new nonce, forgets the last one.
 module lipp_request_order (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -30,8 +30,8 @@ module lipp_request_order (
   logic [31:0] nonce_q;
   assign after = number_i - number_q;
   assign repeated_o = known_q && kind_q == kind_i && after == '0;
-  assign older_o = known_q && !repeated_o && (after == '0 || after[15]);
-  assign newest = 16'(number_i - newest_q) < 16'h8000 ? number_i : newest_q;
+  assign older_o = known_q && !repeated_o && (after == '0 || after > 16'h8000);
+  assign newest = 16'(number_i - newest_q) <= 16'h8000 ? number_i : newest_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -46,7 +46,7 @@ module lipp_request_order (
     end else if (answer_i) begin
       newest_q <= newest;
       if (executed_i) begin
-        known_q <= 16'(newest - number_i) < 16'h8000;
+        known_q <= 1'b1;
         {kind_q, number_q} <= {kind_i, number_i};
         status_o <= status_i;
       end else if (16'(newest - number_q) >= 16'h8000) begin

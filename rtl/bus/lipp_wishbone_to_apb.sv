@@ -6,7 +6,8 @@
 ///
 /// Each cycle is one APB4 access of the word at {adr, 2'b00}. PSTRB = SEL for a write, 0 for a read,
 /// which gives the whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK, one with
-/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register.
+/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register,
+/// ACK and ERR behind a gate of CYC and STB.
 ///
 /// With a completer that answers in the n-th clock of its access phase (n >= 1) the pulse comes
 /// n + 2 clocks after STB, and cycles follow each other every n + 3 clocks. A master that drops CYC
@@ -47,6 +48,9 @@ module lipp_wishbone_to_apb #(
   logic asked, start, done, wanted_q;  // the master still waits for the access that runs
   assign asked = s_wb_cyc && s_wb_stb;
   assign start = asked && !m_apb_psel && !s_wb_ack && !s_wb_err;
+  // A master that gives up now is not answered either.
+  logic ack_q, err_q;
+  assign {s_wb_ack, s_wb_err} = {2{asked}} & {ack_q, err_q};
   assign done = m_apb_penable && m_apb_pready;
   assign m_apb_pprot = '0;
 
@@ -61,13 +65,13 @@ module lipp_wishbone_to_apb #(
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {m_apb_psel, m_apb_penable, wanted_q, s_wb_ack, s_wb_err} <= '0;
+      {m_apb_psel, m_apb_penable, wanted_q, ack_q, err_q} <= '0;
     end else begin
       m_apb_psel <= start || (m_apb_psel && !done);
       m_apb_penable <= m_apb_psel && !done;
       wanted_q <= start || (wanted_q && asked);
-      s_wb_ack <= done && wanted_q && asked && !m_apb_pslverr;
-      s_wb_err <= done && wanted_q && asked && m_apb_pslverr;
+      ack_q <= done && wanted_q && asked && !m_apb_pslverr;
+      err_q <= done && wanted_q && asked && m_apb_pslverr;
     end
   end
 

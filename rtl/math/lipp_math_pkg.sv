@@ -55,7 +55,8 @@ package lipp_math_pkg;
 
   /// Fraction bits of a segment's slope.
   function automatic int slope_fraction(int f);
-    return segment_bits(f) + 18 < f + 4 ? segment_bits(f) + 18 : f + 4;
+    // Of an f that is refused too, so that its message is reached.
+    return f < 14 ? 18 : segment_bits(f) + 18 < f + 4 ? segment_bits(f) + 18 : f + 4;
   endfunction
 
   /// Latency of `lipp_quadratic`: octave, table (2), two products and two sums.

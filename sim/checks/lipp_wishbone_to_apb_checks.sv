@@ -68,7 +68,7 @@ module lipp_wishbone_to_apb_checks #(
           wanted_q[A+34], 3'b000, wanted_q[A+33:36], 2'b00, wanted_q[35:4] & {32{wanted_q[A+34]}},
           wanted_q[3:0] & {4{wanted_q[A+34]}}});
       // Each is answered once, in the clock after its end, unless the master gave it up.
-      answered: assert(pulse == done_q && !(s_wb_ack && s_wb_err));
+      answered: assert(pulse == (done_q && asked) && !(s_wb_ack && s_wb_err));
       answer: assert(!pulse || (s_wb_err == error_q && s_wb_dat_r == (error_q ? 32'h0 : word_q)));
       one_clock: assert(!(pulse && pulse_q));
       // APB4: a clock of setup, then the access until ready, all of it unchanged.

@@ -244,7 +244,7 @@ class ModelBoard:
             return self._do_once(kind, seq, lambda: known[kind](body))
         finally:
             # The last one executed expires before the numbers wrap so far that a newer one would seem older.
-            if (seq - self.newest) % 65536 < 32768:
+            if (seq - self.newest) % 65536 <= 32768:
                 self.newest = seq
             if self.done and (self.newest - self.done[0][1]) % 65536 >= 32768:
                 self.done = None
@@ -256,7 +256,7 @@ class ModelBoard:
             if self.done[1]:
                 raise RefusedError(self.done[1])
             return b""
-        if self.done and not 0 < (seq - self.done[0][1]) % 65536 < 32768:
+        if self.done and not 0 < (seq - self.done[0][1]) % 65536 <= 32768:
             raise RefusedError(STALE)
         status = OK
         try:

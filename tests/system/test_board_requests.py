@@ -144,6 +144,21 @@ def test_trace_start_sign_trace(raw):
     assert raw.trace() == traced()
 
 
+def test_numbers_halfway_round_are_newer_and_remembered(raw):
+    brightness = 0x18
+
+    def write(word, number):
+        status, _ = raw.ask(WRITE, struct.pack("<HI", brightness, word), seq=number % 65536)
+        return status, raw.board.read(brightness)[0] & 0xFF
+
+    number = raw.board.next_seq()
+    assert raw.ask(HELLO, struct.pack("<BI", 2, 0xC0FFEE ^ SEED), seq=number)[0] == OK
+    for first in (number + 0x8000, number + 2 * 0x8000):  # the first of a session, then one after another
+        assert write(11, first) == (OK, 11)
+        assert write(12, first) == (OK, 11), "executed once"
+        assert write(13, first - 1) == (STALE, 11)
+
+
 def test_a_trace_of_a_pixel_beyond_its_word_is_refused(raw):
     """18 bits hold u and v. The board cut them silently, and traced another pixel."""
     for place, word in ((0, 1 << 17), (4, -(1 << 17) - 1), (16, -(1 << 31)), (20, (1 << 31) - 1), (36, 1 << 18)):
