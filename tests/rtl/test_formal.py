@@ -124,7 +124,7 @@ FAULTS = {
     "hold ignored": (
         "flow_control bmc", "flow_control.sv", "open_q && !hold_i", "open_q", "hold"),
     "idle while a ray enters": (
-        "flow_control bmc", "flow_control.sv", "taken_q == '0 && !entered && !accept", "taken_q == '0 && !entered", "idle"),
+        "flow_control bmc", "flow_control.sv", "!entered && !accept", "!entered", "idle"),
     "idle before the last ray has left": (
         "flow_control bmc", "flow_control.sv", "idle_o <= taken_q == '0 && !entered",
         "idle_o <= gen_marks[0].valid_q == '0", "idle"),
