@@ -11,11 +11,11 @@
 ///
 /// The request RESET resets all but the line and its packets, so that no byte of them is lost.
 ///
-/// The store of the frames is the memory at the ports store_*: two buffers of Width * Height pixels,
-/// 14.7 Mbit at 640 x 480, more than the block RAM of a small FPGA. A pixel is written in the clock
-/// of store_write_o. store_a_rgb_i(t) is the pixel at store_a_at_o(t - StoreLatency) of buffer
-/// store_a_buffer_o, as written before; likewise b. All these ports are registers. lipp_board_with_store
-/// has a memory there.
+/// The store of the frames is the memory at the ports store_*: two buffers of Width * Height
+/// pixels, 14.7 Mbit at 640 x 480, more than the block RAM of a small FPGA. A pixel is written in
+/// the clock of store_write_o. store_a_rgb_i(t) is the pixel at store_a_at_o(t - StoreLatency) of
+/// buffer store_a_buffer_o, as written before; likewise b. All these ports are registers.
+/// lipp_board_with_store has a memory there.
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the

@@ -69,10 +69,10 @@ module lipp_dispatcher #(
   input  logic [31:0]       table_crc_i,     // at most 3 clocks after table_at_o
 
   // ---- frames: presenter ----
-  output logic              present_start_o,
-  output logic [15:0]       present_epoch_o,
-  output logic [31:0]       present_crc_o,
-  input  logic              present_done_i,
+  output logic                         present_start_o,
+  output logic [15:0]                  present_epoch_o,
+  output logic [31:0]                  present_crc_o,
+  input  logic                         present_done_i,
   input  lipp_link_pkg::reply_status_e present_status_i,
 
   // ---- rays: optics_block, ray_signature ----

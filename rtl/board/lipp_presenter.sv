@@ -11,10 +11,10 @@ module lipp_presenter (
   input  logic              clk_i,
   input  logic              rst_ni,
 
-  input  logic              start_i,
-  input  logic [15:0]       epoch_i,
-  input  logic [31:0]       crc_i,
-  output logic              done_o,
+  input  logic                         start_i,
+  input  logic [15:0]                  epoch_i,
+  input  logic [31:0]                  crc_i,
+  output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [15:0]       epoch_o,

@@ -13,24 +13,24 @@
 ///            StatusOptics
 ///   OpAbort  ends the frame that runs; done when no ray is in the pipeline
 ///
-/// While a frame runs, or its rays are being signed, OpClaim, OpTrace and OpSign give StatusBusy and
-/// change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for their
-/// apply, which the pipeline takes when it is empty. So a signature has all rays of its own frame
-/// and no others, and a trace gets the rays that it asked for. All other exit rays are dropped at
-/// once: the pipeline never stands still, and each wait ends.
+/// While a frame runs, or its rays are being signed, OpClaim, OpTrace and OpSign give StatusBusy
+/// and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for
+/// their apply, which the pipeline takes when it is empty. So a signature has all rays of its own
+/// frame and no others, and a trace gets the rays that it asked for. All other exit rays are
+/// dropped at once: the pipeline never stands still, and each wait ends.
 ///
 /// The bus is that of register_bus: its next access starts after bus_done_i.
 module lipp_ray_access (
-  input  logic              clk_i,
-  input  logic              rst_ni,
-  input  logic              clear_i,       // the optics block is being reset
-  input  logic              start_i,
-  input  lipp_link_pkg::ray_op_e op_i,
-  input  logic [8:0]        count_i,       // words of the rays to trace, 4 each
-  output logic              done_o,
+  input  logic                         clk_i,
+  input  logic                         rst_ni,
+  input  logic                         clear_i,  // the optics block is being reset
+  input  logic                         start_i,
+  input  lipp_link_pkg::ray_op_e       op_i,
+  input  logic [8:0]                   count_i,  // words of the rays to trace, 4 each
+  output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
-  output lipp_link_pkg::runs_e   runs_o,
-  output logic              denied_o,      // with done_o: the pipeline was not free
+  output lipp_link_pkg::runs_e         runs_o,
+  output logic                         denied_o,  // with done_o: the pipeline was not free
 
   output logic [7:0]        word_at_o,     // of the rays to trace
   input  logic [31:0]       word_i,        // a clock after its place

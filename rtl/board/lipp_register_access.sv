@@ -10,13 +10,13 @@
 /// done_o is a pulse, valid with status_o: behind the last word of a WRITE, and before the first of
 /// a READ, whose words follow as a stream; 0 at an address without a register.
 module lipp_register_access (
-  input  logic              clk_i,
-  input  logic              rst_ni,
-  input  logic              start_i,
-  input  logic              write_i,
-  input  logic [15:0]       first_i,        // byte address
-  input  logic [8:0]        count_i,        // words: 1 or more
-  output logic              done_o,
+  input  logic                         clk_i,
+  input  logic                         rst_ni,
+  input  logic                         start_i,
+  input  logic                         write_i,
+  input  logic [15:0]                  first_i,  // byte address
+  input  logic [8:0]                   count_i,  // words: 1 or more
+  output logic                         done_o,
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [7:0]        word_at_o,      // of a WRITE

@@ -10,8 +10,8 @@
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
 ///
-/// Other addresses are empty. Both blocks are on one APB4 bus, with a select each; all writes are of
-/// whole words.
+/// Other addresses are empty. Both blocks are on one APB4 bus, with a select each; all writes are
+/// of whole words.
 module lipp_register_bus (
   input  logic        clk_i,
   input  logic        rst_ni,

@@ -8,18 +8,18 @@
 /// beyond its own, before newer ones would seem older; so numbers of all requests count. A request
 /// is older by 1 to 32767. A new session, a HELLO with a new nonce, forgets the last one.
 module lipp_request_order (
-  input  logic              clk_i,
-  input  logic              rst_ni,
-  input  lipp_link_pkg::request_e kind_i,
-  input  logic [15:0]       number_i,
-  output logic              repeated_o,  // the last one executed, again
-  output logic              older_o,     // than that one
-  output lipp_link_pkg::reply_status_e status_o,    // of that one
+  input  logic                         clk_i,
+  input  logic                         rst_ni,
+  input  lipp_link_pkg::request_e      kind_i,
+  input  logic [15:0]                  number_i,
+  output logic                         repeated_o,  // the last one executed, again
+  output logic                         older_o,  // than that one
+  output lipp_link_pkg::reply_status_e status_o,  // of that one
 
-  input  logic              hello_i,     // a session may begin
-  input  logic [31:0]       nonce_i,
-  input  logic              answer_i,    // the request is answered
-  input  logic              executed_i,  // with answer_i: it was executed, with this status
+  input  logic                         hello_i,  // a session may begin
+  input  logic [31:0]                  nonce_i,
+  input  logic                         answer_i,  // the request is answered
+  input  logic                         executed_i,  // with answer_i: it was executed, with this status
   input  lipp_link_pkg::reply_status_e status_i
 );
   import lipp_link_pkg::*;

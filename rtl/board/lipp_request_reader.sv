@@ -24,12 +24,12 @@ module lipp_request_reader #(
   input  logic [7:0]         in_data_i,
   input  logic               in_last_i,
 
-  output logic               done_o,
-  input  logic               next_i,
-  output lipp_link_pkg::request_t request_o,
-  output lipp_link_pkg::reply_status_e  status_o,      // StatusOk, or why the request is refused
-  input  logic [7:0]         word_at_i,
-  output logic [31:0]        word_o,        // the word there, a clock later
+  output logic                         done_o,
+  input  logic                         next_i,
+  output lipp_link_pkg::request_t      request_o,
+  output lipp_link_pkg::reply_status_e status_o,  // StatusOk, or why the request is refused
+  input  logic [7:0]                   word_at_i,
+  output logic [31:0]                  word_o,  // the word there, a clock later
 
   output logic               tile_start_o,  // its number and coding are in request_o
   output logic               tile_empty_o,  // with tile_start_o: no data follow

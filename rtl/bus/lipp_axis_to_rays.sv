@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// AXI4-Stream to the rays of optics_block with source = stream: one ray a transfer, a frame a packet.
+/// AXI4-Stream to the rays of optics_block with source = stream: one ray a transfer, a frame a
+/// packet.
 ///
 /// A transfer holds four signed words of 32 bits, little-endian, each sign-extended from its width:
 ///
@@ -27,14 +28,14 @@ module lipp_axis_to_rays #(
   input  logic                                    s_axis_tlast,
   input  logic                                    s_axis_tuser,
 
-  output logic                                    ray_valid_o,
-  input  logic                                    ray_ready_i,
+  output logic                                         ray_valid_o,
+  input  logic                                         ray_ready_i,
   output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,
   output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,
-  output logic signed [F+1:0]                     ray_a_o,
-  output logic signed [F+1:0]                     ray_b_o,
-  output logic                                    ray_first_o,
-  output logic                                    ray_last_o
+  output logic signed [F+1:0]                          ray_a_o,
+  output logic signed [F+1:0]                          ray_b_o,
+  output logic                                         ray_first_o,
+  output logic                                         ray_last_o
 );
   import lipp_optics_pkg::*;
 

@@ -4,10 +4,10 @@
 /// Wishbone B4 classic to APB4: a slave with 32-bit data, granularity 8, in front of a completer
 /// such as optics_block.
 ///
-/// Each cycle is one APB4 access of the word at {adr, 2'b00}. PSTRB = SEL for a write, 0 for a read,
-/// which gives the whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK, one with
-/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register,
-/// ACK and ERR behind a gate of CYC and STB.
+/// Each cycle is one APB4 access of the word at {adr, 2'b00}. PSTRB = SEL for a write, 0 for a
+/// read, which gives the whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK, one with
+/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register, ACK
+/// and ERR behind a gate of CYC and STB.
 ///
 /// With a completer that answers in the n-th clock of its access phase (n >= 1) the pulse comes
 /// n + 2 clocks after STB, and cycles follow each other every n + 3 clocks. A master that drops CYC

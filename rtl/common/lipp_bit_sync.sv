@@ -5,8 +5,9 @@
 ///
 /// q_o follows d_i with the Stages-th rising edge after a change, or one later if the change was at
 /// an edge: a latency of Stages - 1 to Stages + 1 clocks. A level that is shorter than a clock may
-/// be lost. The registers in a row give a metastable first one the time to settle. For one bit only:
-/// bits brought over side by side may arrive in different clocks; see `lipp_async_fifo` for words.
+/// be lost. The registers in a row give a metastable first one the time to settle. For one bit
+/// only: bits brought over side by side may arrive in different clocks; see `lipp_async_fifo` for
+/// words.
 module lipp_bit_sync #(
   parameter int Stages = 2,
   parameter bit ResetValue = 1'b0

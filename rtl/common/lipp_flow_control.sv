@@ -9,9 +9,9 @@
 /// Latency, fit into pipeline and FIFO.
 ///
 /// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
-/// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves two
-/// clocks later: the ways from valid_i and ready_i end in registers, and the output may be far away.
-/// idle_o falls with a ray that comes, and rises three clocks after the last one left.
+/// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves
+/// two clocks later: the ways from valid_i and ready_i end in registers, and the output may be far
+/// away. idle_o falls with a ray that comes, and rises three clocks after the last one left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,

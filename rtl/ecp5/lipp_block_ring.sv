@@ -3,11 +3,11 @@
 
 /// `lipp_block_ring` in ECP5's block memory.
 ///
-/// Same ports and behaviour as rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks after it
-/// was written; the memory has a latency of two, and an output register adds one. No address is
-/// read and written in the same clock. The read address follows from the write address, so that the
-/// initial address does not matter after a clock. The hierarchy is kept in synthesis: merged rings
-/// would share their counters.
+/// Same ports and behaviour as rtl/common/lipp_block_ring.sv. A word is read Cycles - 3 clocks
+/// after it was written; the memory has a latency of two, and an output register adds one. No
+/// address is read and written in the same clock. The read address follows from the write address,
+/// so that the initial address does not matter after a clock. The hierarchy is kept in synthesis:
+/// merged rings would share their counters.
 (* keep_hierarchy *)
 module lipp_block_ring #(
   parameter int Width = 1,

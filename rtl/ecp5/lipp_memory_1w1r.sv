@@ -3,9 +3,9 @@
 
 /// `lipp_memory_1w1r` in ECP5's block memory, with the cell's output register.
 ///
-/// Same ports and behaviour as rtl/common/lipp_memory_1w1r.sv, in cells of 1024 words x 18 bits, or more
-/// and narrower words, up to 16384 x 1: port A writes, port B reads. Reading a word while it is
-/// written is undefined; no FIFO does that, and no request of the board.
+/// Same ports and behaviour as rtl/common/lipp_memory_1w1r.sv, in cells of 1024 words x 18 bits, or
+/// more and narrower words, up to 16384 x 1: port A writes, port B reads. Reading a word while it
+/// is written is undefined; no FIFO does that, and no request of the board.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9

@@ -3,10 +3,10 @@
 
 /// `lipp_ring` in ECP5's distributed memory, for 2 to 17 cycles.
 ///
-/// Same ports and behaviour as rtl/common/lipp_ring.sv. A word is read Cycles - 1 clocks after it was
-/// written; the output register adds one. The read address follows from the write address, so that
-/// the initial address does not matter after a clock. The hierarchy is kept in synthesis: merged
-/// rings would share their counters.
+/// Same ports and behaviour as rtl/common/lipp_ring.sv. A word is read Cycles - 1 clocks after it
+/// was written; the output register adds one. The read address follows from the write address, so
+/// that the initial address does not matter after a clock. The hierarchy is kept in synthesis:
+/// merged rings would share their counters.
 (* keep_hierarchy *)
 module lipp_ring #(
   parameter int Width = 1,

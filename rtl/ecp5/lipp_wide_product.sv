@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_wide_product` in ECP5's multiplier cells: one for the upper parts, one for each cross term, all
-/// with their own registers.
+/// `lipp_wide_product` in ECP5's multiplier cells: one for the upper parts, one for each cross
+/// term, all with their own registers.
 ///
 /// Same ports and behaviour as rtl/math/lipp_wide_product.sv. One more register, before the cells,
 /// shortens the operands' path.

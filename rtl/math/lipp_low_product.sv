@@ -9,9 +9,9 @@ module lipp_low_product #(
   parameter int Low = 2,                                // bits of the unsigned factor, 1 to 17
   parameter int Latency = lipp_math_pkg::low_latency(Low)
 ) (
-  input  logic                                      clk_i,
+  input  logic                                         clk_i,
   input  logic signed [lipp_math_pkg::MulBits-1:0]     a_i,
-  input  logic        [Low-1:0]                     low_i,
+  input  logic [Low-1:0]                               low_i,
   output logic signed [lipp_math_pkg::MulBits+Low-1:0] p_o
 );
   import lipp_math_pkg::*;

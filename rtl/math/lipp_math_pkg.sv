@@ -26,8 +26,8 @@ package lipp_math_pkg;
     return width > MulBits ? width - MulBits : 0;
   endfunction
 
-  /// Latency of `lipp_low_product`: digits of two bits, summed in a tree; at least that of a multiplier
-  /// cell.
+  /// Latency of `lipp_low_product`: digits of two bits, summed in a tree; at least that of a
+  /// multiplier cell.
   function automatic int low_latency(int low);
     int tree;
     tree = 1 + $clog2((low + 1) / 2);

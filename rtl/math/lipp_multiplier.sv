@@ -5,8 +5,8 @@
 ///
 /// A word is split into its upper 18 bits and the rest, a = ah 2^la + al with 0 <= al < 2^la. A
 /// multiplier cell makes the product of the upper parts. The cross terms are made in logic or, with
-/// CrossCells, in more cells (`lipp_wide_product`: less logic, up to three times the multipliers). The
-/// product al bl is below every place that is kept, and is left out:
+/// CrossCells, in more cells (`lipp_wide_product`: less logic, up to three times the multipliers).
+/// The product al bl is below every place that is kept, and is left out:
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///

@@ -4,8 +4,8 @@
 /// Reciprocal root, faithfully rounded: y = 1 / sqrt(x) for x in [1, 4).
 ///
 /// Input x_i: unsigned, F + 1 fraction bits (F + 3 bits; below 1 the output is undefined).
-/// Output y_o: unsigned, F + 1 + K fraction bits, in [1/2, 1]; K = Extra. With q from `lipp_quadratic`,
-/// words as integers:
+/// Output y_o: unsigned, F + 1 + K fraction bits, in [1/2, 1]; K = Extra. With q from
+/// `lipp_quadratic`, words as integers:
 ///
 ///   y    = (q + (4 >> K)) >> (3 - K)
 ///

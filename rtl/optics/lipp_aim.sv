@@ -10,28 +10,28 @@
 ///
 ///   x' = x - di (hexagonal: x - di - dj/2),   y' = y - dj,   a', b' likewise (all exact).
 ///
-/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2), or an index
-/// wraps.
+/// stray_o: the lenslet differs from the pixel's. beyond_o: x' or y' is outside [-2, 2), or an
+/// index wraps.
 /// Latency aim_latency(Grid).
 module lipp_aim #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
-  input  logic                                    clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,      // the pixel's lenslet
+  input  logic                                         clk_i,
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the pixel's lenslet
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                     x_i,      // wide, pitches: point from its centre
-  input  logic signed [F+1:0]                     y_i,      // wide, rows
-  input  logic signed [F+1:0]                     a_i,      // wide: aperture point likewise
-  input  logic signed [F+1:0]                     b_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,      // lenslet aimed at
+  input  logic signed [F+1:0]                          x_i,  // wide, pitches: point from its centre
+  input  logic signed [F+1:0]                          y_i,  // wide, rows
+  input  logic signed [F+1:0]                          a_i,  // wide: aperture point likewise
+  input  logic signed [F+1:0]                          b_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,  // lenslet aimed at
   output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
-  output logic signed [F+1:0]                     x_o,      // wide: point relative to its centre
-  output logic signed [F+1:0]                     y_o,
-  output logic signed [F+1:0]                     a_o,      // wide: aperture point relative to it
-  output logic signed [F+1:0]                     b_o,
-  output logic                                    stray_o,  // lenslet is not the pixel's
-  output logic                                    beyond_o  // a word overflows
+  output logic signed [F+1:0]                          x_o,  // wide: point relative to its centre
+  output logic signed [F+1:0]                          y_o,
+  output logic signed [F+1:0]                          a_o,  // wide: aperture point relative to it
+  output logic signed [F+1:0]                          b_o,
+  output logic                                         stray_o,  // lenslet is not the pixel's
+  output logic                                         beyond_o  // a word overflows
 );
   import lipp_optics_pkg::*;
 

@@ -8,8 +8,8 @@
 ///
 ///   y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
 ///
-/// x and a have F fraction bits; k, l and y have Wk - 2. beyond_o: Wy bits do not hold y. Second = 0
-/// omits the second product. Wa is at most Wx. Latency blend_latency(F, Wx).
+/// x and a have F fraction bits; k, l and y have Wk - 2. beyond_o: Wy bits do not hold y. Second =
+/// 0 omits the second product. Wa is at most Wx. Latency blend_latency(F, Wx).
 module lipp_blend #(
   parameter int F = 23,
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
@@ -19,7 +19,7 @@ module lipp_blend #(
   parameter int Wk = F + 2,         // bits of k and l
   parameter int Wy = Wk             // bits of y, as many or more
 ) (
-  input  logic                clk_i,
+  input  logic                 clk_i,
   input  logic signed [Wk-1:0] k_i,
   input  logic signed [Wx-1:0] x_i,
   input  logic signed [Wk-1:0] l_i,

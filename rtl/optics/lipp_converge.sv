@@ -11,8 +11,8 @@
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 ///
 /// is 1 - s times the pixel's point; the coefficients of slope and point contain 1 / (1 - s).
-/// As integers, a b >> k the product that `lipp_multiplier` cuts by k places; C in half pitches and half
-/// rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A has F + 2.
+/// As integers, a b >> k the product that `lipp_multiplier` cuts by k places; C in half pitches and
+/// half rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A has F + 2.
 ///
 /// Output: W + 2 bits with F fraction bits, [-8, 8). beyond_o: x' or y' is outside that range.
 /// Latency converge_latency(F).
@@ -21,17 +21,17 @@ module lipp_converge #(
   parameter bit CrossCells = 1'b0,  // cross terms of products in multiplier cells
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
-  input  logic                                    clk_i,
-  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,         // the ray's lenslet
+  input  logic                                         clk_i,
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // the ray's lenslet
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [F+1:0]                     x_i,         // wide, pitches: point in its cell
-  input  logic signed [F+1:0]                     y_i,         // wide, rows
-  input  logic signed [F+8:0]                     share_i,     // s
-  input  logic signed [F+8:0]                     offset_x_i,  // o
-  input  logic signed [F+8:0]                     offset_y_i,
-  output logic signed [F+3:0]                     x_o,         // point from its centre
-  output logic signed [F+3:0]                     y_o,
-  output logic                                    beyond_o     // x_o or y_o overflows
+  input  logic signed [F+1:0]                          x_i,  // wide, pitches: point in its cell
+  input  logic signed [F+1:0]                          y_i,  // wide, rows
+  input  logic signed [F+8:0]                          share_i,  // s
+  input  logic signed [F+8:0]                          offset_x_i,  // o
+  input  logic signed [F+8:0]                          offset_y_i,
+  output logic signed [F+3:0]                          x_o,  // point from its centre
+  output logic signed [F+3:0]                          y_o,
+  output logic                                         beyond_o  // x_o or y_o overflows
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;

@@ -10,12 +10,12 @@
 module lipp_extent #(
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
-  input  logic                                    clk_i,
+  input  logic                                         clk_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
-  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,   // largest |c| of a lenslet
+  input  logic signed [lipp_optics_pkg::IndexBits+1:0] along_i,  // largest |c| of a lenslet
   input  logic signed [lipp_optics_pkg::IndexBits:0]   across_i,  // largest |j|
-  output logic                                    missing_o
+  output logic                                         missing_o
 );
   import lipp_optics_pkg::*;
 

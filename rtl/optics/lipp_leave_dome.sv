@@ -5,7 +5,8 @@
 ///
 /// d' = n d + (cos' - n cos) N. At the flat face n d kept the tangential part of the air's e:
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, M = 2^(F+3) - 1:
+/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// M = 2^(F+3) - 1:
 ///
 ///   C'   = 2^(F+3) - (s n2 >> F)
 ///   cos' = sqrt(min(max(C', 0), M))
@@ -26,22 +27,22 @@ module lipp_leave_dome #(
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
 ) (
-  input  logic                clk_i,
-  input  logic signed [F+1:0] nx_i,  // near
-  input  logic signed [F+1:0] ny_i,
-  input  logic signed [F+1:0] nz_i,
-  input  logic signed [F+1:0] cos_i,
-  input  logic signed [F+3:0] s_i,   // F + 3 fraction bits
-  input  logic signed [Wt-1:0] ex_i, // direction before the flat face
+  input  logic                 clk_i,
+  input  logic signed [F+1:0]  nx_i,  // near
+  input  logic signed [F+1:0]  ny_i,
+  input  logic signed [F+1:0]  nz_i,
+  input  logic signed [F+1:0]  cos_i,
+  input  logic signed [F+3:0]  s_i,  // F + 3 fraction bits
+  input  logic signed [Wt-1:0] ex_i,  // direction before the flat face
   input  logic signed [Wt-1:0] ey_i,
-  input  logic signed [Wz-1:0] dz_i, // along the axis in the glass
-  input  logic signed [F+2:0] index_i,         // n, F fraction bits
-  input  logic signed [F+3:0] index_square_i,  // n^2, F fraction bits
-  output logic signed [F+1:0] dx_o,  // near
-  output logic signed [F+1:0] dy_o,
-  output logic signed [F+1:0] dz_o,
-  output logic                reflected_o,
-  output logic                beyond_o
+  input  logic signed [Wz-1:0] dz_i,  // along the axis in the glass
+  input  logic signed [F+2:0]  index_i,  // n, F fraction bits
+  input  logic signed [F+3:0]  index_square_i,  // n^2, F fraction bits
+  output logic signed [F+1:0]  dx_o,  // near
+  output logic signed [F+1:0]  dy_o,
+  output logic signed [F+1:0]  dz_o,
+  output logic                 reflected_o,
+  output logic                 beyond_o
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;

@@ -11,14 +11,14 @@
 module lipp_lenslet_square #(
   parameter int F = 23
 ) (
-  input  logic                                      clk_i,
+  input  logic                                           clk_i,
   input  logic signed [lipp_optics_pkg::IndexBits+F-1:0] x_i,
   input  logic signed [lipp_optics_pkg::IndexBits+F-1:0] y_i,
   output logic signed [lipp_optics_pkg::IndexBits-1:0]   i_o,
   output logic signed [lipp_optics_pkg::IndexBits-1:0]   j_o,
-  output logic signed [F+1:0]                       x_o,
-  output logic signed [F+1:0]                       y_o,
-  output logic                                      beyond_o
+  output logic signed [F+1:0]                            x_o,
+  output logic signed [F+1:0]                            y_o,
+  output logic                                           beyond_o
 );
   import lipp_optics_pkg::*;
 

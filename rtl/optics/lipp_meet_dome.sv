@@ -8,7 +8,8 @@
 /// normal at the intersection is cos = sqrt(1 - |V|^2 + b^2). The length to it is cos - b (upward,
 /// out of the glass) or -b - cos (downward, into it). The intersection *is* the unit normal N.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, M = 2^(F+3) - 1:
+/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
+/// M = 2^(F+3) - 1:
 ///
 ///   b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
 ///   C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
@@ -19,10 +20,11 @@
 ///
 /// dx and dy are near words with E = extra_bits(F) more fraction bits, dz has 3 E more. b has F + 4
 /// fraction bits, C and s have F + 3, l has F. missed_o: C < 0. beyond_o: b or l outside
-/// its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1], by more than roundings.
-/// Downward, V is in the plane of the vertices (zc = 1) and dz = -dz_i: the products of dz_i are
-/// cut, then subtracted. A ray that passes the sphere by downward goes on for half a radius from
-/// its point nearest to the centre; a step from there leads to the dome that it meets next.
+/// its word, C above 1 or, unless missed, a coordinate of N outside [-1, 1], by more than
+/// roundings. Downward, V is in the plane of the vertices (zc = 1) and dz = -dz_i: the products of
+/// dz_i are cut, then subtracted. A ray that passes the sphere by downward goes on for half a
+/// radius from its point nearest to the centre; a step from there leads to the dome that it meets
+/// next.
 /// Latency meet_dome_latency(F).
 module lipp_meet_dome #(
   parameter int F = 23,
@@ -32,21 +34,21 @@ module lipp_meet_dome #(
   localparam int Wt = F + 2 + E,
   localparam int Wz = F + 2 + 3 * E
 ) (
-  input  logic                clk_i,
-  input  logic signed [F+2:0] hx_i,  // F fraction bits
-  input  logic signed [F+2:0] hy_i,
+  input  logic                 clk_i,
+  input  logic signed [F+2:0]  hx_i,  // F fraction bits
+  input  logic signed [F+2:0]  hy_i,
   input  logic signed [Wt-1:0] dx_i,
   input  logic signed [Wt-1:0] dy_i,
   input  logic signed [Wz-1:0] dz_i,
-  input  logic signed [F+3:0] zc_i,  // far: 1 - T/R
-  input  logic signed [F+8:0] oz_i,  // 1 - zc^2, F + 3 fraction bits
-  output logic signed [F+1:0] nx_o,  // near
-  output logic signed [F+1:0] ny_o,
-  output logic signed [F+1:0] nz_o,
-  output logic signed [F+1:0] cos_o,
-  output logic signed [F+3:0] s_o,   // 1 - cos^2, F + 3 fraction bits
-  output logic                missed_o,
-  output logic                beyond_o
+  input  logic signed [F+3:0]  zc_i,  // far: 1 - T/R
+  input  logic signed [F+8:0]  oz_i,  // 1 - zc^2, F + 3 fraction bits
+  output logic signed [F+1:0]  nx_o,  // near
+  output logic signed [F+1:0]  ny_o,
+  output logic signed [F+1:0]  nz_o,
+  output logic signed [F+1:0]  cos_o,
+  output logic signed [F+3:0]  s_o,  // 1 - cos^2, F + 3 fraction bits
+  output logic                 missed_o,
+  output logic                 beyond_o
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;

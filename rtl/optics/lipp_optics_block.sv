@@ -35,28 +35,28 @@ module lipp_optics_block #(
   output logic [31:0]                             s_apb_prdata,
   output logic                                    s_apb_pslverr,  // no such register or access
 
-  input  logic                                    ray_valid_i,
-  output logic                                    ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,      // pixels to the right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,      // upwards; 4 fraction bits
-  input  logic signed [F+1:0]                     ray_a_i,      // wide, pitches: aperture point
-  input  logic signed [F+1:0]                     ray_b_i,      // wide, rows
-  input  logic                                    ray_first_i,  // of its frame
-  input  logic                                    ray_last_i,   // of its frame
+  input  logic                                         ray_valid_i,
+  output logic                                         ray_ready_o,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
+  input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
+  input  logic signed [F+1:0]                          ray_b_i,  // wide, rows
+  input  logic                                         ray_first_i,  // of its frame
+  input  logic                                         ray_last_i,  // of its frame
 
-  output logic                                    exit_valid_o,
-  input  logic                                    exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,       // lenslet that it leaves through
+  output logic                                         exit_valid_o,
+  input  logic                                         exit_ready_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet that it leaves through
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                     exit_x_o,       // origin from its centre, radii
-  output logic signed [F+3:0]                     exit_y_o,       // F + 1 fraction bits
-  output logic signed [F+3:0]                     exit_z_o,
-  output logic signed [F+1:0]                     exit_dx_o,      // near: unit direction
-  output logic signed [F+1:0]                     exit_dy_o,
-  output logic signed [F+1:0]                     exit_dz_o,      // to the viewer
-  output lipp_optics_pkg::ray_status_e                     exit_status_o,  // its fate
-  output logic                                    exit_first_o,   // of its frame
-  output logic                                    exit_last_o,    // of its frame
+  output logic signed [F+3:0]                          exit_x_o,  // origin from its centre, radii
+  output logic signed [F+3:0]                          exit_y_o,  // F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_z_o,
+  output logic signed [F+1:0]                          exit_dx_o,  // near: unit direction
+  output logic signed [F+1:0]                          exit_dy_o,
+  output logic signed [F+1:0]                          exit_dz_o,  // to the viewer
+  output lipp_optics_pkg::ray_status_e                 exit_status_o,  // its fate
+  output logic                                         exit_first_o,  // of its frame
+  output logic                                         exit_last_o,  // of its frame
 
   output lipp_optics_pkg::optics_config_t              optics_o  // as written, in effect or not
 );

@@ -147,9 +147,9 @@ package lipp_optics_pkg;
     return word >>> (bits - 1) != word >>> 31;
   endfunction
 
-  /// E, the bits more of slopes and directions on their way into the glass, in exact builds with the
-  /// plano side to the panel: slopes and lateral directions have E, dz has 3 E. None where a word
-  /// fits a multiplier cell.
+  /// E, the bits more of slopes and directions on their way into the glass, in exact builds with
+  /// the plano side to the panel: slopes and lateral directions have E, dz has 3 E. None where a
+  /// word fits a multiplier cell.
   function automatic int extra_bits(int f);
     return f + 2 > MulBits ? 1 : 0;
   endfunction
@@ -235,7 +235,8 @@ package lipp_optics_pkg;
     return bend_latency(f) + mul_latency(f + 2, f + 2) + 3;
   endfunction
 
-  /// Latency of `lipp_leave_flat`: the longer of two paths, to the point on the face and to the root.
+  /// Latency of `lipp_leave_flat`: the longer of two paths, to the point on the face and to the
+  /// root.
   function automatic int leave_flat_latency(int f);
     int way, air;
     way = rsqrt_latency() + 2 * mul_latency(f + 4, f + 2) + 3;

@@ -15,18 +15,18 @@
 module lipp_pixel_to_lattice #(
   parameter int F = 23
 ) (
-  input  logic                                               clk_i,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0]            u_i,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0]            v_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]            x_from_u_i,  // array_from_pixel, row x
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]            x_from_v_i,
-  input  logic signed [lipp_optics_pkg::OffsetBits-1:0]           x_offset_i,
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]            y_from_u_i,  // array_from_pixel, row y
-  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]            y_from_v_i,
-  input  logic signed [lipp_optics_pkg::OffsetBits-1:0]           y_offset_i,
-  output logic signed [lipp_optics_pkg::IndexBits+F-1:0]          x_o,
-  output logic signed [lipp_optics_pkg::IndexBits+F-1:0]          y_o,
-  output logic                                               beyond_o
+  input  logic                                           clk_i,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0]   u_i,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0]   v_i,
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_u_i,  // array_from_pixel, row x
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   x_from_v_i,
+  input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  x_offset_i,
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_u_i,  // array_from_pixel, row y
+  input  logic signed [lipp_optics_pkg::SlopeBits-1:0]   y_from_v_i,
+  input  logic signed [lipp_optics_pkg::OffsetBits-1:0]  y_offset_i,
+  output logic signed [lipp_optics_pkg::IndexBits+F-1:0] x_o,
+  output logic signed [lipp_optics_pkg::IndexBits+F-1:0] y_o,
+  output logic                                           beyond_o
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Steps 1 to 3: from a pixel and a point in the aperture plane to the lenslet that the ray aims at.
+/// Steps 1 to 3: from a pixel and a point in the aperture plane to the lenslet that the ray aims
+/// at.
 ///
 ///   pixel_to_lattice -> lenslet_{square,hex} -> (aim) -> (converge) -> (shear)
 ///

@@ -26,24 +26,24 @@ module lipp_raster #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  lipp_optics_pkg::raster_config_t              config_i,   // the next frame
-  input  logic                                    start_i,    // begin it
-  input  logic                                    abort_i,    // end the one that runs
-  output logic                                    running_o,  // until its last ray was taken
-  output logic                                    refused_o,  // illegal window; until next start
+  input  lipp_optics_pkg::raster_config_t config_i,  // the next frame
+  input  logic                            start_i,  // begin it
+  input  logic                            abort_i,  // end the one that runs
+  output logic                            running_o,  // until its last ray was taken
+  output logic                            refused_o,  // illegal window; until next start
 
-  input  logic [3:0]                              table_write_i,  // bytes of a jitter entry
-  input  logic [lipp_optics_pkg::TableBits-1:0]        table_at_i,     // its place
-  input  lipp_optics_pkg::jitter_t                     table_entry_i,
+  input  logic [3:0]                            table_write_i,  // bytes of a jitter entry
+  input  logic [lipp_optics_pkg::TableBits-1:0] table_at_i,  // its place
+  input  lipp_optics_pkg::jitter_t              table_entry_i,
 
-  output logic                                    ray_valid_o,
-  input  logic                                    ray_ready_i,
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,      // pixels to the right of the centre
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,      // upwards; 4 fraction bits
-  output logic signed [F+1:0]                     ray_a_o,      // wide, pitches: aperture point
-  output logic signed [F+1:0]                     ray_b_o,      // wide, rows
-  output logic                                    ray_first_o,  // of its frame
-  output logic                                    ray_last_o    // of its frame
+  output logic                                         ray_valid_o,
+  input  logic                                         ray_ready_i,
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixels to the right of the centre
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // upwards; 4 fraction bits
+  output logic signed [F+1:0]                          ray_a_o,  // wide, pitches: aperture point
+  output logic signed [F+1:0]                          ray_b_o,  // wide, rows
+  output logic                                         ray_first_o,  // of its frame
+  output logic                                         ray_last_o  // of its frame
 );
   import lipp_optics_pkg::*;
 

@@ -16,29 +16,29 @@ module lipp_ray_lenslet #(
   input  logic                                    clk_i,
   input  logic                                    rst_ni,
 
-  input  lipp_optics_pkg::optics_config_t              config_i,  // optics of the next copy
-  input  logic                                    apply_i,   // make a copy
-  output logic                                    busy_o,    // until it is made
-  output logic                                    idle_o,    // no ray is inside
+  input  lipp_optics_pkg::optics_config_t config_i,  // optics of the next copy
+  input  logic                            apply_i,  // make a copy
+  output logic                            busy_o,  // until it is made
+  output logic                            idle_o,  // no ray is inside
 
-  input  logic                                    ray_valid_i,
-  output logic                                    ray_ready_o,
+  input  logic                                         ray_valid_i,
+  output logic                                         ray_ready_o,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
-  input  logic signed [F+1:0]                     ray_a_i,  // wide, pitches: aperture point
-  input  logic signed [F+1:0]                     ray_b_i,  // wide, rows
+  input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
+  input  logic signed [F+1:0]                          ray_b_i,  // wide, rows
 
-  output logic                                    exit_valid_o,
-  input  logic                                    exit_ready_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,      // lenslet of the exit
+  output logic                                         exit_valid_o,
+  input  logic                                         exit_ready_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_i_o,  // lenslet of the exit
   output logic signed [lipp_optics_pkg::IndexBits-1:0] exit_j_o,
-  output logic signed [F+3:0]                     exit_x_o,      // origin from its centre, radii
-  output logic signed [F+3:0]                     exit_y_o,      // F + 1 fraction bits
-  output logic signed [F+3:0]                     exit_z_o,
-  output logic signed [F+1:0]                     exit_dx_o,     // near: unit direction
-  output logic signed [F+1:0]                     exit_dy_o,
-  output logic signed [F+1:0]                     exit_dz_o,     // to the viewer
-  output lipp_optics_pkg::ray_status_e                     exit_status_o  // status
+  output logic signed [F+3:0]                          exit_x_o,  // origin from its centre, radii
+  output logic signed [F+3:0]                          exit_y_o,  // F + 1 fraction bits
+  output logic signed [F+3:0]                          exit_z_o,
+  output logic signed [F+1:0]                          exit_dx_o,  // near: unit direction
+  output logic signed [F+1:0]                          exit_dy_o,
+  output logic signed [F+1:0]                          exit_dz_o,  // to the viewer
+  output lipp_optics_pkg::ray_status_e                 exit_status_o  // status
 );
   import lipp_optics_pkg::*;
 

@@ -13,37 +13,36 @@
 /// lenslet (Aims = 0: the chief ray, not used).
 /// Output: lens-local origin in radii, F + 1 fraction bits, measured from the centre of lenslet
 /// (i, j); unit direction, near words; all along the array's axes, +z to the viewer. Status as in
-/// `ray_status_e`: missed takes precedence over total internal reflection, blocked and crosstalk. The
-/// origin of a missed ray is undefined. A ray is missed, too, where any word on its way wraps or
-/// saturates, by more than roundings: flags `beyond` travel with it. So are all rays where a
-/// register holds more than the word that is read of it.
-/// Logic that a Model or an orientation does not use is not built. Walk is the number of further
-/// domes tried when the ray meets a dome outside its cell; a ray that needs more counts as missed.
-/// A ray that leaves the dome downward is blocked; neighbouring domes are not checked again.
-/// Blocked are also rays of a pixel whose lenslet the array does not have, and rays that would leave
-/// through such a lenslet, whatever else becomes of them.
-/// Converge is for displays whose pixels belong to the lenslet through which a near eye sees them,
-/// Shear for lattices whose rows are moved by a share of their height.
+/// `ray_status_e`: missed takes precedence over total internal reflection, blocked and crosstalk.
+/// The origin of a missed ray is undefined. A ray is missed, too, where any word on its way wraps
+/// or saturates, by more than roundings: flags `beyond` travel with it. So are all rays where a
+/// register holds more than the word that is read of it. Logic that a Model or an orientation does
+/// not use is not built. Walk is the number of further domes tried when the ray meets a dome
+/// outside its cell; a ray that needs more counts as missed. A ray that leaves the dome downward is
+/// blocked; neighbouring domes are not checked again. Blocked are also rays of a pixel whose
+/// lenslet the array does not have, and rays that would leave through such a lenslet, whatever else
+/// becomes of them. Converge is for displays whose pixels belong to the lenslet through which a
+/// near eye sees them, Shear for lattices whose rows are moved by a share of their height.
 /// Latency ray_latency(Build).
 module lipp_ray_pipeline #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
 ) (
-  input  logic                                     clk_i,
-  input  lipp_optics_pkg::optics_config_t               config_i,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0]  u_i,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0]  v_i,
-  input  logic signed [F+1:0]                      a_i,
-  input  logic signed [F+1:0]                      b_i,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0]  i_o,
-  output logic signed [lipp_optics_pkg::IndexBits-1:0]  j_o,
-  output logic signed [F+3:0]                      x_o,
-  output logic signed [F+3:0]                      y_o,
-  output logic signed [F+3:0]                      z_o,
-  output logic signed [F+1:0]                      dx_o,
-  output logic signed [F+1:0]                      dy_o,
-  output logic signed [F+1:0]                      dz_o,
-  output lipp_optics_pkg::ray_status_e                      status_o
+  input  logic                                         clk_i,
+  input  lipp_optics_pkg::optics_config_t              config_i,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] u_i,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] v_i,
+  input  logic signed [F+1:0]                          a_i,
+  input  logic signed [F+1:0]                          b_i,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] i_o,
+  output logic signed [lipp_optics_pkg::IndexBits-1:0] j_o,
+  output logic signed [F+3:0]                          x_o,
+  output logic signed [F+3:0]                          y_o,
+  output logic signed [F+3:0]                          z_o,
+  output logic signed [F+1:0]                          dx_o,
+  output logic signed [F+1:0]                          dy_o,
+  output logic signed [F+1:0]                          dz_o,
+  output lipp_optics_pkg::ray_status_e                 status_o
 );
   import lipp_optics_pkg::*;
 

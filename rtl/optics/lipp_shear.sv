@@ -9,8 +9,8 @@
 ///
 ///   x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
 ///
-/// as integers, y g >> k the product that `lipp_multiplier` cuts by k places. All words have F fraction
-/// bits. Output: W + 2 bits, [-8, 8). beyond_o: x' is outside that range.
+/// as integers, y g >> k the product that `lipp_multiplier` cuts by k places. All words have F
+/// fraction bits. Output: W + 2 bits, [-8, 8). beyond_o: x' is outside that range.
 /// Latency shear_latency(F).
 module lipp_shear #(
   parameter int F = 23,

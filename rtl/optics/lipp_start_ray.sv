@@ -7,8 +7,8 @@
 /// of an exact ray follows from a - x; otherwise there is a coefficient for each of a and x.
 /// Latency slope_latency(F, Converge, Shear) of the point hx_o, hy_o, in radii, F fraction bits,
 /// and of flat_beyond_o: slope or point are out of range; unit_latency(F) more of the direction
-/// ex_o, ey_o, ez_o, near words with air_bits(Build) more, and of steep_o: the slope is 60 degrees or more. difference_o, a
-/// clock after the input: a - x is out of range.
+/// ex_o, ey_o, ez_o, near words with air_bits(Build) more, and of steep_o: the slope is 60 degrees
+/// or more. difference_o, a clock after the input: a - x is out of range.
 module lipp_start_ray #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits),

@@ -40,7 +40,8 @@ package lipp_panel_pkg;
     return (pixels + Tile - 1) / Tile;
   endfunction
 
-  /// Latency of `lipp_test_pattern`: coordinates, lenslet, products of the centre, its sums, choice.
+  /// Latency of `lipp_test_pattern`: coordinates, lenslet, products of the centre, its sums,
+  /// choice.
   function automatic int pattern_latency(int grid);
     return 1 + lipp_optics_pkg::pixel_latency() + lipp_optics_pkg::lenslet_latency(grid)
         + lipp_math_pkg::mul_latency(lipp_math_pkg::MulBits, lipp_math_pkg::MulBits) + 3;

@@ -6,9 +6,10 @@
 /// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
 /// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
 /// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
-/// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o changes),
-/// and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset starts a
-/// frame of buffer 0. Pixels are black until the first swap, since the store holds no frame before.
+/// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
+/// changes), and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset
+/// starts a frame of buffer 0. Pixels are black until the first swap, since the store holds no
+/// frame before.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
 /// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
@@ -33,10 +34,10 @@ module lipp_scan_out #(
   input  logic                       clk_i,
   input  logic                       rst_ni,
 
-  input  logic                       swap_i,     // hold until swapped_o
-  output logic                       swapped_o,
-  output logic                       front_o,
-  input  logic [7:0]                 brightness_i,
+  input  logic                            swap_i,  // hold until swapped_o
+  output logic                            swapped_o,
+  output logic                            front_o,
+  input  logic [7:0]                      brightness_i,
   input  lipp_panel_pkg::pattern_t        pattern_i,
   input  lipp_optics_pkg::optics_config_t optics_i,
 

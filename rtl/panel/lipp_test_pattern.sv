@@ -29,12 +29,12 @@ module lipp_test_pattern #(
   parameter int F = 23,
   parameter int Grid = lipp_optics_pkg::GridSquare
 ) (
-  input  logic                             clk_i,
+  input  logic                                  clk_i,
   input  lipp_panel_pkg::pattern_t              pattern_i,
   input  lipp_optics_pkg::optics_config_t       optics_i,
   input  logic [lipp_optics_pkg::PanelBits-1:0] column_i,
   input  logic [lipp_optics_pkg::PanelBits-1:0] row_i,
-  output logic [23:0]                      rgb_o
+  output logic [23:0]                           rgb_o
 );
   import lipp_math_pkg::*;
   import lipp_optics_pkg::*;
