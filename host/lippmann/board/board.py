@@ -66,7 +66,7 @@ REFUSALS = {
     ReplyStatus.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
     ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
     ReplyStatus.NO_SUCH_ADDRESS: (
-        "no register there, or it cannot be read or written",
+        "the address is in no block of registers, or cannot be written",
         "see docs/reference/board-registers.md",
     ),
     ReplyStatus.STALE_EPOCH: ("its buffers were swapped during the transfer", "stream the frame again"),
