@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Generated from rtl/sources.toml by `make manifests`; do not edit.
+// For simulators, and for synthesis.
 // Paths count from this file's folder: give it with -F.
+// Verilator needs registers/lint.vlt before this list.
 registers/lipp_board_map_pkg.sv
 registers/lipp_board_registers_pkg.sv
 registers/lipp_optics_registers_pkg.sv

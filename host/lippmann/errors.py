@@ -44,6 +44,14 @@ class MissingLibraryError(LippmannError):
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
+def to_install(extra: str = "") -> str:
+    """Return the remedy for a missing package, or one of an extra: make in a checkout, pip elsewhere."""
+    top = Path(__file__).resolve().parents[2]
+    if (top / "Makefile").is_file() and (top / "pyproject.toml").is_file():
+        return "run make setup"
+    return f"run pip install 'lippmann[{extra}]'" if extra else "run pip install --upgrade lippmann"
+
+
 def whole_number(name: str, value: object, low: int, high: int) -> int:
     """Return a value as an int; refuse what is not a whole number from `low` to `high`."""
     if not isinstance(value, Integral) or isinstance(value, bool):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file
+from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, to_install
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -347,5 +347,5 @@ def _openimageio() -> Any:
     try:
         import OpenImageIO
     except ImportError as error:
-        raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); run make setup") from None
+        raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); {to_install()}") from None
     return OpenImageIO

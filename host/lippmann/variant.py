@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from lippmann import interrupts
-from lippmann.errors import InputError, MissingLibraryError
+from lippmann.errors import InputError, MissingLibraryError, to_install
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
@@ -80,7 +80,7 @@ def _loaded() -> Any:
         with interrupts.held():
             import mitsuba as mi
     except ImportError as error:
-        raise MissingLibraryError(f"mitsuba cannot be imported ({error}); run make setup") from None
+        raise MissingLibraryError(f"mitsuba cannot be imported ({error}); {to_install()}") from None
     return mi
 
 

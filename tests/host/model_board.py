@@ -26,7 +26,9 @@ OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, CRC_DIFFERS, NO_TILE, VERSION, OP
 HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = range(1, 11)
 #: What keeps others from the optics, in a reply of status BUSY.
 FRAME_RUNS, SIGN_RUNS, THIS_RUNS = 1, 2, 3
-CONTROL, SOURCE = 0x20C, 0x214
+CONTROL, STATUS, SOURCE = 0x20C, 0x210, 0x214
+#: Of STATUS.
+RUNNING = 2
 APPLY, START, END = 1, 2, 4
 MAX_PACKET = 3200
 OPTICS_BUILD = 0x2AD7
@@ -306,6 +308,8 @@ class ModelBoard:
         return found
 
     def load(self, at):
+        if at == STATUS and self.runs:
+            return RUNNING
         return self.registers[at]
 
     def can_write(self, at):

@@ -36,7 +36,7 @@ from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus, packed
 from lippmann.link.port import MAX_WAITING, Line, open_port
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS
-from model_board import ABORT, BUSY, OPTICS_BUILD, SIGN_RUNS, ModelBoard
+from model_board import ABORT, APPLY, BUSY, CONTROL, OPTICS_BUILD, SIGN_RUNS, SOURCE, STALE, START, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator
 
@@ -186,7 +186,7 @@ def test_a_busy_board_says_what_runs():
         def trace():
             board.trace(zero, zero, zero, zero)
 
-        refused = r"refuses \w+ while a frame that a register write started runs.*board abort"
+        refused = r"refuses \w+ while a frame that a register write started runs; .*board abort.*is the stream"
         for ask in (lambda: board.sign(1), trace, lambda: board.write(0x200, [1])):
             with pytest.raises(DeviceError, match=refused) as error:
                 ask()
@@ -199,6 +199,44 @@ def test_a_busy_board_says_what_runs():
         board.reset()
         assert not any(model.registers.values())
         assert board.info.epoch == 0
+
+
+def test_a_request_older_than_that_of_another_program_says_so():
+    """Status 4 of a request that is executed once is about its number, and of a tile about the buffers."""
+    with joined() as (model, board):
+        for ask in (lambda: board.write(0x200, [1]), lambda: board.sign(1), board.abort, board.reset):
+            # Another program's WRITE, numbered just after the request that is to come.
+            board.write(0x200, [0])
+            model.newest = (board._seq + 2) & 0xFFFF
+            model.done = (model.done[0][0], model.newest), 0
+            with pytest.raises(DeviceError, match=r"refuses \w+: another program .*; connect again") as error:
+                ask()
+            one_line(error)
+            assert "stream" not in str(error.value)
+            board.hello()  # connects again
+            board.write(0x200, [7])
+            assert model.registers[0x200] == 7
+    assert "buffers were swapped" in str(board.refusal(Kind.TILE, STALE))
+
+
+@pytest.mark.parametrize("source", ["none", "raster", "stream"])
+def test_abort_says_whether_a_frame_ran(capsys, source):
+    with ModelBoard() as model:
+        model.frame_requests = 1 << 30
+        for words, shown in ((["--json"], None), ([], "the frame was ended")):
+            if source != "none":
+                with Board.open(model.url, FAST_BAUD) as board:
+                    board.write(SOURCE, [int(source == "stream")])
+                    board.write(CONTROL, [APPLY | START])
+                    assert (model.runs, model.stream, board.frame_runs()) == (1, source == "stream", True)
+            assert run(["board", "abort", "--port", model.url, *words]) == 0
+            said = capsys.readouterr().out
+            if shown is None:
+                assert json.loads(said) == {"port": model.url, "aborted": source != "none"}
+            else:
+                assert said == f"{model.url}: {shown if source != 'none' else 'no frame ran'}\n"
+            assert model.runs == 0
+        assert model.executed[ABORT] == 2
 
 
 def test_a_board_of_version_1_does_what_it_can():

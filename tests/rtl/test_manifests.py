@@ -221,6 +221,30 @@ def test_fusesoc_lints_the_example_beside_modules_of_like_names(place):
         assert names.count(f"{module}.sv") == names.count(f"{PREFIX}{module}.sv") == 1
 
 
+def test_fusesoc_lints_the_optics_block_behind_axi(place):
+    said, _ = fusesoc(place, "lint_axi", BOARD)
+    assert "Warning" not in said
+    (listed,) = (place / "build").glob("lippmann_example_board_*/lint_axi/*.vc")
+    names = [Path(line).name for line in listed.read_text().splitlines()]
+    assert names.count("axi_optics.sv") == 1
+    assert "board.sv" not in names  # the other example
+
+
+def test_the_axi_example_names_the_ports_of_its_adapters():
+    """Each port of an AXI adapter's bus side is a port of the example: direction, width and name."""
+
+    def ports(path):
+        code = re.sub(r"//.*", "", (TOP / path).read_text()).replace("AddressBits-1", "8")
+        header = code[code.index("module ") : code.index(");")]
+        found = re.findall(r"(input|output)\s+logic\s*(\[[^]]*\])?\s*((?:s_axil|s_axis|m_axis)_\w+)", header)
+        return {name: (direction, width) for direction, width, name in found}
+
+    adapters = ("axil_to_apb", "axis_to_rays", "axis_from_rays")
+    expected = {name: port for one in adapters for name, port in ports(f"rtl/bus/{PREFIX}{one}.sv").items()}
+    assert len(expected) == 19 + 5 + 5
+    assert ports(f"{EXAMPLE}/axi_optics.sv") == expected
+
+
 def test_fusesoc_simulates_the_example(place):
     said, _ = fusesoc(place, "sim", BOARD)
     assert "768 rays as expected" in said

@@ -66,7 +66,7 @@ REFUSALS = {
     ReplyStatus.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
     ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
     ReplyStatus.NO_SUCH_ADDRESS: (
-        "no register there, or it cannot be read or written",
+        "the address is in no block of registers, or cannot be written",
         "see docs/reference/board-registers.md",
     ),
     ReplyStatus.STALE_EPOCH: ("its buffers were swapped during the transfer", "stream the frame again"),
@@ -79,6 +79,10 @@ REFUSALS = {
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
+#: Status STALE_EPOCH of a request that is executed once: its number is older than that of the last one.
+OLD_NUMBER = ("another program has used it since the connection", "connect again, and let one program at a time use it")
+#: Requests that are executed once, in the order of their numbers.
+ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
 
 
 @documented
@@ -285,8 +289,13 @@ class Board:
         what = f"its frame has not ended after {runs[1]} rays; {rays} were expected"
         raise self._error(what, "write the raster's registers first; the frame was ended")
 
+    def frame_runs(self) -> bool:
+        """Return whether the optics trace a frame, or a start waits (for the end of a frame, or for the raster)."""
+        status = OPTICS_REGISTERS["status"]
+        return bool(status.fields["running"].value(self.read(OPTICS_BASE + status.address)[0]))
+
     def abort(self) -> None:
-        """End the frame that the board's optics trace, and wait until their pipeline is empty."""
+        """End the frame that the board's optics trace, drop a start that waits, and wait for an empty pipeline."""
         self._needs_version_2(Kind.ABORT)
         self._ask(Kind.ABORT, b"", 0)
 
@@ -388,10 +397,15 @@ class Board:
         if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
             runs, rays = BUSY_REPLY.unpack(body)
             by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
-            return self._error(f"the board refuses {name} while {by} runs", "wait, or end it: lippmann board abort")
+            remedy = "wait, or end it with lippmann board abort"
+            if runs == FRAME_RUNS:
+                # No stream enters over the line, so such a frame waits for ever.
+                remedy += ", the only way if its source is the stream"
+            return self._error(f"the board refuses {name} while {by} runs", remedy)
         if status not in REFUSALS:
             return self._error(f"the board answers {name} with status {status}", UPDATE)
-        what, remedy = REFUSALS[ReplyStatus(status)]
+        is_old = status == ReplyStatus.STALE_EPOCH and kind in ONCE
+        what, remedy = OLD_NUMBER if is_old else REFUSALS[ReplyStatus(status)]
         kind_of_error = InputError if status == ReplyStatus.NO_SUCH_ADDRESS else DeviceError
         return kind_of_error.at(self.line.url, f"the board refuses {name}: {what}", remedy)
 

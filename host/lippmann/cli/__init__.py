@@ -13,7 +13,7 @@ import click
 
 from lippmann import __version__, interrupts
 from lippmann.cli.output import EXIT_INTERRUPTED
-from lippmann.errors import InputError, LippmannError, MissingLibraryError
+from lippmann.errors import InputError, LippmannError, MissingLibraryError, to_install
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
@@ -100,7 +100,7 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if os.environ.get("LIPPMANN_TRACEBACK"):
         raise error
     if isinstance(error, ImportError):
-        return f"{error}; run make setup", MissingLibraryError.exit_code
+        return f"{error}; {to_install()}", MissingLibraryError.exit_code
     what = f"{type(error).__name__}: {error}"
     return f"{what}; check the input (LIPPMANN_TRACEBACK=1 shows where this came from)", InputError.exit_code
 

@@ -89,15 +89,18 @@ def setup_command(
 
 @make_command("abort", command)
 def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """End the frame that a board's optics trace.
+    """End the frame that a board's optics trace, and drop a start that waits.
 
-    Requests that need the optics are refused while a frame runs. The panel and its frame are not touched.
+    It prints whether there was one. Requests that need the optics are refused while a frame runs. The panel and its
+    frame are not touched.
 
     Example: lippmann board abort --port socket://127.0.0.1:4000
     """
     with open_board() as board:
+        ran = board.frame_runs()  # a moment before: it may still end by itself
         board.abort()
-        emit({"port": board.line.url, "aborted": True}, f"{board.line.url}: no frame runs")
+        said = "the frame was ended" if ran else "no frame ran"
+        emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {said}")
 
 
 @make_command("reset", command)

