@@ -76,7 +76,7 @@ FAULTS = {
         "axil_to_apb bmc", "axil_to_apb.sv", "if (start_write || start_read) begin\n      m_apb_paddr",
         "begin\n      m_apb_paddr", "apb_access"),
     "a cycle given up is answered": (
-        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "s_wb_ack <= done && wanted_q && asked", "s_wb_ack <= done",
+        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "{2{asked}} & {ack_q, err_q}", "{ack_q, err_q}",
         "answered"),
     "a cycle is done twice": (
         "wishbone_to_apb bmc", "wishbone_to_apb.sv", "!m_apb_psel && !s_wb_ack && !s_wb_err", "!m_apb_psel",

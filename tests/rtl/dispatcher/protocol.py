@@ -37,7 +37,7 @@ class Reference:
         if self.optics.next_request():
             self.signing = False
         status, rest = self._execute(kind, number, packet[3:])
-        if (number - self.newest) % (1 << 16) < 1 << 15:
+        if (number - self.newest) % (1 << 16) <= 1 << 15:
             self.newest = number
         if self.executed and (self.newest - self.executed[1]) % (1 << 16) >= 1 << 15:
             self.executed = None
@@ -59,7 +59,7 @@ class Reference:
     def _execute_once(self, kind: int, number: int, body: bytes) -> tuple[int, bytes]:
         if self.executed == (kind, number):
             return self._signed() if kind == SIGN else (self.executed_status, b"")
-        if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) < 1 << 15:
+        if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) <= 1 << 15:
             self.stale += 1
             return STALE, b""
         optics = kind == SIGN or (kind == WRITE and int.from_bytes(body[:2], "little") >= 0x200)
