@@ -245,6 +245,7 @@ def test_the_axi_example_names_the_ports_of_its_adapters():
     assert ports(f"{EXAMPLE}/axi_optics.sv") == expected
 
 
+@pytest.mark.full  # its lint is quick
 def test_fusesoc_simulates_the_example(place):
     said, _ = fusesoc(place, "sim", BOARD)
     assert "768 rays as expected" in said
