@@ -61,7 +61,7 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
     print(f"seed {SEED}")
     rng = np.random.default_rng([SEED, *f"{grid}{side}{aperture}{eye}".encode()])
     for number in range(6):
-        extent = tuple(rng.uniform(30.0, 110.0, 2).tolist()) if number % 2 else None  # less than the panel
+        extent = tuple(rng.uniform(30.0, 150.0, 2).tolist()) if number % 2 else None
         display = skewed(rng, grid, side, eye=eye, extent=extent)
         twin, golden = compared(rng, display, aperture)
         lost = (twin.status == Status.MISSED) | (golden.lenslet == twin.lenslet).all(axis=1)
@@ -71,7 +71,10 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
         active = same & gets_through(golden.status)
         assert active.mean() > (0.05 if extent else 0.95)
         blocked = (golden.status == Status.BLOCKED).mean()
-        assert blocked > 0.01 if extent else blocked < 0.01
+        if extent is None:
+            assert blocked < 0.01
+        elif max(extent) < 110.0:  # a larger one, turned, may cover the panel of 144 mm x 96 mm
+            assert blocked > 0.01
         turn = np.linalg.norm(twin.direction - golden.direction, axis=1)[active] * 1e6
         cosine = exit_cosine(display, golden.local_mm, golden.direction)[active]
         assert (turn <= np.maximum(1.0, 0.5 / cosine)).all()
