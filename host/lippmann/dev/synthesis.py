@@ -29,8 +29,10 @@ from lippmann.dev.lint import elaborated
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named
 from lippmann.images import check_output
+from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
+from lippmann.report.benches import measured_page
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
@@ -295,6 +297,8 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     asked = "".join(f" --seed {seed}" for seed in seeds)
     origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", (*PACKAGES, "numpy"))
     page(origin, rows, whole).write(Path(report))
+    if Path(report).resolve() == (repository() / SYNTHESIS).parent:
+        measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
 
 
 if __name__ == "__main__":
