@@ -29,7 +29,6 @@ from lippmann.dev.lint import elaborated
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named
 from lippmann.images import check_output
-from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
 from lippmann.report.benches import measured_page
@@ -297,7 +296,7 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     asked = "".join(f" --seed {seed}" for seed in seeds)
     origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", (*PACKAGES, "numpy"))
     page(origin, rows, whole).write(Path(report))
-    if Path(report).resolve() == (repository() / SYNTHESIS).parent:
+    if Path(report).resolve() == repository() / "docs/reports":
         measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
 
 
