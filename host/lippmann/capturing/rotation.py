@@ -107,7 +107,9 @@ def rotation_map(display: Display) -> Indices:
         stays[tried[taken]] = ~own[taken]
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
     partner: Indices = (best[:, 0] + best[:, 1] * width)[cell]
-    partner -= np.arange(width * height)
+    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
+    by_row -= np.arange(width)
+    by_row -= np.arange(height)[:, np.newaxis] * width
     partner[pixel[stays]] = pixel[stays]
     return partner
 

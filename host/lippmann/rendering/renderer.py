@@ -192,7 +192,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     finished, cpu_after = time.perf_counter(), time.process_time()
     traced_samples = width * height * samples * len(passes)
     return Rendered(
-        radiance=np.stack([np.asarray(plane) for plane in planes], axis=1).reshape(height, width, 3),
+        radiance=np.asarray(dr.ravel(mi.Color3f(planes))).reshape(height, width, 3),
         seconds=finished - prepared,
         cpu_seconds=cpu_after - cpu_before,
         prepare_seconds=prepared - started,
