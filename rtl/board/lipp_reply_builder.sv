@@ -3,9 +3,9 @@
 
 /// Builds the reply to a request: its head, and the words that follow.
 ///
-/// start_i begins while ready_o is high. words_i words are then taken from the stream, each as four
-/// bytes, the low one first; words_done_o is a pulse with the last. The next head may follow while
-/// the last bytes are being sent.
+/// start_i begins while ready_o is high; head_i and bytes_i are read in the clock after it. words_i
+/// words are then taken from the stream, each as four bytes, the low one first; words_done_o is a
+/// pulse with the last. The next start waits until the last bytes have been sent.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
@@ -28,23 +28,28 @@ module lipp_reply_builder #(
 );
 
   logic [9:0] left_q;  // words
-  logic busy, take, start;
-  assign ready_o = !busy && left_q == '0;
+  logic busy, take, start, head_waits_q;
+  assign ready_o = !busy && !head_waits_q && left_q == '0;
   assign start = start_i && ready_o;
-  assign word_ready_o = !busy && left_q != '0;
+  assign word_ready_o = !busy && !head_waits_q && left_q != '0;
   assign take = word_valid_i && word_ready_o;
   assign words_done_o = take && left_q == 10'd1;
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) left_q <= '0;
-    else if (start) left_q <= words_i;
-    else if (take) left_q <= left_q - 1'b1;
+    if (!rst_ni) begin
+      left_q <= '0;
+      head_waits_q <= 1'b0;
+    end else begin
+      head_waits_q <= start;
+      if (start) left_q <= words_i;
+      else if (take) left_q <= left_q - 1'b1;
+    end
   end
 
   lipp_reply_writer #(.Bytes(HeadBytes)) i_writer (
-    .clk_i, .rst_ni, .load_i(start || take),
-    .bytes_i(ready_o ? head_i : (8 * HeadBytes)'(word_i)),
-    .count_i(ready_o ? bytes_i : ($clog2(HeadBytes + 1))'(4)),
-    .last_i(ready_o ? words_i == '0 : left_q == 10'd1), .busy_o(busy),
+    .clk_i, .rst_ni, .load_i(head_waits_q || take),
+    .bytes_i({head_i[8*HeadBytes-1:32], head_waits_q ? head_i[31:0] : word_i}),  // a word is the low four
+    .count_i(head_waits_q ? bytes_i : ($clog2(HeadBytes + 1))'(4)),
+    .last_i(left_q == (head_waits_q ? '0 : 10'd1)), .busy_o(busy),
     .valid_o(out_valid_o), .ready_i(out_ready_i), .data_o(out_data_o), .last_o(out_last_o)
   );
 

@@ -7,6 +7,9 @@
 /// The last one executed is remembered with its status. It expires when the numbers are 32768
 /// beyond its own, before newer ones would seem older; so numbers of all requests count. A request
 /// is older by 1 to 32767. A new session, a HELLO with a new nonce, forgets the last one.
+///
+/// repeated_o and older_o are registers: they tell of kind_i and number_i one clock after these came.
+/// kind_i and number_i hold until the answer, and for two clocks before it or before hello_i.
 module lipp_request_order (
   input  logic                         clk_i,
   input  logic                         rst_ni,
@@ -24,33 +27,37 @@ module lipp_request_order (
 );
   import lipp_link_pkg::*;
 
-  logic known_q;  // there is a last one
+  logic known_q;                  // there is a last one
+  logic same, newer_q, passed_q;  // passed: a request was answered that was not executed
   request_e kind_q;
-  logic [15:0] number_q, newest_q, newest, after;
+  logic [15:0] number_q, newest_q, after;
   logic [31:0] nonce_q;
+  assign same = kind_q == kind_i && number_q == number_i;
   assign after = number_i - number_q;
-  assign repeated_o = known_q && kind_q == kind_i && after == '0;
-  assign older_o = known_q && !repeated_o && (after == '0 || after > 16'h8000);
-  assign newest = 16'(number_i - newest_q) <= 16'h8000 ? number_i : newest_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      known_q <= 1'b0;
+      {known_q, repeated_o, older_o, newer_q, passed_q} <= '0;
       kind_q <= RequestHello;
       {number_q, newest_q, nonce_q} <= '0;
       status_o <= StatusOk;
-    end else if (hello_i && nonce_i != nonce_q) begin
-      known_q <= 1'b0;
-      newest_q <= number_i;
-      nonce_q <= nonce_i;
-    end else if (answer_i) begin
-      newest_q <= newest;
-      if (executed_i) begin
-        known_q <= 1'b1;
-        {kind_q, number_q} <= {kind_i, number_i};
-        status_o <= status_i;
-      end else if (16'(newest - number_q) >= 16'h8000) begin
+    end else begin
+      repeated_o <= known_q && same;
+      older_o <= known_q && !same && (after == '0 || after > 16'h8000);
+      newer_q <= 16'(number_i - newest_q) <= 16'h8000;
+      passed_q <= answer_i && !executed_i;
+      if (passed_q && 16'(newest_q - number_q) >= 16'h8000) known_q <= 1'b0;
+      if (hello_i && nonce_i != nonce_q) begin
         known_q <= 1'b0;
+        newest_q <= number_i;
+        nonce_q <= nonce_i;
+      end else if (answer_i) begin
+        if (newer_q) newest_q <= number_i;
+        if (executed_i) begin
+          known_q <= 1'b1;
+          {kind_q, number_q} <= {kind_i, number_i};
+          status_o <= status_i;
+        end
       end
     end
   end
