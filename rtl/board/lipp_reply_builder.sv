@@ -45,9 +45,15 @@ module lipp_reply_builder #(
     end
   end
 
+  // A word is the low four bytes; the others are not sent, and need no choice.
+  logic [8*HeadBytes-1:0] bytes;
+  always_comb begin
+    bytes = head_i;
+    if (!head_waits_q) bytes[31:0] = word_i;
+  end
   lipp_reply_writer #(.Bytes(HeadBytes)) i_writer (
     .clk_i, .rst_ni, .load_i(head_waits_q || take),
-    .bytes_i({head_i[8*HeadBytes-1:32], head_waits_q ? head_i[31:0] : word_i}),  // a word is the low four
+    .bytes_i(bytes),
     .count_i(head_waits_q ? bytes_i : ($clog2(HeadBytes + 1))'(4)),
     .last_i(left_q == (head_waits_q ? '0 : 10'd1)), .busy_o(busy),
     .valid_o(out_valid_o), .ready_i(out_ready_i), .data_o(out_data_o), .last_o(out_last_o)
