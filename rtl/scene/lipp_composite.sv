@@ -34,10 +34,6 @@ module lipp_composite #(
   if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
     $fatal(1, "lipp_composite: Layers must be 1 to %0d", MostLayers);
   end
-  if (composite_latency(Layers) != Step * Layers + 3) begin : gen_wrong
-    $fatal(1, "lipp_composite: composite_latency does not agree with the multiplier");
-  end
-
   // T_k is there Step (k - 1) + 1 clocks after the input.
   for (genvar k = 0; k < Layers; k++) begin : gen_layer
     logic [ShareBits-1:0] left_q;       // T_(k+1)

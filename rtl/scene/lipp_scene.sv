@@ -56,16 +56,16 @@ module lipp_scene #(
   import lipp_optics_pkg::*;
   import lipp_scene_pkg::*;
 
-  localparam int Layers = int'(Scene.layers);
-  localparam int Taps = taps(Scene);
-  localparam int SamplesBits = int'(Scene.samples_bits);
-  localparam int Latency = scene_latency(F, Scene);
+  localparam scene_build_t Built = built(Scene);
+  localparam int Layers = int'(Built.layers);
+  localparam int Taps = taps(Built);
+  localparam int SamplesBits = int'(Built.samples_bits);
+  localparam int Latency = scene_latency(F, Built);
   localparam int Tail = mean_latency(SamplesBits) + curve_latency();  // after compositing
   localparam int AddressBits = $clog2(Latency + 16);
 
   if (!legal(Scene)) begin : gen_illegal
-    $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, as many slots up to 15, width_bits 5 to 10, \
-height 2 to 1024 (bilinear: even), 1024 to 261120 texels (a multiple of 1024), samples_bits 0 to 2");
+    $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, slots for them, 32 to 1024 columns, 2 to 1024 rows (bilinear: an even number), a multiple of 1024 texels up to 261120, and 1 to 4 samples");
   end
 
   // ---- the registers in use ----
@@ -121,7 +121,7 @@ height 2 to 1024 (bilinear: even), 1024 to 261120 texels (a multiple of 1024), s
     assign layer = used.layers[k];
     assign look[k] = layer.look;
     assign brightness[k] = layer.look.brightness;
-    lipp_layer_coordinate #(.F(F), .Bilinear(Scene.bilinear), .CrossCells(CrossCells)) i_coordinate (
+    lipp_layer_coordinate #(.F(F), .Bilinear(Built.bilinear), .CrossCells(CrossCells)) i_coordinate (
       .clk_i, .x_i(x), .y_i(y), .slope_x_i(slope_x), .slope_y_i(slope_y), .s0_i(layer.s0),
       .t0_i(layer.t0), .depth_i(layer.depth), .a_i(layer.a), .b_i(layer.b), .c_i(layer.c),
       .d_i(layer.d), .infinite_i(layer.look.infinite), .s_o(s[k]), .t_o(t[k]), .beyond_o(hidden[k])
@@ -130,7 +130,7 @@ height 2 to 1024 (bilinear: even), 1024 to 261120 texels (a multiple of 1024), s
       .clk_i, .colour_i(colour[k]), .weight_i(weight[k]), .light_o(light[k]), .opacity_o(opacity[k])
     );
   end
-  lipp_texel_fetch #(.Scene(Scene)) i_fetch (
+  lipp_texel_fetch #(.Scene(Built)) i_fetch (
     .clk_i, .write_i, .write_slot_i, .write_at_i, .write_data_i, .look_i(look), .s_i(s), .t_i(t),
     .hidden_i(hidden), .colour_o(colour), .weight_o(weight)
   );

@@ -89,6 +89,23 @@ package lipp_scene_pkg;
     return f + 4;
   endfunction
 
+  /// Tells whether a build is legal.
+  function automatic bit legal(scene_build_t scene);
+    int size;
+    size = int'(scene.height) << scene.width_bits;
+    return scene.layers >= 4'd1 && scene.layers <= 4'd8 && scene.slots >= scene.layers
+        && scene.width_bits >= 4'd5 && scene.width_bits <= 4'd10
+        && scene.height >= 11'd2 && scene.height <= 11'd1024
+        && size % 1024 == 0 && size <= 255 * 1024
+        && !(scene.bilinear && scene.height[0])
+        && scene.samples_bits <= 2'd2;
+  endfunction
+
+  /// The build, or the default in the place of an illegal one, whose module refuses it.
+  function automatic scene_build_t built(scene_build_t scene);
+    return legal(scene) ? scene : FourLayers;
+  endfunction
+
   /// Texels of a slot.
   function automatic int texels(scene_build_t scene);
     return int'(scene.height) << scene.width_bits;
@@ -101,17 +118,6 @@ package lipp_scene_pkg;
 
   function automatic int taps(scene_build_t scene);
     return scene.bilinear ? 4 : 1;
-  endfunction
-
-  /// Tells whether a build is legal.
-  function automatic bit legal(scene_build_t scene);
-    return scene.layers >= 4'd1 && scene.layers <= 4'd8
-        && scene.slots >= scene.layers
-        && scene.width_bits >= 4'd5 && scene.width_bits <= 4'd10
-        && scene.height >= 11'd2 && scene.height <= 11'd1024
-        && texels(scene) % 1024 == 0 && texels(scene) <= 255 * 1024
-        && !(scene.bilinear && scene.height[0])
-        && scene.samples_bits <= 2'd2;
   endfunction
 
   /// Fraction bits that a build reads of the 24 of a coefficient.

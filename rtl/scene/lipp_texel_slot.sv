@@ -12,8 +12,8 @@
 /// colour_o: {a, b, g, r} of each bank's texel, slot_latency() clocks after its address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
-  localparam int Taps = lipp_scene_pkg::taps(Scene),
-  localparam int Depth = lipp_scene_pkg::texels(Scene) / Taps,
+  localparam int Taps = lipp_scene_pkg::taps(lipp_scene_pkg::built(Scene)),
+  localparam int Depth = lipp_scene_pkg::texels(lipp_scene_pkg::built(Scene)) / Taps,
   localparam int AddressBits = $clog2(Depth)
 ) (
   input  logic                             clk_i,
@@ -25,8 +25,9 @@ module lipp_texel_slot #(
 );
   import lipp_scene_pkg::*;
 
-  localparam int ColumnBits = int'(Scene.width_bits);
-  localparam logic [9:0] PaletteBlock = 10'(texels(Scene) / 1024);
+  localparam scene_build_t Built = built(Scene);
+  localparam int ColumnBits = int'(Built.width_bits);
+  localparam logic [9:0] PaletteBlock = 10'(texels(Built) / 1024);
 
   if (!legal(Scene)) begin : gen_illegal
     $fatal(1, "lipp_texel_slot: Scene is not legal");
