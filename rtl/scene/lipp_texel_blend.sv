@@ -51,14 +51,14 @@ module lipp_texel_blend #(
     end else begin : gen_part
       logic [8:0] opacity_q;
       logic [ShareBits-1:0] weight_q, share_q;
-      logic signed [MulBits+8:0] whole;
+      logic [ShareBits+8:0] whole;
       always_ff @(posedge clk_i) begin
         opacity_q <= 9'(alpha) + 9'(alpha[7]);
         weight_q <= weight_i[n];
-        share_q <= ShareBits'((whole + (MulBits + 9)'(128)) >>> 8);
+        share_q <= ShareBits'((whole + (ShareBits + 9)'(128)) >> 8);
       end
-      lipp_low_product #(.Low(9)) i_share (
-        .clk_i, .a_i($signed({1'b0, weight_q})), .low_i(opacity_q), .p_o(whole)
+      lipp_small_product #(.Wa(ShareBits), .Wb(9)) i_share (
+        .clk_i, .a_i(weight_q), .b_i(opacity_q), .p_o(whole)
       );
       assign share[n] = share_q;
     end
@@ -66,22 +66,19 @@ module lipp_texel_blend #(
     for (genvar c = 0; c < 3; c++) begin : gen_channel
       // Red is the lowest byte, and light_o's highest part.
       logic [7:0] value;
-      logic signed [MulBits+7:0] square;
-      logic [LightBits-1:0] light;
+      logic [LightBits-1:0] square, light;
       logic signed [MulBits-1:0] light_word;
       assign value = colour_i[n][8*(2-c)+:8];
-      lipp_low_product #(.Low(8)) i_square (
-        .clk_i, .a_i($signed(18'(value))), .low_i(value), .p_o(square)
+      lipp_small_product #(.Wa(8), .Wb(8)) i_square (
+        .clk_i, .a_i(value), .b_i(value), .p_o(square)
       );
       lipp_delay #(.Width(LightBits), .Cycles(SharesLatency - SquareLatency)) i_light (
-        .clk_i, .d_i(square[LightBits-1:0]), .q_o(light)
+        .clk_i, .d_i(square), .q_o(light)
       );
       assign light_word = $signed({2'b00, light});
       lipp_multiplier #(.Wa(MulBits), .Wb(MulBits), .Drop(8)) i_product (
         .clk_i, .a_i($signed({1'b0, share[n]})), .b_i(light_word), .p_o(product[c][n])
       );
-      logic unused_square;
-      assign unused_square = ^square[MulBits+7:LightBits];
     end
   end
 

@@ -120,15 +120,15 @@ module lipp_texel_fetch #(
       // Weights: one product, three differences, and the masks.
       localparam int ProductLatency = low_latency(9);
       localparam int Weights = Latency - ProductLatency - 2;  // the product starts
-      logic signed [MulBits+8:0] product;
+      logic [17:0] product;
       logic [1:0] column_shown, row_shown;
       logic [8:0] f_later, g_later;
       logic [3:0][ShareBits-1:0] weight_q;
       lipp_delay #(.Width(18), .Cycles(Weights - 1)) i_fractions (
         .clk_i, .d_i({f_q, g_q}), .q_o({f_late, g_late})
       );
-      lipp_low_product #(.Low(9), .Latency(ProductLatency)) i_product (
-        .clk_i, .a_i($signed(18'(f_late))), .low_i(g_late), .p_o(product)
+      lipp_small_product #(.Wa(9), .Wb(9)) i_product (
+        .clk_i, .a_i(f_late), .b_i(g_late), .p_o(product)
       );
       lipp_delay #(.Width(18), .Cycles(ProductLatency)) i_later (
         .clk_i, .d_i({f_late, g_late}), .q_o({f_later, g_later})
@@ -147,7 +147,7 @@ module lipp_texel_fetch #(
         end
       end
       logic unused_product;
-      assign unused_product = ^product[MulBits+8:ShareBits];
+      assign unused_product = ^product;
     end
   end
 

@@ -42,9 +42,7 @@ def random_texels(rng: np.random.Generator, width: int, height: int, smooth: boo
     if not smooth:
         return rng.integers(0, 256, (height, width), dtype=np.uint8)
     t, s = np.mgrid[:height, :width]
-    waves = sum(
-        np.sin(rng.uniform(0.0, 0.2) * s + rng.uniform(0.0, 0.2) * t + rng.uniform(0.0, 6.3)) for _ in range(3)
-    )
+    waves = sum(np.sin(rng.uniform(0.0, 0.2) * s + rng.uniform(0.0, 0.2) * t + rng.uniform(0.0, 6.3)) for _ in range(3))
     return np.clip(127.5 + 45.0 * waves, 0.0, 255.0).astype(np.uint8)
 
 
