@@ -13,8 +13,9 @@
 ///   y_o      = ((yj 2^6 j >> 37-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
 ///
 /// draws_o: the status is ok or crosstalk, dz is 1/4 or more (75.5 degrees to the axis), and x_o and y_o
-/// are in [-2048, 2048). Errors: r is off by 2^-(F+1.2) of itself at most, a slope m by |m| times that
-/// and half a unit, a position by 2^-(F-2) and 2^-31 of each lenslet from the origin.
+/// are in [-2048, 2048). Errors in units of the last place: of a slope m at most 0.8 + 1.25 |m|, 0.35 RMS where
+/// |m| < 1 (measured, 7 million rays); of a position at most 1.5 + |z| (0.8 + 1.25 |m|) / 16, and 2^(F-34) more
+/// for each lenslet from the origin.
 /// Latency exit_line_latency(F).
 module lipp_exit_line #(
   parameter int F = 16,

@@ -47,7 +47,7 @@ def random_texels(rng: np.random.Generator, width: int, height: int, smooth: boo
 
 
 def random_layer(rng: np.random.Generator, display: Display, build: SceneBuild, smooth: bool) -> Layer:
-    """A layer at any depth that a slot holds, in view: turned, sheared and mirrored, larger or smaller than the panel."""
+    """A layer at any depth, in view: turned, sheared and mirrored, larger or smaller than the panel."""
     radius, panel = display.array.radius_mm, display.panel
     size = math.hypot(panel.width_mm, panel.height_mm)
     full = rng.random() < 0.5

@@ -17,6 +17,7 @@ from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_words import SceneWords
 from lippmann.fixed.texel_blend import texel_blend
 from lippmann.fixed.texel_fetch import texel_fetch
+from lippmann.fixed.words import Ints
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -39,6 +40,11 @@ def scene(
     build, f
         The build of the drawing, and F.
     """
+    return panel_curve(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
+
+
+def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
+    """Return the light (N, 3) of exit rays, before the samples of a pixel become one; parameters as of `scene`."""
     lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
     empty = np.zeros(build.slot_bytes, np.uint8)
     light, opacity = [], []
@@ -50,5 +56,4 @@ def scene(
         light.append(one_light)
         opacity.append(one_opacity)
     brightness = [layer.brightness for layer in layers]
-    drawn = composite(light, opacity, lines.draws, brightness, np.array(words.background, np.int64))
-    return panel_curve(sample_mean(drawn, build.samples_bits), table)
+    return composite(light, opacity, lines.draws, brightness, np.array(words.background, np.int64))

@@ -1,4 +1,4 @@
-"""The batch harness of the drawing: a build of the RTL under Verilator, exit rays in, pixels out (sim/batch/draw.cpp)."""
+"""The batch harness of the drawing: its RTL under Verilator, exit rays in, pixels out (sim/batch/draw.cpp)."""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ def test_equals_twin(layers):
         opacity = np.where(
             rng.random((count, layers)) < 0.5, rng.choice([0, 1, 65535, 65536], (count, layers)), opacity
         )
+        opacity[:20], opacity[20:40] = 0, 65536
         # Premultiplied: a layer has no more light than it has opacity.
         most = np.minimum((opacity * 65025 + 32768) >> 16, 65025)
         light = (most[..., None] * rng.choice([0.0, 1.0, 1.0, 0.37], (count, layers, 3))).astype(np.int64)
@@ -29,11 +30,14 @@ def test_equals_twin(layers):
         draws = rng.random(count) < 0.8
         out = composite(list(light.transpose(1, 0, 2)), list(opacity.T), draws, brightness.tolist(), background)
         config = {
-            "brightness_i": int(joined(brightness[None], 9)[0]), "background_i": int(joined(background[None, ::-1], 16)[0])
-        }  # fmt: skip
+            "brightness_i": int(joined(brightness[None], 9)[0]),
+            "background_i": int(joined(background[None, ::-1], 16)[0]),
+        }
         words = {
-            "light_i": joined(light[..., ::-1], 16), "opacity_i": joined(opacity, 17), "draws_i": draws.astype(np.int64)
-        }  # fmt: skip
+            "light_i": joined(light[..., ::-1], 16),
+            "opacity_i": joined(opacity, 17),
+            "draws_i": draws.astype(np.int64),
+        }
         segments.append(Segment(config, words, {"light_o": joined(out[:, ::-1], 16)}))
         seen.point("black without an exit", ~draws)
         seen.point("the background shows whole", draws & (opacity == 0).all(axis=1))

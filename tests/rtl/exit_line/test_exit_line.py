@@ -21,7 +21,7 @@ def test_equals_twin(f):
     segments = []
     lattices = [
         (0, 0, 0),
-        signed(32) + (1,),
+        (*signed(32), 1),
         *rng.integers(*signed(32), (4, 3)).tolist(),
         (1 << 30, 1 << 29, 930_000_000),
     ]

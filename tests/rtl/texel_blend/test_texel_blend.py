@@ -18,14 +18,16 @@ def test_equals_twin(taps):
     colours[:256] = np.arange(256)[:, None, None]  # r = g = b = a
     special = rng.random(count) < 0.3
     colours[special] = rng.choice([0, 1, 127, 128, 254, 255], (special.sum(), taps, 4))
+    colours[256:320] = 255
     if taps == 1:
         weights = rng.choice([0, 65536], (count, 1))
-        weights[:256] = 65536
+        weights[:320] = 65536
     else:
         f, g = rng.integers(0, 256, (2, count))
         f[::7], g[::5] = rng.choice([0, 1, 255], (count + 6) // 7), rng.choice([0, 128, 255], (count + 4) // 5)
         weights = np.stack([(256 - f) * (256 - g), f * (256 - g), (256 - f) * g, f * g], axis=1)
         outside = rng.random((count, 4)) < 0.2
+        outside[256:320] = False
         weights = np.where(outside, 0, weights)
     light, opacity = texel_blend(colours, weights)
     assert light.max() == 65025
@@ -36,7 +38,8 @@ def test_equals_twin(taps):
     stream_scene_step(f"texel_blend-{taps}", 16, [Segment({}, words, out)], s)
 
     seen = Coverage("texel_blend", f"taps{taps}")
-    seen.values("alpha of a whole texel", colours[weights == 65536][:, 3], range(256))
+    if taps == 1:
+        seen.values("alpha of a whole texel", colours[weights == 65536][:, 3], range(256))
     seen.point("nothing", (weights == 0).all(axis=1))
     seen.point("opaque white", (light == 65025).all(axis=1))
     if taps == 4:
