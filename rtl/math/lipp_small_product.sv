@@ -18,7 +18,7 @@ module lipp_small_product #(
 );
   import lipp_math_pkg::*;
 
-  localparam int Latency = low_latency(Wb);
+  localparam int Latency = low_latency(Wb > 0 ? Wb : 1);  // 1: for $fatal of an illegal one
 
   if (Wa < 1 || Wa > 17 || Wb < 1 || Wb > 17) begin : gen_illegal
     $fatal(1, "lipp_small_product: Wa and Wb must be 1 to 17");

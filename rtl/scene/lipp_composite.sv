@@ -32,10 +32,10 @@ module lipp_composite #(
   localparam int Wp = 2 * MulBits;
 
   if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
-    $fatal(1, "lipp_composite: Layers must be 1 to %0d", MostLayers);
+    $fatal(1, "lipp_composite: Layers must be 1 to 8");
   end
   // T_k is there Step (k - 1) + 1 clocks after the input.
-  for (genvar k = 0; k < Layers; k++) begin : gen_layer
+  for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer  // one, for $fatal of an illegal number
     logic [ShareBits-1:0] left_q;       // T_(k+1)
     logic signed [MulBits-1:0] gain_q;  // G_k
     logic [2:0][Wc-1:0] sum_q;          // C_(k+1), Step clocks after T_(k+1); of layer 0, Step - 1
@@ -103,7 +103,7 @@ module lipp_composite #(
   end
 
   // ---- background ----
-  localparam int Last = Layers - 1;
+  localparam int Last = Layers > 0 ? Layers - 1 : 0;
   logic [ShareBits-1:0] left;
   logic draws;
   logic [2:0][Wc-1:0] whole_q;

@@ -101,9 +101,11 @@ package lipp_scene_pkg;
         && scene.samples_bits <= 2'd2;
   endfunction
 
-  /// The build, or the default in the place of an illegal one, whose module refuses it.
+  /// The build, or a small one in the place of an illegal one, whose module refuses it.
   function automatic scene_build_t built(scene_build_t scene);
-    return legal(scene) ? scene : FourLayers;
+    scene_build_t least;
+    least = '{layers: 4'd1, slots: 4'd1, width_bits: 4'd5, height: 11'd32, default: '0};
+    return legal(scene) ? scene : least;
   endfunction
 
   /// Texels of a slot.
