@@ -199,7 +199,7 @@ def test_engine_of_the_simulated_drawing():
     """rtl_scene takes the twin's place."""
     s = seed()
     rng = np.random.default_rng(s)
-    built, f = CASES[1][0], CASES[1][1]
+    built, f = SceneBuild(1, 1, 32, 32), 14
     held = {0: rng.integers(0, 256, built.slot_bytes, dtype=np.uint8)}
     table = rng.integers(0, 256, 8192, dtype=np.uint8)
     words, rays = wild_words(rng, built), wild_rays(rng, f, 500)
