@@ -8,6 +8,7 @@ registers/lipp_board_registers_pkg.sv
 registers/lipp_optics_registers_pkg.sv
 math/lipp_math_pkg.sv
 optics/lipp_optics_pkg.sv
+scene/lipp_scene_pkg.sv
 link/lipp_link_pkg.sv
 panel/lipp_panel_pkg.sv
 registers/lipp_board_registers.sv
@@ -54,6 +55,16 @@ optics/lipp_exit_flat.sv
 optics/lipp_ray_pipeline.sv
 optics/lipp_ray_lenslet.sv
 optics/lipp_optics_block.sv
+scene/lipp_exit_line.sv
+scene/lipp_layer_coordinate.sv
+scene/lipp_texel_memory.sv
+scene/lipp_texel_slot.sv
+scene/lipp_texel_fetch.sv
+scene/lipp_texel_blend.sv
+scene/lipp_composite.sv
+scene/lipp_sample_mean.sv
+scene/lipp_panel_curve.sv
+scene/lipp_scene.sv
 bus/lipp_axil_to_apb.sv
 bus/lipp_wishbone_to_apb.sv
 bus/lipp_axis_to_rays.sv
@@ -85,6 +96,7 @@ board/lipp_board.sv
 board/lipp_board_with_store.sv
 ecp5/lipp_mult18.sv
 ecp5/lipp_wide_product.sv
+ecp5/lipp_small_product.sv
 ecp5/lipp_ring.sv
 ecp5/lipp_block_ring.sv
 ecp5/lipp_memory_1w1r.sv

@@ -28,6 +28,7 @@ from lippmann.conditioning.word_sets import frame_words
 from lippmann.dev.lint import elaborated
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.images import check_output
 from lippmann.measure.fixed import measure
 from lippmann.provenance import provenance
@@ -35,6 +36,7 @@ from lippmann.report.benches import measured_page
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
+from lippmann.sim.scene_harness import scene_parameters
 from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
 from lippmann.sim.virtual_board import KNOWN_TIMINGS, TIMING
 
@@ -55,21 +57,29 @@ PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q"
 
 @dataclass(frozen=True)
 class Design:
-    """What is placed: a configuration in a probe of sim/synth; `panel` is the board's, in pixels."""
+    """What is placed: a configuration in a probe of sim/synth; `panel` is the board's, in pixels.
+
+    `scene` is a build of the drawing, which is placed for the configuration's F.
+    """
 
     named: Named
     top: str = "probe_top"
     panel: tuple[int, int] | None = None
+    scene: SceneBuild | None = None
 
     @property
     def name(self) -> str:
-        """Its name: that of the configuration; before it `block`, or `board` and the panel."""
-        panel = [] if self.panel is None else ["x".join(map(str, self.panel))]
-        return "-".join([*self.top.split("_")[1:], *panel, self.named.name]).removeprefix("top-")
+        """Its name: that of the configuration; before it `block`, `board` and the panel, or `scene` and the filter."""
+        parts = [] if self.panel is None else ["x".join(map(str, self.panel))]
+        parts += [] if self.scene is None else ["bilinear" if self.scene.bilinear else "nearest"]
+        return "-".join([*self.top.split("_")[1:], *parts, self.named.name]).removeprefix("top-")
 
     @property
     def parameters(self) -> dict[str, str | int]:
         """The parameters of its top."""
+        if self.scene is not None:
+            drawing = scene_parameters(self.scene, self.named.build.fraction_bits)
+            return {name: value for name, value in drawing.items() if name != "CrossCells"}
         build: dict[str, str | int] = {**parameters(self.named.build)}
         if self.panel is None:
             return build
@@ -83,12 +93,15 @@ class Design:
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(named, "probe_board", panel) for panel in PANELS for named in WHOLE]
+#: The drawing alone, with four layers of 256 x 192 texels.
+SCENES = [Design(WHOLE[0], "probe_scene", scene=SceneBuild(4, bilinear=bilinear)) for bilinear in (False, True)]
 DESIGNS = {
     design.name: design
     for design in (
         *map(Design, CONFIGURATIONS.values()),
         *(Design(named, f"probe_{part}") for part in ("block", "axi", "wishbone") for named in WHOLE),
         *BOARDS,
+        *SCENES,
     )
 }
 

@@ -34,6 +34,16 @@ def built(F=23, Grid=0, Model=2, Viewer=0, Aims=0, Walk=0, CrossCells=0, Converg
     return {"Build": f"{at}'h{word:04x}"}
 
 
+def drawn(layers=4, slots=5, width_bits=8, height=192, bilinear=0, samples_bits=0):
+    """The parameter `Scene` of the drawing, field by field from the lowest bit."""
+    fields = ((layers, 4), (slots, 4), (width_bits, 4), (height, 11), (bilinear, 1), (samples_bits, 2))
+    word = at = 0
+    for value, bits in fields:
+        assert 0 <= value < 1 << bits
+        word, at = word | value << at, at + bits
+    return {"Scene": f"{at}'h{word:07x}"}
+
+
 F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
 PANELS = [{"Width": w, "Height": h} for w, h in ((7, 5), (640, 480), (1920, 1080), (2400, 2400))]
 GRID_SETS = [{"F": f, "Grid": g} for f in (14, 23) for g in (0, 1)]
@@ -55,7 +65,8 @@ RAYS = [
     built(F=23, Grid=1, Model=2, Aims=1, Walk=2, Shear=1),
     built(F=23, Grid=1, Model=2, Viewer=1, Aims=1, Walk=2),
 ]
-#: Every module of rtl/common, rtl/math and rtl/optics; those of other folders where their defaults are not all.
+SCENES = [drawn(), drawn(1, 1, 5, 32, samples_bits=2), drawn(8, 15, 10, 254, bilinear=1, samples_bits=1)]
+#: Every module of rtl/common, rtl/math, rtl/optics, rtl/scene; those of other folders where their defaults are not all.
 #: optics_block holds a ray_lenslet, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
 PARAMETERS = {
     "aim": GRID_SETS,
@@ -74,7 +85,10 @@ PARAMETERS = {
     ],
     "cell_step": [*GRID_SETS, *SHEARED, {"F": 23, "Grid": 1, "CrossCells": 1, "Shear": 1}],
     "converge": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
-    "delay": [{"Width": w, "Cycles": c} for w, c in ((1, 0), (3, 1), (8, 2), (1, 5), (9, 17), (40, 40))],
+    "delay": [
+        {"Width": w, "Cycles": c, "Block": b}
+        for w, c, b in ((1, 0, 1), (3, 1, 1), (8, 2, 1), (1, 5, 1), (9, 17, 1), (40, 40, 1), (40, 40, 0), (1, 18, 0))
+    ],
     "dispatcher": PANELS,
     # Parts of ray_pipeline, in which every kind of ray is linted.
     "config_range": RAYS[:1],
@@ -103,6 +117,17 @@ PARAMETERS = {
     ],
     "move_lenslet": [*GRID_SETS, *SHEARED],
     "mult18": [{}],
+    "small_product": [{"Wa": a, "Wb": b} for a, b in ((8, 8), (17, 9), (1, 17))],
+    "exit_line": [*F_SETS, *CELLS],
+    "layer_coordinate": [*F_SETS, *CELLS, {"F": 16, "Bilinear": 1}],
+    "texel_memory": [{"Depth": d} for d in (2, 1024, 1536, 12288, 49152, 261120)],
+    "texel_slot": SCENES,
+    "texel_fetch": SCENES,
+    "texel_blend": [{"Taps": n} for n in (1, 4)],
+    "composite": [{"Layers": n} for n in (1, 2, 8)],
+    "sample_mean": [{"SamplesBits": n} for n in (0, 1, 2)],
+    "panel_curve": [{}],
+    "scene": [{"F": 23, "CrossCells": 1, **SCENES[1]}, {"F": 14, **SCENES[2]}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
         for a, b, d, s in (
@@ -144,6 +169,13 @@ STEPS = [
 ]  # fmt: skip
 GRIDS = ["aim", "cell_step", "converge", "extent", "move_lenslet"]
 
+#: Builds of the drawing that are not legal.
+NO_SCENES = [
+    drawn(layers=0), drawn(layers=9, slots=9), drawn(slots=3), drawn(width_bits=4), drawn(width_bits=11),
+    drawn(height=0), drawn(height=1025), drawn(height=193), drawn(width_bits=10, height=256),
+    drawn(width_bits=10, height=3, bilinear=1), drawn(samples_bits=3),
+]  # fmt: skip
+
 #: Parameters that must stop elaboration, and the message of each.
 REFUSED = [
     *((module, {"F": f}, f"{module}: F must be 14 to 23") for module in STEPS for f in (13, 24)),
@@ -163,6 +195,25 @@ REFUSED = [
         for module in ("axis_to_rays", "axis_from_rays")
         for f in (13, 24)
     ),
+    *(
+        (module, {"F": f}, f"{module}: F must be 14 to 23")
+        for module in ("exit_line", "layer_coordinate")
+        for f in (13, 24)
+    ),
+    *(
+        (module, scene, f"{module}: Scene is not legal")
+        for module in ("texel_slot", "texel_fetch")
+        for scene in NO_SCENES[:: 1 if module == "texel_slot" else 4]
+    ),
+    *(
+        ("scene", scene, "scene: Scene must have 1 to 8 layers, slots for them, 32 to 1024 columns")
+        for scene in NO_SCENES[:2]
+    ),
+    ("texel_memory", {"Depth": 1}, "texel_memory: Depth must be 2 or more"),
+    *(("texel_blend", {"Taps": n}, "texel_blend: Taps must be 1 or 4") for n in (0, 2, 8)),
+    *(("composite", {"Layers": n}, "composite: Layers must be 1 to 8") for n in (0, 9)),
+    *(("sample_mean", {"SamplesBits": n}, "sample_mean: SamplesBits must be 0 to 2") for n in (-1, 3)),
+    *(("small_product", {a: n}, "small_product: Wa and Wb must be 1 to 17") for a in ("Wa", "Wb") for n in (0, 18)),
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
@@ -240,7 +291,7 @@ REFUSED = [
 
 
 def test_no_module_is_left_out():
-    required = {module for module in MODULES if FOLDER_OF[module] in ("common", "math", "optics")}
+    required = {module for module in MODULES if FOLDER_OF[module] in ("common", "math", "optics", "scene")}
     assert required <= set(PARAMETERS) <= set(MODULES)
     # The sources hold every refusal in so many words, and each is provoked below.
     said = {
