@@ -33,9 +33,10 @@ Progress = Callable[[int, int], None]
 SLOT = (256, 192)
 #: Least texels across of a slot, and its most blocks.
 MIN_ROW, MAX_BLOCKS = 32, 255
-#: Rays across and down that measure how far a display's rays reach, and those that look for a scene's depths and for
-#: the part of an area that a slab covers.
-REACH_RAYS, DEPTH_RAYS, TRIAL_RAYS = 160, (256, 192), (128, 96)
+#: How far a display's rays reach is measured in so many lenslets at each edge of the panel, at so many places along it.
+EDGE_LENSLETS, REACH_RAYS = 2.0, 101
+#: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.
+DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
 
@@ -86,8 +87,13 @@ def check_slot(slot: tuple[int, int]) -> None:
 def reach_of(display: Display) -> Reach:
     """Return how far a display's chief rays reach, and its eyes: to the sides from where the whole panel is seen."""
     panel = display.panel
-    u, v = (np.linspace(0.5, side - 0.5, min(side, REACH_RAYS)) for side in (panel.width_px, panel.height_px))
-    rays = trace(display, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+    # The farthest rays leave the lenslets at the panel's edges.
+    band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
+    sides = panel.width_px, panel.height_px
+    every = [np.unique(np.linspace(0, side - 1, REACH_RAYS).astype(int)) for side in sides]
+    edge = [np.unique(np.r_[: min(band, side), max(side - band, 0) : side]) for side in sides]
+    grids = np.meshgrid(edge[0], every[1]), np.meshgrid(every[0], edge[1])
+    rays = trace(display, np.concatenate([np.stack(grid, axis=-1).reshape(-1, 2) for grid in grids]) + 0.5)
     good = rays.status == Status.OK
     if not good.any():
         raise InputError(f"display '{display.name}': no ray leaves its lenslets; look with lippmann inspect")
@@ -135,8 +141,8 @@ def cut_scene(
     check_slot(slot)
     settings = Settings(samples=16) if settings is None else settings
     reach = reach_of(display)
-    own = None if apart is None else scene_slabs(apart, reach, 1)[0]
-    slabs = scene_slabs(scene, reach, count - (own is not None))
+    own = None if apart is None else scene_slabs(apart, reach, 1, settings)[0]
+    slabs = scene_slabs(scene, reach, count - (own is not None), settings)
     slabs = slabs if own is None else sorted([own, *slabs], key=lambda slab: -slab.depth_mm)
     layers, errors, used = [], [], []
     background = np.zeros(3)
@@ -166,7 +172,7 @@ def cut_scene(
     return Cut(stack, tuple(used), tuple(errors), alone[0] if alone else None)
 
 
-def scene_slabs(scene: Scene, reach: Reach, count: int) -> list[Slab]:
+def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> list[Slab]:
     """Return the slabs of a scene that eyes in the middle and to all sides see."""
     x, y, z = reach.eye_mm
     near = scene.placement.near_mm
@@ -174,9 +180,10 @@ def scene_slabs(scene: Scene, reach: Reach, count: int) -> list[Slab]:
     eyes = [(x + a * reach.aside_mm, y + b * reach.aside_mm, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
     low, high = reach.places_mm.min(axis=0), reach.places_mm.max(axis=0)
     window = Area(0.0, float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-    depths = [seen_depths(scene, window, eye, DEPTH_RAYS, Settings(seed=k)) for k, eye in enumerate(eyes)]
+    trial = replace(settings, samples=TRIAL_SAMPLES)
+    depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
     try:
-        return slabs_of(np.concatenate(depths), count, z, front)
+        return slabs_of(np.concatenate(depths), np.concatenate(detail), count, z, front)
     except InputError as error:
         raise InputError(f"{scene.path}: {error}") from None
 
@@ -193,7 +200,7 @@ def _picture(
     """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
     whole, between = reach.area(depth), (slab.front_mm, slab.back_mm)
-    trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=4))
+    trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
     mask = trial.coverage > 0.0
     if not mask.any():
         return None

@@ -2,8 +2,9 @@
 
 A layer shows all of its slab at one depth. For an eye that moves, a point then is off by the difference of two
 disparities, u = z / (E - z) at the distance E of the eyes: so many mm does a point at depth z move across the display,
-against the eye, for each mm of the eye. The slabs are those with the least mean square of this difference over all
-points that are seen. They are found exactly, by dynamic programming over a histogram.
+against the eye, for each mm of the eye. To first order the error of the view is this shift times the picture's
+gradient. The slabs are those with the least mean square of it over all points that are seen; they are found exactly, by
+dynamic programming over a histogram.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from lippmann.layers.stack import Floats
 
 #: Bins of the histogram of disparities.
 BINS = 512
+#: What a point without any detail counts, in mean details.
+PLAIN = 0.05
 #: Disparity at infinity.
 SKY = -1.0
 
@@ -44,8 +47,10 @@ def depth_of(u: float, eye_mm: float) -> float:
     return -math.inf if u <= SKY else eye_mm * u / (1.0 + u)
 
 
-def slabs_of(z_mm: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
+def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: float) -> list[Slab]:
     """Return at most `count` slabs, from front to back, for the depths (N,) that eyes at a distance see.
+
+    `detail` (N,) is the squared gradient of the picture there. Points without any count a little, too.
 
     Depths of -infinity, of a scene's surroundings, get a slab of their own or share the last one. `front_mm` is the
     front of the first slab; the last one has no back. There are fewer slabs than asked for where the depths have fewer
@@ -61,15 +66,16 @@ def slabs_of(z_mm: Floats, count: int, eye_mm: float, front_mm: float) -> list[S
     step = max((high - low) / (BINS - 1), 1e-12)
     # Bin 0 is the sky; each other bin is known by the mean of its disparities.
     place = np.where(u > SKY, 1 + np.rint((u - low) / step).astype(np.int64), 0)
-    weight, total = (np.bincount(place, values, BINS + 1) for values in (np.ones_like(u), u))
+    mean_detail = float(detail.mean())
+    share = detail + (PLAIN * mean_detail if mean_detail > 0.0 else 1.0)
+    weight, total = (np.bincount(place, values, BINS + 1) for values in (share, share * u))
     used = np.flatnonzero(weight)[::-1]  # from front to back
     mean = total[used] / weight[used]
     ends = partition(mean, weight[used], min(count, len(used)))
     slabs, front = [], front_mm
     for first, end in zip([0, *ends[:-1]], ends, strict=True):
         back = -math.inf if end == len(used) else depth_of(0.5 * (mean[end - 1] + mean[end]), eye_mm)
-        share = weight[used][first:end]
-        depth = depth_of(float(mean[first:end] @ share / share.sum()), eye_mm)
+        depth = depth_of(float(np.average(mean[first:end], weights=weight[used][first:end])), eye_mm)
         slabs.append(Slab(front, back, depth))
         front = back
     return slabs

@@ -104,18 +104,35 @@ def peel(
     return Slice(light.reshape(height, width, 3), coverage.reshape(height, width))
 
 
-def seen_depths(scene: Scene, area: Area, eye_mm: Point, size: tuple[int, int], settings: Settings) -> Floats:
-    """Return the depths (N,) of the first surfaces that an eye sees in an area; -infinity of the surroundings."""
+def seen_depths(
+    scene: Scene, area: Area, eye_mm: Point, size: tuple[int, int], settings: Settings
+) -> tuple[Floats, Floats]:
+    """Return the depths (N,) of the surfaces that an eye sees in an area, and how much detail each of them shows (N,).
+
+    Detail is the squared difference of neighbouring texels, which is the nearer one's: a surface hides with its edge
+    what is behind it. The surroundings are at -infinity.
+    """
     mi = mitsuba()
     import drjit as dr
 
+    assert scene.placement.near_mm is not None
+    front = min(scene.placement.near_mm, eye_mm[2])
     index = dr.arange(mi.UInt32, size[0] * size[1])
     lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), settings)
-    assert scene.placement.near_mm is not None
-    _, valid, z = _first_hit(scene, lines, min(scene.placement.near_mm, eye_mm[2]))
-    found, depths = np.asarray(valid), np.asarray(z, np.float64)
-    beyond = np.full(int((~found).sum()) if scene.mitsuba.environment() is not None else 0, -np.inf)
-    return np.concatenate([depths[found], beyond])
+    _, valid, z = _first_hit(scene, lines, front)
+    shape = size[1], size[0]
+    depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(shape)
+    colour = np.sqrt(np.clip(peel(scene, area, eye_mm, (front, -math.inf), size, settings).light, 0.0, 1.0))
+    detail = np.zeros(shape)
+    for axis in (0, 1):
+        square = (np.diff(colour, axis=axis) ** 2).sum(axis=-1)
+        one = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
+        other = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        nearer = depths[one] > depths[other]
+        detail[one] += np.where(nearer, square, 0.0)
+        detail[other] += np.where(nearer, 0.0, square)
+    there = np.isfinite(depths) | (scene.mitsuba.environment() is not None)
+    return depths[there], detail[there]
 
 
 def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
