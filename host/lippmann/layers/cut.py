@@ -199,7 +199,9 @@ def _picture(
 ) -> tuple[Area, Picture] | None:
     """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-    whole, between = reach.area(depth), (slab.front_mm, slab.back_mm)
+    # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
+    whole = reach.area(depth).grown(finest_texel(depth, display))
+    between = slab.front_mm, slab.back_mm
     trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
     mask = trial.coverage > 0.0
     if not mask.any():
@@ -231,8 +233,13 @@ def _continued(seen: Slice, under: Slice, texel_mm: tuple[float, float], hidden_
 
 def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:
     """Return the texels across and down: a slot's, or fewer where they would be finer than what a pixel sees."""
-    pixel = display.panel.coarsest_mm
-    slope = pixel / display.aperture_distance_mm  # between the rays of neighbouring pixels
-    finest = slope if math.isinf(area.depth_mm) else max(pixel, abs(area.depth_mm) * slope)
+    finest = finest_texel(area.depth_mm, display)
     width, height = (min(most, max(2, math.ceil(side / finest))) for most, side in zip(slot, area.size, strict=True))
     return width, height
+
+
+def finest_texel(depth_mm: float, display: Display) -> float:
+    """Return how far apart rays of neighbouring pixels are at a depth, at least a pixel, mm; of a sky, their slopes."""
+    pixel = display.panel.coarsest_mm
+    slope = pixel / display.aperture_distance_mm
+    return slope if math.isinf(depth_mm) else max(pixel, abs(depth_mm) * slope)

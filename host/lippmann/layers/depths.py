@@ -22,6 +22,8 @@ from lippmann.layers.stack import Floats
 BINS = 512
 #: What a point without any detail counts, in mean details.
 PLAIN = 0.05
+#: Least width of a bin: 0.001 mm for an eye that moves 100 mm. Rounding does not make two depths of one.
+FINEST = 1e-5
 #: Disparity at infinity.
 SKY = -1.0
 
@@ -63,7 +65,7 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
     u = disparity(z_mm, eye_mm)
     near = u[u > SKY]
     low, high = (float(near.min()), float(near.max())) if near.size else (0.0, 0.0)
-    step = max((high - low) / (BINS - 1), 1e-12)
+    step = max((high - low) / (BINS - 1), FINEST)
     # Bin 0 is the sky; each other bin is known by the mean of its disparities.
     place = np.where(u > SKY, 1 + np.rint((u - low) / step).astype(np.int64), 0)
     mean_detail = float(detail.mean())

@@ -151,11 +151,16 @@ def layers_text(stack: LayerStack, names: Sequence[str]) -> str:
 
 def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:
     """Refuse layers at or behind the eyes of a display; `where` goes before the layer in errors."""
-    eye = viewing_distance(display)
     for place, layer in enumerate(stack.layers):
-        if not layer.sky and layer.depth_mm >= eye:
-            what = f"{layer.depth_mm:g} mm is not in front of the eyes of '{display.name}', at {eye:g} mm"
-            raise input_error(f"{where}: layer[{place}].depth_mm", what, f"give less than {eye:g}")
+        check_depth(layer.depth_mm, display, f"{where}: layer[{place}].depth_mm")
+
+
+def check_depth(depth_mm: float, display: Display, where: str) -> None:
+    """Refuse a depth at or behind the eyes of a display; infinity is a sky's."""
+    eye = viewing_distance(display)
+    if eye <= depth_mm < math.inf:
+        what = f"{depth_mm:g} mm is not in front of the eyes of '{display.name}', at {eye:g} mm"
+        raise input_error(where, what, f"give less than {eye:g}")
 
 
 def _read_png(path: Path) -> tuple[Bytes, Bytes]:

@@ -38,6 +38,11 @@ class Area:
         """Width and height."""
         return self.right - self.left, self.top - self.bottom
 
+    def grown(self, margin: float) -> Area:
+        """Return the area with a margin on each side."""
+        low, high = (self.left - margin, self.bottom - margin), (self.right + margin, self.top + margin)
+        return Area(self.depth_mm, *low, *high)
+
     def matrix(self, width: int, height: int) -> Floats:
         """Return the matrix (2, 3) from (x, y, 1) to the texels of a texture that covers the area."""
         a, d = width / self.size[0], -height / self.size[1]
@@ -86,14 +91,15 @@ def peel(
     light, coverage = np.empty((width * height, 3)), np.empty(width * height)
     for number, (first, count) in enumerate(_chunks(width * height, samples)):
         index = dr.arange(mi.UInt32, count * samples)
-        texel = first + index // samples
+        texel = dr.opaque(mi.UInt32, first) + index // samples
         lines = _lines(area, eye_mm, size, texel, index % samples, settings)
         ray, valid, z = _first_hit(scene, lines, front)
-        seen = valid & (z >= back)
+        seen = valid & (z >= dr.opaque(mi.Float, back))
         if surroundings:
             seen |= ~valid
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed((settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF, count * samples)
+        seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
+        sampler.seed(seed, count * samples)
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, seen)
         colour = dr.select(seen, mi.Color3f(radiance), 0.0)
         share = dr.select(seen, mi.Float(1.0), 0.0)
@@ -147,20 +153,30 @@ def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Any, sample:
     mi = mitsuba()
     import drjit as dr
 
-    row = texel // size[0]
+    # Opaque, so that another area or eye needs no compilation.
+    columns = dr.opaque(mi.UInt32, size[0])
+    left, top, across, down = (
+        dr.opaque(mi.Float, value) for value in (area.left, area.top, area.size[0] / size[0], area.size[1] / size[1])
+    )
+    row = texel // columns
     s, t = points_in_square(texel, sample, settings.seed, stream=0)
-    x = area.left + (mi.Float(texel - row * size[0]) + s) * (area.size[0] / size[0])
-    y = area.top - (mi.Float(row) + t) * (area.size[1] / size[1])
+    x = left + (mi.Float(texel - row * columns) + s) * across
+    y = top - (mi.Float(row) + t) * down
     if math.isinf(area.depth_mm):
         ray = dr.normalize(mi.Vector3f(x, y, 1.0))
         return Lines((mi.Float(0.0), mi.Float(0.0), mi.Float(0.0)), (ray.x, ray.y, ray.z), mi.Bool(True))
-    ray = dr.normalize(mi.Vector3f(eye_mm[0] - x, eye_mm[1] - y, eye_mm[2] - area.depth_mm))
-    return Lines((x, y, mi.Float(area.depth_mm)), (ray.x, ray.y, ray.z), mi.Bool(True))
+    eye_x, eye_y, eye_z, depth = (dr.opaque(mi.Float, value) for value in (*eye_mm, area.depth_mm))
+    ray = dr.normalize(mi.Vector3f(eye_x - x, eye_y - y, eye_z - depth))
+    return Lines((x, y, depth), (ray.x, ray.y, ray.z), mi.Bool(True))
 
 
 def _first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
     """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
+    mi = mitsuba()
+    import drjit as dr
+
     placed = replace(scene, placement=replace(scene.placement, near_mm=front_mm, far_mm=None))
     ray = scene_ray(placed, lines)
     si = scene.mitsuba.ray_intersect(ray)
-    return ray, si.is_valid(), front_mm - scene.placement.scale * si.t * lines.direction[2]
+    front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
+    return ray, si.is_valid(), front - scale * si.t * lines.direction[2]

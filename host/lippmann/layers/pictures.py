@@ -15,7 +15,7 @@ from lippmann.errors import input_error, likely_file
 from lippmann.images import decode
 from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
 from lippmann.layers.depths import Slab
-from lippmann.layers.folder import Depth, Sky, check_for_display
+from lippmann.layers.folder import Depth, Sky, check_depth
 from lippmann.layers.palette import Picture, quantise
 from lippmann.layers.peel import Area
 from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack
@@ -26,7 +26,7 @@ FILE = "pictures.toml"
 #: Most pixels of a picture.
 MAX_PIXELS = 1 << 26
 Light = Annotated[float, key("", low=0.0, high=1.0)]
-Width = Annotated[float | None, key("width; the height follows", above=0.0, high=1e6, default="all that rays reach")]
+Width = Annotated[float, key("", above=0.0, high=1e6)]
 
 
 @documented
@@ -37,7 +37,7 @@ class PictureKeys:
     file: Annotated[Path, key("a PNG in sRGB, with or without opacity; its path is relative to this file")]
     depth_mm: Annotated[Depth | Sky, key('z of the picture\'s plane; `"sky"`: infinitely far')]
     centre_mm: Annotated[Pair, key("position of its middle, x and y")] = (0.0, 0.0)
-    width_mm: Width = None
+    width_mm: Annotated[Width | None, key("its width; the height follows", default="all that rays reach")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +72,7 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
             what = "a sky has neither a width nor a place"
             raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
+        check_depth(depth, display, f"{where}.depth_mm")
         area, light = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
         if light is None:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
@@ -84,7 +85,6 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
         made.append((-z, place, layer, Slab(z, z, z), error_db, one.file.stem))
     made.sort(key=lambda entry: entry[:2])
     stack = LayerStack(tuple(entry[2] for entry in made), np.array(keys.background))
-    check_for_display(stack, display, str(file))
     cut = Cut(stack, tuple(entry[3] for entry in made), tuple(entry[4] for entry in made))
     return cut, _different([entry[5] for entry in made])
 

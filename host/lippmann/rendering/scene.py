@@ -156,7 +156,8 @@ def _keep(part: Part, state: Any, path: Path) -> None:
     """Remove the shapes of a parsed scene that do not belong to a part."""
     mi = mitsuba()
     root, child = state.root.props, mi.Properties.ResolvedReference
-    inside = {name: state.nodes[root[name].index()] for name, _ in root.items() if isinstance(root[name], child)}
+    names = list(root.keys())
+    inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
     shapes = {name: node.props for name, node in inside.items() if node.type == mi.ObjectType.Shape}
     chosen = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
     if not chosen:
@@ -164,7 +165,7 @@ def _keep(part: Part, state: Any, path: Path) -> None:
     if len(chosen) == len(shapes):
         raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
     for name in chosen ^ (set(shapes) if part.kept else set()):
-        root.remove_property(name)
+        del root[name]
 
 
 def _ids_there(shapes: Sequence[Any]) -> str:
