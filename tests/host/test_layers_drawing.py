@@ -7,7 +7,7 @@ import math
 import lippmann as lp
 import numpy as np
 import pytest
-from layer_cases import random_stack
+from random_stacks import random_stack
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import read_picture

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from layer_cases import random_layer
+from random_stacks import random_layer
 from lippmann.errors import InputError
 from lippmann.layers.stack import Layer, LayerStack, alpha_of, bytes_of, light_of, opacity_of
 from scene_cases import focused_display, generator

@@ -10,6 +10,7 @@ MULTIPLIERS = [
     (25, 25, 20, 1), (27, 25, 21, 0), (27, 27, 20, 1), (26, 26, 20, 1), (27, 27, 23, 0),
 ]  # fmt: skip
 LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (9, 5)]
+SMALL_PRODUCTS = [(8, 8), (17, 9), (9, 9), (1, 1), (1, 17), (17, 17)]
 DELAYS = [(w, c) for c in (0, 1, 2, 3, 4, 16, 17, 18, 19, 20, 34, 35, 40) for w in (1, 7, 65)]
 RINGS = [(9, c) for c in (2, 3, 4, 5, 8, 9, 10, 16, 17)] + [(1, 3), (70, 17)]
 BLOCK_RINGS = [(9, c) for c in (5, 6, 8, 9, 18, 33, 64, 65)] + [(70, 40)]
@@ -40,6 +41,17 @@ def delay(module: str, width: int, cycles: int) -> Instance:
     return Instance(module, {"d_i": width}, {"q_o": width}, str(cycles), {"Width": width, "Cycles": cycles})
 
 
+def rings(width: int, cycles: int) -> Instance:
+    """A delay without block memory."""
+    parameters = {"Width": width, "Cycles": cycles, "Block": 0}
+    return Instance("delay", {"d_i": width}, {"q_o": width}, str(cycles), parameters)
+
+
+def small_product(wa: int, wb: int) -> Instance:
+    latency = f"lipp_math_pkg::low_latency({wb})"
+    return Instance("small_product", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb}, latency, {"Wa": wa, "Wb": wb})
+
+
 def saturate(width: int, to: int, slack: int) -> Instance:
     parameters = {"From": width, "To": to, "Slack": slack}
     return Instance("saturate", {"d_i": width}, {"q_o": to, "beyond_o": 1}, "1", parameters)
@@ -53,6 +65,8 @@ PARTS = [
     *(wide_product(*p) for p in MULTIPLIERS),
     *(low_product(*p) for p in LOWS),
     *(delay("delay", *p) for p in DELAYS),
+    *(rings(w, c) for w, c in DELAYS if w != 1),
+    *(small_product(*p) for p in SMALL_PRODUCTS),
     *(delay("ring", *p) for p in RINGS),
     *(delay("block_ring", *p) for p in BLOCK_RINGS),
     *(saturate(*p) for p in SATURATES),

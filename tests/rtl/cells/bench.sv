@@ -7,6 +7,7 @@ module bench (
   mult18_bench i_mult18 (.clk_i);
   memory_1w1r_bench #(.Width(36), .AddressBits(9)) i_memory_36 (.clk_i);
   memory_1w1r_bench #(.Width(183), .AddressBits(8)) i_memory_183 (.clk_i);
+  memory_1w1r_bench #(.Width(18), .AddressBits(9)) i_memory_18 (.clk_i);
   memory_1w1r_bench #(.Width(19), .AddressBits(10)) i_memory_19 (.clk_i);
   memory_1w1r_bench #(.Width(32), .AddressBits(11)) i_memory_32 (.clk_i);
   memory_1w1r_bench #(.Width(6), .AddressBits(12)) i_memory_6 (.clk_i);
@@ -18,6 +19,11 @@ module bench (
   product_bench #(.Name("square"), .Wa(25), .Wb(25), .Drop(19), .Square(1'b1)) i_square (.clk_i);
   product_bench #(.Name("first"), .Wa(23), .Wb(18), .Drop(5)) i_first (.clk_i);
   product_bench #(.Name("second"), .Wa(16), .Wb(24), .Drop(6)) i_second (.clk_i);
+  small_product_bench #(.Wa(8), .Wb(8)) i_small_8_8 (.clk_i);
+  small_product_bench #(.Wa(17), .Wb(9)) i_small_17_9 (.clk_i);
+  small_product_bench #(.Wa(9), .Wb(9)) i_small_9_9 (.clk_i);
+  small_product_bench #(.Wa(1), .Wb(1)) i_small_1_1 (.clk_i);
+  small_product_bench #(.Wa(17), .Wb(17)) i_small_17_17 (.clk_i);
   ring_bench #(.Width(7), .Cycles(2)) i_ring_2 (.clk_i);
   ring_bench #(.Width(50), .Cycles(9)) i_ring_9 (.clk_i);
   ring_bench #(.Width(28), .Cycles(17)) i_ring_17 (.clk_i);
@@ -81,6 +87,29 @@ module product_bench #(
     noise = {$urandom, $urandom};
     b_q <= noise[63] ? Wb'(noise[31:0]) : {noise[62], {(Wb - 1){noise[61]}}};
     $display("%s %0d %0d %0d %0d %0d %0d", Name, Wa, Wb, Drop, a_q, b, p);
+  end
+
+endmodule
+
+/// Random operands, extreme ones among them, into `lipp_small_product`; prints operands and product.
+module small_product_bench #(
+  parameter int Wa = 8,
+  parameter int Wb = 8
+) (
+  input logic clk_i
+);
+
+  logic [Wa-1:0] a_q;
+  logic [Wb-1:0] b_q;
+  logic [Wa+Wb-1:0] p;
+  lipp_small_product #(.Wa(Wa), .Wb(Wb)) i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
+
+  logic [63:0] noise;
+  always_ff @(posedge clk_i) begin
+    noise = {$urandom, $urandom};
+    a_q <= noise[63] || noise[62] ? Wa'(noise[31:0]) : {Wa{noise[61]}};
+    b_q <= noise[60] || noise[59] ? Wb'(noise[51:32]) : {Wb{noise[58]}};
+    $display("small%0dx%0d %0d %0d %0d", Wa, Wb, a_q, b_q, p);
   end
 
 endmodule

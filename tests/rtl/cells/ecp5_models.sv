@@ -68,12 +68,13 @@ module MULT18X18D #(
 
 endmodule
 
-/// Block memory of 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits: port A writes, port B
-/// reads.
+/// Block memory of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits: port A writes,
+/// port B reads.
 ///
-/// The address is AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. In words of 18 bits ADA[1:0]
-/// enable the bytes of 9 bits that are written. What is read while the other port writes it is not
-/// defined: here, its complement.
+/// The address is AD[13:5], AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. In words of 18 bits ADA[1:0]
+/// enable the bytes of 9 bits that are written, in those of 36 ADA[3:0]. Those of 36 come in through DIA (the
+/// lower half) and DIB, leave through DOA and DOB, and have no write enable: WEA must be high. What
+/// is read while the other port writes it is not defined: here, its complement.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,
@@ -99,7 +100,8 @@ module DP16KD #(
 );
 
   logic [13:0] ada, adb;
-  logic [17:0] dia, dob, word_q, out_q;
+  logic [17:0] doa, dob;
+  logic [35:0] dia, word_q, out_q, out;
   assign ada = {
     ADA13, ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2, ADA1, ADA0
   };
@@ -107,7 +109,8 @@ module DP16KD #(
     ADB13, ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2, ADB1, ADB0
   };
   assign dia = {
-    DIA17, DIA16, DIA15, DIA14, DIA13, DIA12, DIA11, DIA10, DIA9, DIA8, DIA7, DIA6, DIA5,
+    DIB17, DIB16, DIB15, DIB14, DIB13, DIB12, DIB11, DIB10, DIB9, DIB8, DIB7, DIB6, DIB5,
+    DIB4, DIB3, DIB2, DIB1, DIB0, DIA17, DIA16, DIA15, DIA14, DIA13, DIA12, DIA11, DIA10, DIA9, DIA8, DIA7, DIA6, DIA5,
     DIA4, DIA3, DIA2, DIA1, DIA0
   };
   assign {
@@ -117,26 +120,28 @@ module DP16KD #(
   assign {
     DOA17, DOA16, DOA15, DOA14, DOA13, DOA12, DOA11, DOA10, DOA9, DOA8, DOA7, DOA6, DOA5,
     DOA4, DOA3, DOA2, DOA1, DOA0
-  } = '0;
+  } = doa;
 
   initial begin
-    if (!(DATA_WIDTH_A inside {18, 9, 4, 2, 1}) || DATA_WIDTH_B != DATA_WIDTH_A || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
+    if (!(DATA_WIDTH_A inside {36, 18, 9, 4, 2, 1}) || DATA_WIDTH_B != DATA_WIDTH_A || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
         || RESETMODE != "SYNC" || WRITEMODE_A != "NORMAL" || GSR != "DISABLED")
       $fatal(1, "DP16KD: not modelled");
   end
 
-  localparam int Low = DATA_WIDTH_A == 18 ? 4 : DATA_WIDTH_A == 9 ? 3 : DATA_WIDTH_A == 4 ? 2
-      : DATA_WIDTH_A == 2 ? 1 : 0;
-  localparam logic [17:0] Whole = 18'((1 << DATA_WIDTH_A) - 1);
-  logic [17:0] words[16384];
-  logic [17:0] bytes;
+  localparam int Low = DATA_WIDTH_A == 36 ? 5 : DATA_WIDTH_A == 18 ? 4 : DATA_WIDTH_A == 9 ? 3
+      : DATA_WIDTH_A == 4 ? 2 : DATA_WIDTH_A == 2 ? 1 : 0;
+  localparam logic [35:0] Whole = 36'((64'd1 << DATA_WIDTH_A) - 1);
+  logic [35:0] words[16384];
+  logic [35:0] bytes;
   logic [13:0] a_word, b_word;
   logic write;
-  assign bytes = DATA_WIDTH_A == 18 ? {{9{ada[1]}}, {9{ada[0]}}} : Whole;
+  assign bytes = DATA_WIDTH_A == 36 ? {{9{ada[3]}}, {9{ada[2]}}, {9{ada[1]}}, {9{ada[0]}}}
+      : DATA_WIDTH_A == 18 ? {18'd0, {9{ada[1]}}, {9{ada[0]}}} : Whole;
   assign a_word = ada >> Low;
   assign b_word = adb >> Low;
-  assign write = CEA && WEA && {CSA2, CSA1, CSA0} == 3'b000;
+  assign write = CEA && WEA && {CSA2, CSA1, CSA0} == 3'b000 && bytes != '0;
   always_ff @(posedge CLKA) begin
+    if (DATA_WIDTH_A == 36 && !WEA) $fatal(1, "DP16KD: words of 36 bits have no write enable");
     if (write) words[a_word] <= (dia & bytes) | (words[a_word] & ~bytes & Whole);
   end
   always_ff @(posedge CLKB) begin
@@ -150,6 +155,7 @@ module DP16KD #(
       if (OCEB) out_q <= word_q;
     end
   end
-  assign dob = REGMODE_B == "OUTREG" ? out_q : word_q;
+  assign out = REGMODE_B == "OUTREG" ? out_q : word_q;
+  assign {dob, doa} = DATA_WIDTH_A == 36 ? out : {out[17:0], 18'd0};
 
 endmodule

@@ -1,0 +1,156 @@
+// The batch harness of the drawing: the Verilated lipp_scene as a shared library, exit rays in, pixels out.
+//
+// Rays are offered and pixels taken with random pauses when asked, so that a comparison of results also
+// tests the handshakes. Compiled once for each build by lippmann.sim.scene_harness.
+#include <cstdint>
+#include <cstring>
+#include <memory>
+
+#include "Vtop.h"
+#include "Vtop___024root.h"
+#include "verilated.h"
+
+namespace {
+
+// xorshift64*: cheap pauses that a seed repeats.
+class Random {
+ public:
+  explicit Random(uint64_t seed) : state_(seed * 2 + 1) {}
+  // True with a chance of `share` in 256.
+  bool chance(uint32_t share) {
+    state_ ^= state_ >> 12;
+    state_ ^= state_ << 25;
+    state_ ^= state_ >> 27;
+    return (state_ * 2685821657736338717ULL >> 56) < share;
+  }
+
+ private:
+  uint64_t state_;
+};
+
+struct Scene {
+  VerilatedContext context;
+  Vtop top{&context};
+
+  // One rising edge. Nothing happens at the falling one, so the model is only told that it was.
+  void clock() {
+    top.clk_i = 1;
+    top.eval();
+    top.clk_i = 0;
+    top.rootp->__Vtrigprevexpr___TOP__clk_i__0 = 0;
+  }
+
+  void write(int slot, uint32_t at, uint8_t byte) {
+    top.write_i = 1;
+    top.write_slot_i = slot;
+    top.write_at_i = at;
+    top.write_data_i = byte;
+  }
+};
+
+uint32_t word(int64_t value, int bits) { return value & ((1u << bits) - 1); }
+
+}  // namespace
+
+#define SHOWN extern "C" __attribute__((visibility("default")))
+
+SHOWN Scene* lippmann_scene_new() {
+  auto* scene = new Scene;
+  Vtop& top = scene->top;
+  top.rst_ni = 0;
+  top.take_i = top.write_i = top.exit_valid_i = top.pixel_ready_i = 0;
+  scene->clock();
+  scene->clock();
+  top.rst_ni = 1;
+  return scene;
+}
+
+SHOWN void lippmann_scene_delete(Scene* scene) {
+  scene->top.final();
+  delete scene;
+}
+
+// Writes the bytes of a slot, one a clock.
+SHOWN void lippmann_scene_load(Scene* scene, int slot, int64_t count, const uint8_t* bytes) {
+  for (int64_t at = 0; at < count; ++at) {
+    scene->write(slot, at, bytes[at]);
+    scene->clock();
+  }
+  scene->top.write_i = 0;
+}
+
+// Draws a frame of `count` rays, 9 arrays of words (i, j, x, y, z, dx, dy, dz, status) one behind the other, with
+// the registers `config`, the bits of scene_config_t; writes `pixels` times r, g, b. Pauses at the input and at
+// the output have a chance of idle and stall in 256. While it draws, the bytes `loaded` go into slot `slot`, if that
+// is 0 or more. Returns the clocks from the first offer to the last pixel, -1 when pixels stop coming, -2 when
+// the marks of the frame's first and last pixel are wrong.
+SHOWN int64_t lippmann_scene_draw(Scene* scene, int64_t count, int64_t pixels, const int64_t* rays,
+                                  const uint32_t* config, uint8_t* out, uint64_t seed, uint32_t idle,
+                                  uint32_t stall, int slot, int64_t load_count, const uint8_t* loaded) {
+  Vtop& top = scene->top;
+  Random random(seed);
+  const int64_t patience = 4096;
+  std::memcpy(top.config_i.data(), config, sizeof(top.config_i));
+  top.take_i = 1;
+  top.pixel_ready_i = 1;
+  scene->clock();
+  top.take_i = 0;
+  for (int64_t waited = 0; top.busy_o; ++waited) {
+    if (waited > patience) return -1;
+    scene->clock();
+  }
+  // The copy counts, not what the registers hold while the frame is drawn.
+  for (auto& part : top.config_i.m_storage) part = ~part;
+
+  int64_t sent = 0, received = 0, clocks = 0, waited = 0, load_at = 0;
+  bool offered = false;
+  while (received < pixels) {
+    if (!offered && sent < count && !(idle && random.chance(idle))) {
+      const int64_t* ray = rays + sent;
+      top.exit_i_i = word(ray[0], 12);
+      top.exit_j_i = word(ray[count], 12);
+      top.exit_x_i = word(ray[2 * count], LIPPMANN_F + 4);
+      top.exit_y_i = word(ray[3 * count], LIPPMANN_F + 4);
+      top.exit_z_i = word(ray[4 * count], LIPPMANN_F + 4);
+      top.exit_dx_i = word(ray[5 * count], LIPPMANN_F + 2);
+      top.exit_dy_i = word(ray[6 * count], LIPPMANN_F + 2);
+      top.exit_dz_i = word(ray[7 * count], LIPPMANN_F + 2);
+      top.exit_status_i = ray[8 * count];
+      top.exit_first_i = sent == 0;
+      top.exit_last_i = sent == count - 1;
+      offered = true;
+    }
+    top.exit_valid_i = offered;
+    top.pixel_ready_i = !(stall && random.chance(stall));
+    top.write_i = 0;
+    if (slot >= 0 && load_at < load_count && random.chance(160)) {
+      scene->write(slot, load_at, loaded[load_at]);
+      ++load_at;
+    }
+    // The handshakes of this clock are known before it: both depend on registers only.
+    const bool accepted = offered && top.exit_ready_o;
+    if (top.pixel_valid_o && top.pixel_ready_i) {
+      out[3 * received] = top.pixel_rgb_o >> 16;
+      out[3 * received + 1] = top.pixel_rgb_o >> 8;
+      out[3 * received + 2] = top.pixel_rgb_o;
+      if (top.pixel_first_o != (received == 0) || top.pixel_last_o != (received == pixels - 1)) return -2;
+      ++received;
+      waited = 0;
+    } else if (++waited > patience) {
+      return -1;
+    }
+    scene->clock();
+    ++clocks;
+    if (accepted) {
+      ++sent;
+      offered = false;
+    }
+  }
+  top.exit_valid_i = 0;
+  for (; slot >= 0 && load_at < load_count; ++load_at) {
+    scene->write(slot, load_at, loaded[load_at]);
+    scene->clock();
+  }
+  top.write_i = 0;
+  return clocks;
+}
