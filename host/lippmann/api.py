@@ -248,6 +248,7 @@ def draw(
     samples: int = 1,
     model: Model = "exact",
     engine: Engine = "golden",
+    fraction_bits: int | None = None,
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
@@ -264,11 +265,14 @@ def draw(
     model
         Lens model.
     engine
-        "golden": float64.
+        "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated.
+    fraction_bits
+        Word length of the optics, for twin and rtl; None: the longest.
 
     Returns
     -------
-    The image; its light is not yet rounded to the panel's values, which `save` does for a PNG.
+    The image. The light of twin and rtl is that of the panel's values; golden's is not rounded, which `save` does for a
+    PNG.
 
     Raises
     ------
@@ -279,7 +283,7 @@ def draw(
     stack = layers if isinstance(layers, LayerStack) else load_layers(layers)
     check_for_display(stack, built, "layers" if isinstance(layers, LayerStack) else str(layers))
     started = time.perf_counter()
-    drawn = draw_layers(built, stack, filter, samples, model, engine)
+    light = draw_layers(built, stack, filter, samples, model, engine, fraction_bits)
     seconds = time.perf_counter() - started
     metadata = {
         "model": model, "engine": engine, "samples": str(samples), "filter": filter,
@@ -287,7 +291,7 @@ def draw(
     }  # fmt: skip
     rate = samples * built.panel.width_px * built.panel.height_px / max(seconds, 1e-9)
     measured = {"seconds": seconds, "samples_per_second": rate}
-    return IntegralImage(drawn.light.astype(np.float32), built, metadata, measured)
+    return IntegralImage(light.astype(np.float32), built, metadata, measured)
 
 
 def capture(

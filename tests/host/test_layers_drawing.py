@@ -7,13 +7,13 @@ import math
 import lippmann as lp
 import numpy as np
 import pytest
-from random_stacks import random_stack
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.images import read_picture
-from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines
+from lippmann.images import encoded_values, read_picture
+from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status
+from random_stacks import random_stack
 from scene_cases import focused_display, generator
 
 SEED = 1613
@@ -279,7 +279,7 @@ def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
         ({"filter": "cubic"}, "unknown filter 'cubic'; choose from nearest, bilinear"),
         ({"samples": 3}, "drawn with 1, 2, 4 samples a pixel, not 3"),
         ({"samples": True}, "drawn with 1, 2, 4 samples a pixel, not True"),
-        ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden"),
+        ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden, twin, rtl"),
         ({"model": "thick"}, "unknown model 'thick'"),
     ],
 )
@@ -291,3 +291,37 @@ def test_bad_options_are_refused(options, message):
 def test_layers_at_the_eyes_are_refused_before_drawing():
     with pytest.raises(InputError, match=r"layers: layer\[0\].depth_mm: 600 mm is not in front of the eyes"):
         lp.draw(LayerStack((numbered(600.0),)), HAND)
+
+
+@pytest.mark.parametrize("filter", FILTERS)
+def test_the_twin_draws_what_golden_draws(filter):
+    """Layers of a texel of 4 mm or more, so that few pixels lie within the twin's rounding of a texel's edge."""
+    random = generator(SEED, "twin", filter)
+    display = focused_display("hex", focal=3.3, width_px=96, height_px=64, pixel_pitch=0.1, rotation=7.0)
+    texels = random.integers(0, 8, (6, 8), np.uint8)
+    palette = palette_of(*random.integers(0, 256, (7, 4)))  # and a transparent colour
+    matrix = np.array([[0.25, 0.05, 3.1], [0.02, -0.25, 2.9]])
+    layers = (Layer(texels, palette, 12.0, matrix), Layer(texels[::-1], palette, -30.0, matrix))
+    stack = LayerStack(layers, random.random(3))
+    golden, twin = (lp.draw(stack, display, filter=filter, samples=4, engine=e) for e in ("golden", "twin"))
+    values = [encoded_values(image.radiance, "srgb", 8).astype(int) for image in (golden, twin)]
+    differ = abs(values[0] - values[1])
+    assert (differ <= 1).mean() > 0.995
+    assert twin.metadata["engine"] == "twin"
+    with pytest.raises(InputError, match="fraction_bits = 40 cannot be built"):
+        lp.draw(stack, display, engine="twin", fraction_bits=40)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "wanted"),
+    [
+        ([(256, 192)], (256, 192)), ([(1, 1)], (32, 32)), ([(33, 5), (20, 17)], (64, 32)), ([(300, 3)], (512, 4)),
+        ([(1000, 7)], (1024, 8)),
+    ],
+)  # fmt: skip
+def test_the_least_build_holds_all_textures(sizes, wanted):
+    layers = tuple(Layer(np.zeros((h, w), np.uint8), palette_of(), 0.0, MATRIX) for w, h in sizes)
+    for filter, samples in itertools.product(FILTERS, (1, 2, 4)):
+        build = scene_build_of(LayerStack(layers), filter, samples)
+        assert (build.width, build.height, build.layers) == (*wanted, len(sizes))
+        assert (build.bilinear, build.samples) == (filter == "bilinear", samples)

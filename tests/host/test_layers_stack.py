@@ -5,9 +5,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from random_stacks import random_layer
 from lippmann.errors import InputError
 from lippmann.layers.stack import Layer, LayerStack, alpha_of, bytes_of, light_of, opacity_of
+from random_stacks import random_layer
 from scene_cases import focused_display, generator
 
 SEED = 1611

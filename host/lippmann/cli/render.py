@@ -31,7 +31,7 @@ def command(
 ) -> None:
     """Render the integral image of a Mitsuba scene, or of a folder of layers, for a display.
 
-    Layers take --engine golden, --samples 1, 2 or 4, --scale and --offset.
+    Layers take --engine golden, twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
@@ -79,4 +79,12 @@ def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, f
     stack = load_layers(path).moved(moved.scale or 1.0, moved.offset or (0.0, 0.0, 0.0))
     model = "exact" if options.model == "auto" else options.model
     engine = "golden" if options.engine == "fast" else options.engine
-    return api.draw(stack, display_path, filter=filter, samples=settings.samples, model=model, engine=engine)
+    return api.draw(
+        stack,
+        display_path,
+        filter=filter,
+        samples=settings.samples,
+        model=model,
+        engine=engine,
+        fraction_bits=options.fraction_bits,
+    )

@@ -21,7 +21,7 @@ from lippmann.errors import InputError, whole_number
 from lippmann.layers.depths import Slab, slabs_of
 from lippmann.layers.palette import Picture, quantise
 from lippmann.layers.peel import Area, Point, Slice, peel, seen_depths
-from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, Floats, Layer, LayerStack
+from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, MIN_ROW, Floats, Layer, LayerStack
 from lippmann.optics.rays import Status
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene
@@ -31,8 +31,8 @@ Progress = Callable[[int, int], None]
 
 #: Texels of a slot across and down, unless others are given.
 SLOT = (256, 192)
-#: Least texels across of a slot, and its most blocks.
-MIN_ROW, MAX_BLOCKS = 32, 255
+#: Most blocks of a slot.
+MAX_BLOCKS = 255
 #: How far a display's rays reach is measured in so many lenslets at each edge of the panel, at so many places along it.
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
 #: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.

@@ -16,14 +16,18 @@ import numpy.typing as npt
 from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.images import encoded_values
-from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
-from lippmann.optics.rays import Model, gets_through
+from lippmann.fixed import drawing as fixed_drawing
+from lippmann.fixed.build import Build
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.words import WIDEST
+from lippmann.images import decode, encoded_values
+from lippmann.layers.stack import BLOCK_BYTES, MIN_ROW, Bytes, Floats, Layer, LayerStack, light_of, opacity_of
+from lippmann.optics.rays import MODELS, Model, gets_through
 
 Filter = Literal["nearest", "bilinear"]
 FILTERS: tuple[Filter, ...] = get_args(Filter)
 #: What draws layers.
-LAYER_ENGINES = ("golden",)
+LAYER_ENGINES = ("golden", "twin", "rtl")
 #: Where in a pixel its samples are, from the pixel's centre, pixels: by their number.
 SAMPLES = {
     1: ((0.0, 0.0),),
@@ -86,11 +90,46 @@ def draw_golden(
     return Drawn(light, panel_bytes(display, light))
 
 
-def draw_layers(display: Display, stack: LayerStack, filter: Filter, samples: int, model: Model, engine: str) -> Drawn:
-    """Draw layers with an engine; see `draw_golden`."""
+def draw_layers(
+    display: Display,
+    stack: LayerStack,
+    filter: Filter,
+    samples: int,
+    model: Model,
+    engine: str,
+    fraction_bits: int | None = None,
+) -> Floats:
+    """Return the linear light (height, width, 3) that an engine draws; see `draw_golden`.
+
+    That of "twin", the RTL's integers, and of "rtl", the RTL simulated, is of the panel's bytes. `fraction_bits` is the
+    optics' word length, the widest when left out. Both raise InputError for what their registers cannot hold.
+    """
+    check_options(filter, samples)
+    if engine == "golden":
+        return draw_golden(display, stack, filter, samples, model).light
     if engine not in LAYER_ENGINES:
         raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
-    return draw_golden(display, stack, filter, samples, model)
+    if model not in MODELS:
+        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+    build = Build.of(display, model, fraction_bits or WIDEST, aims=False)
+    scene_build = scene_build_of(stack, filter, samples)
+    if engine == "twin":
+        panel = fixed_drawing.draw(display, build, stack, scene_build, model)
+    else:
+        from lippmann.sim.harness import rtl_pipeline  # not at the top: golden starts sooner without
+        from lippmann.sim.scene_harness import rtl_scene
+
+        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene)
+    return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
+
+
+def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
+    """Return the least build of the drawing that holds a stack."""
+    widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
+    width = 1 << (widest - 1).bit_length()
+    step = max(2, BLOCK_BYTES // width)
+    height = -(-max(layer.height for layer in stack.layers) // step) * step
+    return SceneBuild(len(stack.layers), None, width, height, filter == "bilinear", samples)
 
 
 def check_options(filter: str, samples: object) -> None:
