@@ -224,8 +224,8 @@ def cut_layers(
         placed = loaded if arrange is None else arranged(loaded, built, arrange)
         parts: tuple[Scene, Scene | None] = (placed, None)
         if apart is not None:
-            rest, own = (Part(apart, kept) for kept in (False, True))
-            parts = tuple(load_scene_file(placed.path, placed.placement, part=part) for part in (rest, own))
+            rest = load_scene_file(placed.path, placed.placement, part=Part(apart, kept=False))
+            parts = rest, load_scene_file(placed.path, placed.placement, part=Part(apart))
         return list(measured_cuts(placed, parts, built, counts, slot, settings, filter, progress))
 
 

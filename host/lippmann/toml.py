@@ -28,6 +28,7 @@ Schema = dict[str, Any]
 KINDS = {
     "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
     "scene": "film", "frames": "film", "motion": "film", "world": "film", "panel": "display", "gap_mm": "display",
+    "layer": "layers", "picture": "pictures",
 }  # fmt: skip
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"

@@ -167,11 +167,12 @@ def test_texels_are_no_finer_than_what_a_pixel_sees():
 
 
 def test_costs_by_hand():
-    """256 x 192 bytes in block RAMs of 2048 bytes are 24; the curve of 8192 bytes 4; a slot more than layers."""
+    """256 x 192 bytes in block RAMs of 2048 bytes are 24; three curves of 8192 bytes 12; a slot more than layers."""
     nearest, bilinear = (cost_of(4, (256, 192), filter) for filter in ("nearest", "bilinear"))
     assert nearest.load_bytes == bilinear.load_bytes == 4 * (256 * 192 + 1024)
-    assert nearest.block_rams == 5 * (24 + 1) + 4
-    assert bilinear.block_rams == 5 * (24 + 2) + 4
+    assert nearest.block_rams == 5 * (24 + 1) + 12
+    assert bilinear.block_rams == 5 * (24 + 4) + 12
+    assert (nearest.multipliers, bilinear.multipliers) == (13 + 4 * 14, 13 + 4 * 23)
 
 
 # --- pictures and commands ------------------------------------------------------------------------

@@ -131,7 +131,8 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any
         yield f"{name:<16} {where:<14} {layer.width:>4} x {layer.height:<4} palette {palette_db:.1f} dB"
     for row in rows:
         seen = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
-        yield f"{row['layers']} layers: {seen}{row['load_bytes']} bytes, {row['block_rams']} block RAMs"
+        spent = f"{row['load_bytes']} bytes, {row['block_rams']} block RAMs, {row['multipliers']} multipliers"
+        yield f"{row['layers']} layers: {seen}{spent}"
 
 
 def _remarks(cut: Cut, display: Display) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,10 +21,13 @@ from lippmann.rendering.scene import Scene
 
 #: Bytes of a palette.
 PALETTE_BYTES = 4 * COLOURS
-#: Bytes of a block RAM of the ECP5 (DP16KD) with bytes in it, and colours of 32 bits.
-BLOCK_RAM_BYTES, BLOCK_RAM_COLOURS = 2048, 512
-#: Bytes of the table of the panel's curve.
+#: Bytes of a block RAM of the ECP5 (DP16KD). A palette, of half as many bytes, needs its width of 32 bits, so one more.
+BLOCK_RAM_BYTES = 2048
+#: Bytes of the table of the panel's curve, of which each colour has a copy.
 CURVE_BYTES = 8192
+#: Multipliers of the steps of rtl/scene: of exit_line, of layer_coordinate, of texel_blend for each texel, of composite
+#: for each layer, and of the background behind them.
+EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 5, 3
 #: Places of a moving eye, in the reach of the eyes to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
 #: Samples for each pixel of the full render.
@@ -32,25 +36,29 @@ FULL_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes to load, and block RAM on an ECP5, of layers in slots."""
+    """Bytes to load, and hardware of the drawing on an ECP5, of layers in slots."""
 
     layers: int
     #: Texels and palettes, sent once.
     load_bytes: int
     #: Block RAMs (DP16KD) of the build's slots, one more than layers, with their palettes and the panel's curve.
     block_rams: int
+    #: Multipliers (MULT18X18D), with the cross terms of wide products in logic.
+    multipliers: int
 
 
 def cost_of(layers: int, slot: tuple[int, int], filter: Filter) -> Cost:
     """Return what a number of layers costs, each in a slot of texels across and down.
 
-    A slot has one bank of texels, or for "bilinear" four, which have a quarter of them each; each bank reads a palette
-    of its own, and a block RAM of two ports serves two of them.
+    A slot has one bank of texels, or for "bilinear" four, which have a quarter of them each; each bank has a palette of
+    its own.
     """
     texels = slot[0] * slot[1]
     banks = 4 if filter == "bilinear" else 1
-    one = banks * math.ceil(texels / banks / BLOCK_RAM_BYTES) + math.ceil(banks / 2)
-    return Cost(layers, layers * (texels + PALETTE_BYTES), (layers + 1) * one + CURVE_BYTES // BLOCK_RAM_BYTES)
+    one = banks * (math.ceil(texels / banks / BLOCK_RAM_BYTES) + 1)
+    block_rams = (layers + 1) * one + 3 * CURVE_BYTES // BLOCK_RAM_BYTES
+    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND + COMPOSITE)
+    return Cost(layers, layers * (texels + PALETTE_BYTES), block_rams, multipliers)
 
 
 def eyes_of(reach: Reach) -> list[Eye]:
@@ -105,4 +113,5 @@ def row_of(cut: Cut, seen: Sequence[float], slot: tuple[int, int], filter: Filte
     """Return what a cut costs and is worth, by name: decibels of the eye's view, their mean and least, if measured."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
     known = {"view_db": float(np.mean(seen)), "worst_db": min(seen)} if seen else {}
-    return {"layers": cost.layers, **known, "load_bytes": cost.load_bytes, "block_rams": cost.block_rams}
+    spent = dataclasses.asdict(cost)
+    return {"layers": spent.pop("layers"), **known, **spent}

@@ -73,7 +73,7 @@ def slabs_of(z_mm: Floats, detail: Floats, count: int, eye_mm: float, front_mm: 
     weight, total = (np.bincount(place, values, BINS + 1) for values in (share, share * u))
     used = np.flatnonzero(weight)[::-1]  # from front to back
     mean = total[used] / weight[used]
-    ends = partition(mean, weight[used], min(count, len(used)))
+    ends = partition(mean, np.asarray(weight[used], np.float64), min(count, len(used)))
     slabs, front = [], front_mm
     for first, end in zip([0, *ends[:-1]], ends, strict=True):
         back = -math.inf if end == len(used) else depth_of(0.5 * (mean[end - 1] + mean[end]), eye_mm)

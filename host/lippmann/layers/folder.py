@@ -32,7 +32,7 @@ NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 #: Exponent between a palette's colour and light, as PNG's gamma chunk has it: 1/2 in steps of 10^-5.
 GAMMA = 50_000
 
-Row = Annotated[tuple[float, float, float], key("", shape="[x, y, 1], finite numbers")]
+Row = Annotated[tuple[float, float, float], key("", shape="[a, b, c], finite numbers")]
 Sky = Literal["sky"]
 Depth = Annotated[float, key("", low=-MAX_DEPTH_MM, high=MAX_DEPTH_MM)]
 Light = Annotated[float, key("", low=0.0, high=1.0)]
@@ -45,8 +45,8 @@ class LayerKeys:
 
     picture: Annotated[Path, key("a PNG with a palette, beside this file; the name without `.png` is the layer's")]
     depth_mm: Annotated[Depth | Sky, key('z of the layer\'s plane; `"sky"`: infinitely far')]
-    s: Annotated[Row, key("texel column s, to the right: [a, b, c] gives a x + b y + c")]
-    t: Annotated[Row, key("texel row t, downwards, of the same point")]
+    s: Annotated[Row, key("texel column s = a x + b y + c, to the right")]
+    t: Annotated[Row, key("texel row t = a x + b y + c, downwards")]
     brightness: Annotated[Light, key("factor on the light")] = 1.0
     visible: Annotated[bool, key("whether the layer is drawn")] = True
 

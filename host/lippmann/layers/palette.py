@@ -78,7 +78,7 @@ def _nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
     if len(solid) and opaque.any():
         place[opaque] = solid[KDTree(_seen(palette[solid])).query(_seen(rgba[opaque]))[1]]
-    return place
+    return np.asarray(place, np.int64)
 
 
 def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
@@ -109,4 +109,4 @@ def _bytes(points: Floats, solid: np.ndarray) -> Bytes:
     opacity = np.where(solid, 1.0, points[:, 3:].ravel())
     colour = points[:, :3] / np.maximum(points[:, 3:], 1e-9)
     rgba = np.concatenate([colour, opacity[:, None]], axis=1)
-    return np.maximum(np.rint(255.0 * np.clip(rgba, 0.0, 1.0)), [0, 0, 0, 1]).astype(np.uint8)
+    return np.asarray(np.maximum(np.rint(255.0 * np.clip(rgba, 0.0, 1.0)), [0, 0, 0, 1]), np.uint8)

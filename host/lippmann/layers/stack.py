@@ -40,7 +40,7 @@ def light_of(bytes_: npt.NDArray[Any]) -> Floats:
 
 def bytes_of(light: npt.NDArray[Any]) -> Bytes:
     """Return the palette bytes nearest to linear light; the inverse of `light_of`."""
-    return np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))).astype(np.uint8)
+    return np.asarray(np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))), np.uint8)
 
 
 def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
@@ -52,7 +52,7 @@ def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
 def alpha_of(opacity: npt.NDArray[Any]) -> Bytes:
     """Return the palette bytes nearest to an opacity; the inverse of `opacity_of`."""
     steps = np.rint(256.0 * np.clip(opacity, 0.0, 1.0))
-    return (steps - (steps >= 129.0)).astype(np.uint8)
+    return np.asarray(steps - (steps >= 129.0), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +112,12 @@ class Layer:
     @property
     def width(self) -> int:
         """Texels of a row."""
-        return self.texels.shape[1]
+        return int(self.texels.shape[1])
 
     @property
     def height(self) -> int:
         """Rows of texels."""
-        return self.texels.shape[0]
+        return int(self.texels.shape[0])
 
     @property
     def sky(self) -> bool:
@@ -210,10 +210,11 @@ def _finite(name: str, values: Any, shape: tuple[int, ...], what: str) -> Floats
     return _kept(array)
 
 
-def _number(name: str, value: Any) -> float:
-    if not isinstance(value, Real) or isinstance(value, bool) or math.isnan(value):
+def _number(name: str, value: object) -> float:
+    number = float(value) if isinstance(value, Real) else math.nan
+    if math.isnan(number) or isinstance(value, bool):
         raise InputError(f"layer: {name} {value!r} is not a number; give one")
-    return float(value)
+    return number
 
 
 def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
