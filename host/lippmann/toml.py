@@ -292,6 +292,7 @@ def remedy(node: Schema, name: str) -> str:
     bounds = bounds_text(node)
     return {
         "string": "put it in quotes",
+        "boolean": "give true or false",
         "integer": f"give a whole number {bounds}",
         "number": f"give a finite number{bounds and ', '}{bounds}",
         "array": f"write each of them as [[{name}]] or {{ ... }}",
