@@ -15,7 +15,7 @@ from lippmann.layers.cost import cost_of, eyes_of
 from lippmann.layers.cut import check_slot, cut_scene, reach_of, texels_for
 from lippmann.layers.drawing import exit_lines, texel_coordinates
 from lippmann.layers.folder import load_layers, load_named_layers
-from lippmann.layers.peel import Area
+from lippmann.layers.peel import Area, seen_depths
 from lippmann.layers.stack import Layer, light_of
 from lippmann.observer import observe, whole_window
 from lippmann.rendering.placement import Placement
@@ -94,12 +94,11 @@ def test_surroundings_become_a_sky(scene):
         assert 0 <= row < last.height
 
 
-@pytest.mark.parametrize(("axis", "steep"), [("x", 40.0), ("y", 40.0), ("y", 70.0)])
+@pytest.mark.parametrize(("axis", "steep"), [("x", 40.0), ("y", 40.0), ("y", 60.0)])
 def test_a_slanted_card_has_no_hole_for_a_moving_eye(scene, axis, steep):
     """A card through four slabs: from every eye it covers the panel, though its layers move apart."""
-    slant = card("slant", -15.0, (0.5, 0.5, 0.5), 200.0, turn=f'<rotate {axis}="1" angle="{steep}"/>')
-    placed = scene(slant, card("far", -79.0, (0.5, 0.5, 0.5)))
-    stack = cut_scene(placed, DISPLAY, 4, (128, 96), FAST).stack
+    slant = card("slant", -20.0, (0.5, 0.5, 0.5), 200.0, turn=f'<rotate {axis}="1" angle="{steep}"/>')
+    stack = cut_scene(scene(slant), DISPLAY, 4, (128, 96), FAST).stack
     assert len(stack.layers) == 4
     stack = dataclasses.replace(stack, background=np.zeros(3))
     drawn = lp.draw(stack, DISPLAY, filter="bilinear").radiance
@@ -110,9 +109,8 @@ def test_a_slanted_card_has_no_hole_for_a_moving_eye(scene, axis, steep):
     ]
     for eye in eyes:
         seen = observe(drawn, DISPLAY, eye, whole_window(DISPLAY, 96), 16).radiance[4:-4, 4:-4]
-        # Half of the light in each texel, less where two edges that are half covered lie upon each other.
-        assert seen.min() > 0.3, eye.position_mm
-        assert (seen > 0.49).mean() > 0.98
+        # Between slabs nothing of the black background shows.
+        assert seen.min() > 0.49, eye.position_mm
 
 
 def test_what_moves_becomes_a_layer_of_its_own(scene):
@@ -133,6 +131,21 @@ def test_what_moves_becomes_a_layer_of_its_own(scene):
     ):
         with pytest.raises(InputError, match=message):
             scene(*parts, part=Part(pattern))
+
+
+def test_detail_at_an_edge_is_that_of_the_nearer_surface(scene):
+    """Both cards are plain, so that only the front card's edge shows anything."""
+    placed = scene(card("front", 12.0, RED, 5.0), card("back", -40.0, GREEN))
+    area = Area(0.0, -16.0, -12.0, 16.0, 12.0)
+    depths, detail = seen_depths(placed, area, (0.0, 0.0, 600.0), (64, 48), FAST)
+    front = abs(depths - 12.0) < 0.01
+    assert (front | (abs(depths + 40.0) < 0.01)).all()
+    # Colours are square roots: where a texel's samples all fall on one side, the step is this much.
+    step = ((np.sqrt(RED) - np.sqrt(GREEN)) ** 2).sum()
+    assert detail[front].max() > 0.9 * step
+    # Texels at the edge that are seen in part may have a sample on the back.
+    assert (detail[~front] > 1e-4).sum() <= (detail[front] > 1e-4).sum()
+    assert detail[front].sum() > 3.0 * detail[~front].sum()
 
 
 def test_wrong_counts_slots_and_scenes_are_refused(scene):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.layers.palette import Picture, quantise
+from lippmann.layers.palette import Picture, nearest, quantise
 from PIL import Image
 from scene_cases import generator
 
@@ -56,6 +56,11 @@ def test_opaque_texels_stay_opaque_among_many_that_nearly_are():
     rgba[..., 3] = np.where(random.random((64, 64)) < 0.5, 255, random.integers(200, 255, (64, 64)))
     done = quantise(rgba)
     assert (done.palette[done.texels][rgba[..., 3] == 255, 3] == 255).all()
+
+
+def test_an_opaque_texel_takes_an_opaque_colour_though_another_is_nearer():
+    palette = np.array([[10, 10, 10, 254], [60, 60, 60, 255]], np.uint8)
+    assert nearest(np.array([[10, 10, 10, 255], [10, 10, 10, 253]], np.uint8), palette).tolist() == [1, 0]
 
 
 def test_a_picture_s_bytes_are_square_roots_of_its_light():

@@ -37,6 +37,8 @@ MAX_BLOCKS = 255
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
 #: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.
 DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
+#: Texels that a layer continues underneath a nearer one at least.
+EDGE_TEXELS = 2.0
 #: Coverage above which a texel belongs to a surface.
 COVERED = 0.5
 
@@ -208,8 +210,11 @@ def _picture(
         return None
     hidden = 0.0
     if before is not None and not math.isinf(depth):
-        # So far behind the nearer layer's edge an eye can look, which is at most so far aside.
+        # So far behind the nearer layer's edge an eye can look, which is at most so far aside; and the texels at the
+        # edges of both layers, which are covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
+        texel = (max(finest_texel(depth, display), side / most) for side, most in zip(whole.size, slot, strict=True))
+        hidden += EDGE_TEXELS * max(texel)
     cell = whole.size[0] / TRIAL_RAYS[0], whole.size[1] / TRIAL_RAYS[1]
     area = whole.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
     size = texels_for(area, display, slot)
@@ -227,8 +232,10 @@ def _continued(seen: Slice, under: Slice, texel_mm: tuple[float, float], hidden_
     if not own.any():
         return seen
     near = distance_transform_edt(~own, sampling=texel_mm) <= hidden_mm
-    share = np.where(near, 1.0 - seen.coverage, 0.0)
-    return Slice(seen.light + share[..., None] * under.light, seen.coverage + share * under.coverage)
+    # Parts of a texel that one surface covers in both slabs lie side by side: they add up.
+    added = np.where(near, np.minimum(1.0 - seen.coverage, under.coverage), 0.0)
+    share = added / np.maximum(under.coverage, 1e-9)
+    return Slice(seen.light + share[..., None] * under.light, seen.coverage + added)
 
 
 def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:

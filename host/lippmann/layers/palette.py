@@ -58,11 +58,11 @@ def quantise(rgba: Bytes) -> Quantised:
         colours = _palette(kept, counts[used])
     palette = np.zeros((COLOURS, 4), np.uint8)
     palette[1 : 1 + len(colours)] = colours
-    nearest = np.zeros(len(found), np.int64)
+    place = np.zeros(len(found), np.int64)
     if len(colours):
-        nearest[found[:, 3] > 0] = 1 + _nearest(kept, colours)
-    error = float(((_seen(found) - _seen(palette[nearest]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
-    texels = nearest[index.ravel()].reshape(height, width).astype(np.uint8)
+        place[found[:, 3] > 0] = 1 + nearest(kept, colours)
+    error = float(((_seen(found) - _seen(palette[place]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
+    texels = place[index.ravel()].reshape(height, width).astype(np.uint8)
     return Quantised(texels, palette, float("inf") if error == 0.0 else float(-10.0 * np.log10(error)))
 
 
@@ -72,7 +72,7 @@ def _seen(rgba: Bytes) -> Floats:
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
 
 
-def _nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
+def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
     """Return the palette's colour nearest to each colour; opaque ones take opaque ones only."""
     place = KDTree(_seen(palette)).query(_seen(rgba))[1]
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
@@ -91,7 +91,7 @@ def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
     palette = palette[np.unique(np.asarray(start))]
     points, opaque = _seen(colours), colours[:, 3] == 255
     for _ in range(STEPS):
-        place = _nearest(colours, palette)
+        place = nearest(colours, palette)
         weight = np.bincount(place, counts, len(palette))
         # Colours without texels move to those that are worst.
         error = ((points - _seen(palette)[place]) ** 2).sum(axis=1) * counts
