@@ -28,6 +28,7 @@ Schema = dict[str, Any]
 KINDS = {
     "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
     "scene": "film", "frames": "film", "motion": "film", "world": "film", "panel": "display", "gap_mm": "display",
+    "layer": "layers", "picture": "pictures",
 }  # fmt: skip
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
@@ -291,6 +292,7 @@ def remedy(node: Schema, name: str) -> str:
     bounds = bounds_text(node)
     return {
         "string": "put it in quotes",
+        "boolean": "give true or false",
         "integer": f"give a whole number {bounds}",
         "number": f"give a finite number{bounds and ', '}{bounds}",
         "array": f"write each of them as [[{name}]] or {{ ... }}",

@@ -20,10 +20,13 @@ from pathlib import Path
 
 import click
 import pytest
+from lippmann import toml
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import Panel, load_display
 from lippmann.film.film import load_film
+from lippmann.layers.folder import LayersFile
+from lippmann.layers.pictures import PicturesFile
 from lippmann.rendering.placement import load_placement
 from lippmann.sim.tools import PREFIX
 
@@ -310,6 +313,10 @@ def test_toml_blocks_are_valid(page, tmp_path):
     (_, whole), *_ = blocks(page, "toml")
     for _, text in blocks(page, "toml"):
         file = tmp_path / "block.toml"
+        listed = re.search(r"^\[\[(layer|picture)\]\]$", text, re.M)
+        if listed:
+            toml.read(LayersFile if listed[1] == "layer" else PicturesFile, toml.parse(text, "block"), "block")
+            continue
         alone = re.search(r"^\[\w+\]$", text, re.M)  # else keys of a table of the page's first block
         table = "[panel]\n" if text.split(" =")[0] in Panel.__dataclass_fields__ else "[array]\n"
         first = whole if alone else re.sub(rf"^{text.split(' =')[0]} =.*\n", "", whole, flags=re.M)
@@ -325,7 +332,12 @@ def test_toml_blocks_are_valid(page, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("page", "made"), [("docs/reference/python.md", "view.png"), ("docs/reference/mitsuba-sensor.md", "ball.exr")]
+    ("page", "made"),
+    [
+        ("docs/reference/python.md", "view.png"),
+        ("docs/reference/mitsuba-sensor.md", "ball.exr"),
+        ("docs/how-to/layers.md", "fish.png"),
+    ],
 )
 def test_python_examples_run(tmp_path, page, made):
     """The page's blocks are one program, run in a process of its own beside the page's files."""

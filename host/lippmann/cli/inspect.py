@@ -38,6 +38,8 @@ FILES = {
     "setup": ("lippmann.capturing.setup", "SetupFile"),
     "film": ("lippmann.film.film", "FilmFile"),
     "placement": ("lippmann.rendering.placement", "PlacementFile"),
+    "layers": ("lippmann.layers.folder", "LayersFile"),
+    "pictures": ("lippmann.layers.pictures", "PicturesFile"),
 }
 
 

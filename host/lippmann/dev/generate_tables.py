@@ -71,11 +71,14 @@ def _value(node: Schema) -> str:
         node = {**node, "minimum": None, "exclusiveMinimum": 0.0}
     if node.get("maximum", 0.0) >= 1e9:
         node = {**node, "maximum": None}
-    words = {"string": "text", "integer": "whole number", "array": "list of tables", "object": "table"}
+    words = {"string": "text", "integer": "whole number", "array": "list of tables", "object": "table",
+             "boolean": "true or false"}  # fmt: skip
     return f"{words.get(node['type'], node['type'])} {bounds_text(node)}".strip()
 
 
 def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, float):

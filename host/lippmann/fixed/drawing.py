@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import configuration
-from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.fixed.scene_words import SceneWords
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
 
@@ -33,12 +34,23 @@ SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
 _CHUNK_RAYS = 1 << 16
 
 
+#: A run of a build of the drawing: from exit rays to pixels, as `lippmann.fixed.scene.scene`.
+Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]
+
+
 def draw(
-    display: Display, build: Build, stack: LayerStack, scene_build: SceneBuild, model: Model | None = None
+    display: Display,
+    build: Build,
+    stack: LayerStack,
+    scene_build: SceneBuild,
+    model: Model | None = None,
+    pipeline: Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays] = ray_pipeline,
+    shade: Scene = scene,
 ) -> Bytes:
     """Return the pixels (height, width, 3) that a build of the optics and one of the drawing show of a stack.
 
-    `model` is the lens model, left out the build's. Raises InputError when the display or the stack do not fit the
+    `model` is the lens model, left out the build's. `pipeline` traces the rays and `shade` draws them: the twin, unless
+    others are given. Raises InputError when the display or the stack do not fit the
     builds.
     """
     panel, f = display.panel, build.fraction_bits
@@ -48,8 +60,8 @@ def draw(
     table = curve_table(display)
     rows = []
     for u, v in sample_words(panel.width_px, panel.height_px, scene_build.samples):
-        rays = ray_pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
-        rows.append(scene(rays, words, slots, table, scene_build, f))
+        rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
+        rows.append(shade(rays, words, slots, table, scene_build, f))
     return np.concatenate(rows).reshape(panel.height_px, panel.width_px, 3)
 
 

@@ -7,7 +7,7 @@ A palette's red, green and blue are square roots of linear light, its fourth byt
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
@@ -25,6 +25,10 @@ MAX_LAYERS = 8
 MAX_SIDE = 1024
 #: Colours of a palette.
 COLOURS = 256
+#: Least texels of a row of a board's slots.
+MIN_ROW = 32
+#: Bytes of the blocks in which a board's slots are loaded.
+BLOCK_BYTES = 1024
 #: Farthest depth of a layer, mm; what lies beyond is a sky.
 MAX_DEPTH_MM = 1e6
 
@@ -36,7 +40,7 @@ def light_of(bytes_: npt.NDArray[Any]) -> Floats:
 
 def bytes_of(light: npt.NDArray[Any]) -> Bytes:
     """Return the palette bytes nearest to linear light; the inverse of `light_of`."""
-    return np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))).astype(np.uint8)
+    return np.asarray(np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))), np.uint8)
 
 
 def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
@@ -48,7 +52,7 @@ def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
 def alpha_of(opacity: npt.NDArray[Any]) -> Bytes:
     """Return the palette bytes nearest to an opacity; the inverse of `opacity_of`."""
     steps = np.rint(256.0 * np.clip(opacity, 0.0, 1.0))
-    return (steps - (steps >= 129.0)).astype(np.uint8)
+    return np.asarray(steps - (steps >= 129.0), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +112,26 @@ class Layer:
     @property
     def width(self) -> int:
         """Texels of a row."""
-        return self.texels.shape[1]
+        return int(self.texels.shape[1])
 
     @property
     def height(self) -> int:
         """Rows of texels."""
-        return self.texels.shape[0]
+        return int(self.texels.shape[0])
 
     @property
     def sky(self) -> bool:
         """Whether the layer is at infinity."""
         return math.isinf(self.depth_mm)
+
+    def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
+        """Return the layer scaled about the display's middle, then moved. A sky stays: it has no size and no place."""
+        if self.sky:
+            return self
+        x, y, z = offset_mm
+        linear, shift = self.matrix[:, :2] / scale, self.matrix[:, 2]
+        matrix = np.column_stack([linear, shift - linear @ (x, y)])
+        return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
 
     def padded(self, width: int, height: int) -> Bytes:
         """Return the texels (height, width) of a slot: the texture at its top left, the rest transparent.
@@ -169,6 +182,12 @@ class LayerStack:
         object.__setattr__(self, "layers", layers)
         object.__setattr__(self, "background", background)
 
+    def moved(self, scale: float = 1.0, offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LayerStack:
+        """Return the stack scaled about the display's middle, then moved, mm."""
+        if not 0.0 < scale < math.inf:
+            raise InputError(f"layers: scale {scale:g} is out of range; give more than 0")
+        return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
+
 
 def _bytes(name: str, values: Any) -> Bytes:
     """Return values as read-only uint8; refuse other types, which would have lost their fractions or high bits."""
@@ -191,10 +210,11 @@ def _finite(name: str, values: Any, shape: tuple[int, ...], what: str) -> Floats
     return _kept(array)
 
 
-def _number(name: str, value: Any) -> float:
-    if not isinstance(value, Real) or isinstance(value, bool) or math.isnan(value):
+def _number(name: str, value: object) -> float:
+    number = float(value) if isinstance(value, Real) else math.nan
+    if math.isnan(number) or isinstance(value, bool):
         raise InputError(f"layer: {name} {value!r} is not a number; give one")
-    return float(value)
+    return number
 
 
 def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
