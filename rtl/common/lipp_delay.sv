@@ -7,7 +7,8 @@
 /// touches few words a cycle, and synthesis infers memories instead of chains of registers.
 module lipp_delay #(
   parameter int Width = 1,   // bits of the word
-  parameter int Cycles = 1   // latency, 0 or more
+  parameter int Cycles = 1,  // latency, 0 or more
+  parameter bit Block = 1'b1 // 0: no block memory, but rings in series
 ) (
   input  logic             clk_i,
   input  logic [Width-1:0] d_i,
@@ -35,6 +36,19 @@ module lipp_delay #(
     assign q_o = gen_stage[Cycles-1].q;
   end else if (Cycles <= LongestRing) begin : gen_ring
     lipp_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
+  end else if (!Block) begin : gen_rings
+    // As few as do, all nearly of one length.
+    localparam int Rings = (Cycles + LongestRing - 1) / LongestRing;
+    for (genvar k = 0; k < Rings; k++) begin : gen_part
+      logic [Width-1:0] d, q;
+      if (k == 0) begin : gen_first
+        assign d = d_i;
+      end else begin : gen_next
+        assign d = gen_part[k-1].q;
+      end
+      lipp_ring #(.Width(Width), .Cycles((Cycles + k) / Rings)) i_ring (.clk_i, .d_i(d), .q_o(q));
+    end
+    assign q_o = gen_part[Rings-1].q;
   end else begin : gen_block_ring
     lipp_block_ring #(.Width(Width), .Cycles(Cycles)) i_ring (.clk_i, .d_i, .q_o);
   end

@@ -1,10 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the scene: exit rays in, pixels of the panel out, valid/ready on both sides.
+/// Draws the scene: exit rays in, pixels of the panel out, one ray every clock, valid/ready on both sides.
+///
+/// Rays come in the order of the panel's pixels, 2^samples_bits of them for each. A pixel leaves for each. The
+/// registers in use are a copy of config_i. take_i requests a new copy; it is made as soon as all rays inside
+/// have left as pixels. Until then busy_o is high and the input closed, so that no frame is drawn with two
+/// sets. Reset requests a copy.
+///
+/// write_i stores a byte in a slot, 0 to slots - 1: texels row by row, then the palette (r, g, b, a of each
+/// entry, one after the other). Slot 15 is the panel's curve. Nothing keeps a byte from a slot that is
+/// being drawn: whoever writes must. Bytes may come each clock.
+///
+/// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for each layer
+/// `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_panel_curve`. A ray with another status than
+/// ok or crosstalk is black. Latency scene_latency(F, Scene) + 5 clocks when nothing stalls.
 module lipp_scene #(
   parameter int F = 16,  // fraction bits of the optics' build
-  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
+  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
 ) (
   input  logic                                         clk_i,
   input  logic                                         rst_ni,
@@ -39,6 +53,135 @@ module lipp_scene #(
   output logic                                         pixel_first_o,
   output logic                                         pixel_last_o
 );
+  import lipp_optics_pkg::*;
+  import lipp_scene_pkg::*;
+
+  localparam int Layers = int'(Scene.layers);
+  localparam int Taps = taps(Scene);
+  localparam int SamplesBits = int'(Scene.samples_bits);
+  localparam int Latency = scene_latency(F, Scene);
+  localparam int Tail = mean_latency(SamplesBits) + curve_latency();  // after compositing
+  localparam int AddressBits = $clog2(Latency + 16);
+
+  if (!legal(Scene)) begin : gen_illegal
+    $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, as many slots up to 15, width_bits 5 to 10, \
+height 2 to 1024 (bilinear: even), 1024 to 261120 texels (a multiple of 1024), samples_bits 0 to 2");
+  end
+
+  // ---- the registers in use ----
+  scene_config_t used;
+  logic busy, idle;
+  lipp_config_bank #(.Width($bits(scene_config_t))) i_config_bank (
+    .clk_i, .rst_ni, .config_i, .apply_i(take_i), .idle_i(idle), .busy_o(busy), .config_o(used)
+  );
+  assign {busy_o, idle_o} = {busy, idle};
+  logic unused_config;  // a build reads some layers
+  assign unused_config = ^used;
+
+  // ---- what comes in ----
+  logic signed [IndexBits-1:0] i_q, j_q;
+  logic signed [F+3:0] x_q, y_q, z_q;
+  logic signed [F+1:0] dx_q, dy_q, dz_q;
+  ray_status_e status_q;
+  logic valid_q, first_q, last_q;
+  always_ff @(posedge clk_i) begin
+    {i_q, j_q} <= {exit_i_i, exit_j_i};
+    {x_q, y_q, z_q} <= {exit_x_i, exit_y_i, exit_z_i};
+    {dx_q, dy_q, dz_q} <= {exit_dx_i, exit_dy_i, exit_dz_i};
+    status_q <= exit_status_i;
+    {first_q, last_q} <= {exit_first_i, exit_last_i};
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) valid_q <= 1'b0;
+    else valid_q <= exit_valid_i && exit_ready_o;
+  end
+
+  // ---- the line ----
+  logic signed [F+8:0] x, y;
+  logic signed [F+3:0] slope_x, slope_y;
+  logic draws;
+  lipp_exit_line #(.F(F), .CrossCells(CrossCells)) i_exit_line (
+    .clk_i, .i_i(i_q), .j_i(j_q), .x_i(x_q), .y_i(y_q), .z_i(z_q), .dx_i(dx_q), .dy_i(dy_q),
+    .dz_i(dz_q), .status_i(status_q), .xi_i(used.lattice_xi), .xj_i(used.lattice_xj),
+    .yj_i(used.lattice_yj), .x_o(x), .y_o(y), .slope_x_o(slope_x), .slope_y_o(slope_y),
+    .draws_o(draws)
+  );
+
+  // ---- texels of each layer ----
+  look_t [Layers-1:0] look;
+  logic [Layers-1:0][CoordinateBits-1:0] s, t;
+  logic [Layers-1:0] hidden;
+  logic [Layers-1:0][Taps-1:0][31:0] colour;
+  logic [Layers-1:0][Taps-1:0][ShareBits-1:0] weight;
+  logic [Layers-1:0][2:0][LightBits-1:0] light;
+  logic [Layers-1:0][ShareBits-1:0] opacity;
+  logic [Layers-1:0][BrightnessBits-1:0] brightness;
+  for (genvar k = 0; k < Layers; k++) begin : gen_layer
+    layer_config_t layer;
+    assign layer = used.layers[k];
+    assign look[k] = layer.look;
+    assign brightness[k] = layer.look.brightness;
+    lipp_layer_coordinate #(.F(F), .Bilinear(Scene.bilinear), .CrossCells(CrossCells)) i_coordinate (
+      .clk_i, .x_i(x), .y_i(y), .slope_x_i(slope_x), .slope_y_i(slope_y), .s0_i(layer.s0),
+      .t0_i(layer.t0), .depth_i(layer.depth), .a_i(layer.a), .b_i(layer.b), .c_i(layer.c),
+      .d_i(layer.d), .infinite_i(layer.look.infinite), .s_o(s[k]), .t_o(t[k]), .beyond_o(hidden[k])
+    );
+    lipp_texel_blend #(.Taps(Taps)) i_blend (
+      .clk_i, .colour_i(colour[k]), .weight_i(weight[k]), .light_o(light[k]), .opacity_o(opacity[k])
+    );
+  end
+  lipp_texel_fetch #(.Scene(Scene)) i_fetch (
+    .clk_i, .write_i, .write_slot_i, .write_at_i, .write_data_i, .look_i(look), .s_i(s), .t_i(t),
+    .hidden_i(hidden), .colour_o(colour), .weight_o(weight)
+  );
+
+  // ---- the pixel ----
+  logic valid, first, last, draws_late;
+  logic [2:0][LightBits-1:0] ray_light;
+  lipp_delay #(
+    .Width(1), .Cycles(layer_latency(F) + fetch_latency() + texel_blend_latency(Taps)), .Block(1'b0)
+  ) i_draws (.clk_i, .d_i(draws), .q_o(draws_late));
+  lipp_composite #(.Layers(Layers)) i_composite (
+    .clk_i, .light_i(light), .opacity_i(opacity), .draws_i(draws_late), .brightness_i(brightness),
+    .background_i(used.background), .light_o(ray_light)
+  );
+
+  // A ray's marks. Rays that a reset forgets still pass here, before the next frame's first.
+  logic pixel_ends, pixel_first, pixel_last, ends, out_first, out_last;
+  logic [2:0][LightBits-1:0] pixel_light;
+  logic [2:0][7:0] rgb;
+  lipp_delay #(.Width(3), .Cycles(Latency - Tail), .Block(1'b0)) i_marks (
+    .clk_i, .d_i({valid_q, first_q, last_q}), .q_o({valid, first, last})
+  );
+  lipp_sample_mean #(.SamplesBits(SamplesBits)) i_mean (
+    .clk_i, .rst_ni, .valid_i(valid), .first_i(first), .last_i(last), .light_i(ray_light),
+    .last_of_pixel_o(pixel_ends), .first_o(pixel_first), .last_o(pixel_last), .light_o(pixel_light)
+  );
+  logic curve_q;
+  logic [CurveBits-1:0] curve_at_q;
+  logic [7:0] curve_data_q;
+  always_ff @(posedge clk_i) begin
+    curve_q <= write_i && write_slot_i == 4'(CurveSlot) && write_at_i[19:CurveBits] == '0;
+    curve_at_q <= write_at_i[CurveBits-1:0];
+    curve_data_q <= write_data_i;
+  end
+  lipp_panel_curve i_curve (
+    .clk_i, .write_i(curve_q), .write_at_i(curve_at_q), .write_data_i(curve_data_q),
+    .light_i(pixel_light), .rgb_o(rgb)
+  );
+  lipp_delay #(.Width(3), .Cycles(curve_latency())) i_ends (
+    .clk_i, .d_i({pixel_ends, pixel_first, pixel_last}), .q_o({ends, out_first, out_last})
+  );
+
+  // ---- handshakes: a place for each ray; those that do not end a pixel are dropped at the end ----
+  logic out_valid, out_ends;
+  lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(27)) i_flow (
+    .clk_i, .rst_ni, .hold_i(busy), .idle_o(idle), .valid_i(exit_valid_i), .ready_o(exit_ready_o),
+    .piped_i({ends, out_first, out_last, rgb}), .valid_o(out_valid),
+    .ready_i(pixel_ready_i || !out_ends),
+    .data_o({out_ends, pixel_first_o, pixel_last_o, pixel_rgb_o})
+  );
+  assign pixel_valid_o = out_valid && out_ends;
 
 endmodule
 

@@ -37,8 +37,9 @@ package lipp_scene_pkg;
   typedef struct packed {
     logic [1:0]  samples_bits;  // rays for each pixel, as a power of two: 0 to 2
     logic        bilinear;      // texels are interpolated; otherwise the nearest
-    logic [10:0] height;        // texels of a slot, rows: 2 to 1024
-    logic [3:0]  width_bits;    // columns, as a power of two: 5 to 10
+    logic [10:0] height;        // rows of texels of a slot, 2 to 1024; even with bilinear
+    logic [3:0]  width_bits;    // columns, as a power of two: 5 to 10; 1024 to 261120 texels, a
+                                // multiple of 1024
     logic [3:0]  slots;         // layers to 15
     logic [3:0]  layers;        // 1 to 8
   } scene_build_t;
@@ -105,11 +106,72 @@ package lipp_scene_pkg;
   /// Tells whether a build is legal.
   function automatic bit legal(scene_build_t scene);
     return scene.layers >= 4'd1 && scene.layers <= 4'd8
-        && scene.slots >= scene.layers && scene.slots <= 4'd15
+        && scene.slots >= scene.layers
         && scene.width_bits >= 4'd5 && scene.width_bits <= 4'd10
         && scene.height >= 11'd2 && scene.height <= 11'd1024
         && texels(scene) % 1024 == 0 && texels(scene) <= 255 * 1024
+        && !(scene.bilinear && scene.height[0])
         && scene.samples_bits <= 2'd2;
+  endfunction
+
+  /// Fraction bits that a build reads of the 24 of a coefficient.
+  function automatic int coefficient_bits(int f);
+    return f < 20 ? f + 4 : 24;
+  endfunction
+
+  // ---- latencies ----
+
+  /// Latency of `lipp_exit_line`: root, inverse, slopes, products, sums.
+  function automatic int exit_line_latency(int f);
+    return quadratic_latency() + mul_latency(f + 6, f + 6) + mul_latency(f + 2, f + 8) + 1
+        + mul_latency(f + 4, f + 4) + 4;
+  endfunction
+
+  /// Latency of `lipp_layer_coordinate`: to the plane, to texels, sums.
+  function automatic int layer_latency(int f);
+    return mul_latency(f + 9, f + 4) + 1 + mul_latency(coefficient_bits(f) + 8, f + 9) + 3;
+  endfunction
+
+  /// Latency of `lipp_texel_slot`: address, texel, colour.
+  function automatic int slot_latency();
+    return 1 + 3 + 2;
+  endfunction
+
+  /// Latency of `lipp_texel_fetch`: addresses, crossbar, slot, crossbar.
+  function automatic int fetch_latency();
+    return 2 + 1 + slot_latency() + 1;
+  endfunction
+
+  /// Latency of `lipp_texel_blend` up to the texels' shares.
+  function automatic int shares_latency(int texels_read);
+    return texels_read == 1 ? low_latency(8) : 1 + low_latency(9) + 1;
+  endfunction
+
+  /// Latency of `lipp_texel_blend`.
+  function automatic int texel_blend_latency(int texels_read);
+    return shares_latency(texels_read) + mul_latency(MulBits, MulBits) + 2;
+  endfunction
+
+  /// Latency of `lipp_composite`.
+  function automatic int composite_latency(int layers);
+    return 5 * layers + 3;
+  endfunction
+
+  /// Latency of `lipp_sample_mean`.
+  function automatic int mean_latency(int samples_bits);
+    return samples_bits == 0 ? 0 : 2;
+  endfunction
+
+  /// Latency of `lipp_panel_curve`.
+  function automatic int curve_latency();
+    return 3;
+  endfunction
+
+  /// Clocks from an exit ray to its pixel in `lipp_scene`, without its handshakes.
+  function automatic int scene_latency(int f, scene_build_t scene);
+    return exit_line_latency(f) + layer_latency(f) + fetch_latency()
+        + texel_blend_latency(taps(scene)) + composite_latency(int'(scene.layers))
+        + mean_latency(int'(scene.samples_bits)) + curve_latency();
   endfunction
 
   /* verilator lint_on UNUSEDSIGNAL */

@@ -1,0 +1,204 @@
+"""A scene as a stack of layers: textures of palette colours, each in a plane at a depth, with one background behind.
+
+A palette's red, green and blue are square roots of linear light, its fourth byte is the opacity (`light_of`,
+`opacity_of`). These bytes are what a board stores, so that golden, twin and RTL draw the same colours.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import InputError
+
+Bytes = npt.NDArray[np.uint8]
+Floats = npt.NDArray[np.float64]
+
+#: Most layers of a stack.
+MAX_LAYERS = 8
+#: Largest side of a texture, texels.
+MAX_SIDE = 1024
+#: Colours of a palette.
+COLOURS = 256
+#: Farthest depth of a layer, mm; what lies beyond is a sky.
+MAX_DEPTH_MM = 1e6
+
+
+def light_of(bytes_: npt.NDArray[Any]) -> Floats:
+    """Return the linear light, 0 to 1, of a palette's red, green or blue: (c / 255)^2."""
+    return (np.asarray(bytes_, np.float64) / 255.0) ** 2
+
+
+def bytes_of(light: npt.NDArray[Any]) -> Bytes:
+    """Return the palette bytes nearest to linear light; the inverse of `light_of`."""
+    return np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))).astype(np.uint8)
+
+
+def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
+    """Return the opacity, 0 to 1, of a palette's fourth byte: (a + [a >= 128]) / 256, so that 255 is opaque."""
+    a = np.asarray(alpha, np.float64)
+    return (a + (a >= 128)) / 256.0
+
+
+def alpha_of(opacity: npt.NDArray[Any]) -> Bytes:
+    """Return the palette bytes nearest to an opacity; the inverse of `opacity_of`."""
+    steps = np.rint(256.0 * np.clip(opacity, 0.0, 1.0))
+    return (steps - (steps >= 129.0)).astype(np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A texture in a plane z = `depth_mm` of the display's frame, or at infinity: a sky.
+
+    Attributes
+    ----------
+    texels
+        (height, width) uint8, indices into the palette; row 0 on top.
+    palette
+        (256, 4) uint8: red, green, blue (square roots of linear light) and opacity.
+    depth_mm
+        z of the plane, mm; more than 0 is in front of the array. `math.inf`: a sky.
+    matrix
+        (2, 3) float64: texel coordinates (s, t) = matrix @ (x, y, 1) of the point (x, y), mm, where a ray meets the
+        plane; of a sky matrix @ (dx/dz, dy/dz, 1) of the ray's direction. s runs to the right and t downwards; texel
+        (0, 0) covers 0 to 1 of both. Outside of its texture a layer is transparent.
+    brightness
+        Factor on the light, 0 to 1; the opacity stays.
+    visible
+        Whether the layer is drawn.
+    """
+
+    texels: Bytes
+    palette: Bytes
+    depth_mm: float
+    matrix: Floats
+    brightness: float = 1.0
+    visible: bool = True
+
+    def __post_init__(self) -> None:
+        """Keep arrays of their types that nobody changes; refuse wrong shapes and values."""
+        texels = _bytes("texels", self.texels)
+        if texels.ndim != 2 or 0 in texels.shape:
+            raise InputError(f"layer: texels has shape {texels.shape}; give (height, width), each at least 1")
+        if max(texels.shape) > MAX_SIDE:
+            size = f"{texels.shape[1]} x {texels.shape[0]}"
+            raise InputError(f"layer: the texture has {size} texels; give at most {MAX_SIDE} x {MAX_SIDE}")
+        palette = _bytes("palette", self.palette)
+        if palette.shape != (COLOURS, 4):
+            raise InputError(f"layer: palette has shape {palette.shape}; give ({COLOURS}, 4): red, green, blue, alpha")
+        matrix = _finite("matrix", self.matrix, (2, 3), "layer")
+        depth = _number("depth_mm", self.depth_mm)
+        if not (depth == math.inf or abs(depth) <= MAX_DEPTH_MM):
+            what = f"layer: depth_mm {depth:g} is out of range"
+            raise InputError(f"{what}; give {-MAX_DEPTH_MM:g} to {MAX_DEPTH_MM:g}, or inf for a sky")
+        brightness = _number("brightness", self.brightness)
+        if not 0.0 <= brightness <= 1.0:
+            raise InputError(f"layer: brightness {brightness:g} is out of range; give 0 to 1")
+        if not isinstance(self.visible, bool | np.bool_):
+            raise InputError(f"layer: visible {self.visible!r} is neither True nor False; give one of them")
+        values = (texels, palette, depth, matrix, brightness, bool(self.visible))
+        for name, value in zip(self.__dataclass_fields__, values, strict=True):
+            object.__setattr__(self, name, value)
+
+    @property
+    def width(self) -> int:
+        """Texels of a row."""
+        return self.texels.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Rows of texels."""
+        return self.texels.shape[0]
+
+    @property
+    def sky(self) -> bool:
+        """Whether the layer is at infinity."""
+        return math.isinf(self.depth_mm)
+
+    def padded(self, width: int, height: int) -> Bytes:
+        """Return the texels (height, width) of a slot: the texture at its top left, the rest transparent.
+
+        Raises InputError when the texture is larger, or smaller and without a transparent colour in its palette.
+        """
+        if self.width > width or self.height > height:
+            what = f"layer: the texture of {self.width} x {self.height} texels is larger than a slot"
+            raise InputError(f"{what} of {width} x {height}; make it smaller")
+        if (self.width, self.height) == (width, height):
+            return self.texels
+        clear = np.flatnonzero(self.palette[:, 3] == 0)
+        if not len(clear):
+            what = f"layer: the texture of {self.width} x {self.height} texels leaves a part of a slot empty"
+            remedy = f"give {width} x {height} texels, or a palette with a transparent colour"
+            raise InputError(f"{what}, and its palette has no transparent colour for it; {remedy}")
+        slot = np.full((height, width), clear[0], np.uint8)
+        slot[: self.height, : self.width] = self.texels
+        return slot
+
+
+@dataclass(frozen=True, eq=False)
+class LayerStack:
+    """Layers from front to back, 1 to 8, and the background that shows where they leave light through.
+
+    Attributes
+    ----------
+    layers
+        The layers; the first one is in front of all others, whatever their depths.
+    background
+        (3,) float64, linear red, green and blue, 0 to 1.
+    """
+
+    layers: tuple[Layer, ...]
+    background: Floats = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Refuse wrong numbers of layers and backgrounds out of range."""
+        layers = tuple(self.layers)
+        for k, layer in enumerate(layers):
+            if not isinstance(layer, Layer):
+                raise InputError(f"layers: layer {k} is a {type(layer).__name__}; give a Layer")
+        if not 1 <= len(layers) <= MAX_LAYERS:
+            raise InputError(f"layers: {len(layers)} layers; give 1 to {MAX_LAYERS}")
+        background = _finite("background", self.background, (3,), "layers")
+        if (background < 0.0).any() or (background > 1.0).any():
+            raise InputError(f"layers: background {background.tolist()} is out of range; give linear light, 0 to 1")
+        object.__setattr__(self, "layers", layers)
+        object.__setattr__(self, "background", background)
+
+
+def _bytes(name: str, values: Any) -> Bytes:
+    """Return values as read-only uint8; refuse other types, which would have lost their fractions or high bits."""
+    array = np.asarray(values)
+    if array.dtype != np.uint8:
+        raise InputError(f"layer: {name} has type {array.dtype}; give uint8")
+    return _kept(array)
+
+
+def _finite(name: str, values: Any, shape: tuple[int, ...], what: str) -> Floats:
+    """Return values as read-only float64 of a shape."""
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: {name} contains something that is not a number; give numbers") from None
+    if array.shape != shape:
+        raise InputError(f"{what}: {name} has shape {array.shape}; give {shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{what}: {name} contains a value that is not finite; give finite numbers")
+    return _kept(array)
+
+
+def _number(name: str, value: Any) -> float:
+    if not isinstance(value, Real) or isinstance(value, bool) or math.isnan(value):
+        raise InputError(f"layer: {name} {value!r} is not a number; give one")
+    return float(value)
+
+
+def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return a copy that cannot be written."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy

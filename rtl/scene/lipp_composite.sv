@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Composites layers from front to back in linear light, and the background behind them.
+///
+/// P_k is the premultiplied light of layer k, A_k its opacity, B_k its brightness, at most 256. C is the light so
+/// far, T what is left of the light behind, both from C_0 = 0 and T_0 = 65536:
+///
+///   G_k     = (T_k B_k + 2^7) >> 8
+///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
+///   T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
+///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
+///
+/// P_k is A_k at most: then C fits into 17 bits. Latency composite_latency(Layers).
+module lipp_composite #(
+  parameter int Layers = 4
+) (
+  input  logic                                                  clk_i,
+  input  logic [Layers-1:0][2:0][lipp_scene_pkg::LightBits-1:0] light_i,  // P, [2] red, [0] blue
+  input  logic [Layers-1:0][lipp_scene_pkg::ShareBits-1:0]      opacity_i,
+  input  logic                                                  draws_i,
+  input  logic [Layers-1:0][lipp_scene_pkg::BrightnessBits-1:0] brightness_i,  // stands still
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0]             background_i,  // stands still
+  output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o
+);
+  import lipp_math_pkg::*;
+  import lipp_scene_pkg::*;
+
+  localparam int CellLatency = mul_latency(MulBits, MulBits);
+  localparam int Step = CellLatency + 1;  // from T_k to T_(k+1)
+  localparam int Wc = LightBits + 1;
+  localparam int Wp = 2 * MulBits;
+
+  if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
+    $fatal(1, "lipp_composite: Layers must be 1 to %0d", MostLayers);
+  end
+  if (composite_latency(Layers) != Step * Layers + 3) begin : gen_wrong
+    $fatal(1, "lipp_composite: composite_latency does not agree with the multiplier");
+  end
+
+  // T_k is there Step (k - 1) + 1 clocks after the input.
+  for (genvar k = 0; k < Layers; k++) begin : gen_layer
+    logic [ShareBits-1:0] left_q;       // T_(k+1)
+    logic signed [MulBits-1:0] gain_q;  // G_k
+    logic [2:0][Wc-1:0] sum_q;          // C_(k+1), Step clocks after T_(k+1); of layer 0, Step - 1
+    logic [BrightnessBits-1:0] bright_q;
+    logic [2:0][LightBits-1:0] light;
+    localparam int GainAt = k == 0 ? 0 : Step * k + 1;
+    always_ff @(posedge clk_i) begin
+      bright_q <= brightness_i[k] > 9'd256 ? 9'd256 : brightness_i[k];
+    end
+
+    if (k == 0) begin : gen_front
+      always_ff @(posedge clk_i) left_q <= Whole - opacity_i[0];
+      assign gain_q = $signed({1'b0, bright_q, 8'd0});
+    end else begin : gen_behind
+      logic [ShareBits-1:0] ahead, opacity;
+      logic signed [Wp-1:0] lost, gain;
+      logic [Wp-1:0] left_d;
+      assign ahead = gen_layer[k-1].left_q;
+      lipp_delay #(.Width(ShareBits), .Cycles(Step * (k - 1) + 1), .Block(1'b0)) i_opacity (
+        .clk_i, .d_i(opacity_i[k]), .q_o(opacity)
+      );
+      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_lost (
+        .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed({1'b0, opacity})), .p_o(lost)
+      );
+      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_gain (
+        .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed(18'(bright_q))), .p_o(gain)
+      );
+      logic [ShareBits-1:0] ahead_late;
+      lipp_delay #(.Width(ShareBits), .Cycles(CellLatency)) i_before (
+        .clk_i, .d_i(ahead), .q_o(ahead_late)
+      );
+      // T - ((p + 2^15) >> 16) = (2^16 T + 2^15 - 1 - p) >> 16.
+      assign left_d = {3'd0, ahead_late, 16'h7FFF} - lost;
+      always_ff @(posedge clk_i) begin
+        left_q <= left_d[16+:ShareBits];
+        gain_q <= MulBits'((gain + Wp'(128)) >>> 8);
+      end
+      logic unused_left;
+      assign unused_left = ^left_d;
+    end
+
+    lipp_delay #(.Width(3 * LightBits), .Cycles(GainAt), .Block(1'b0)) i_light (
+      .clk_i, .d_i(light_i[k]), .q_o(light)
+    );
+    for (genvar c = 0; c < 3; c++) begin : gen_channel
+      logic signed [Wp-1:0] part;
+      logic [Wp-1:0] sum_d;
+      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
+        .clk_i, .a_i(gain_q), .b_i($signed({2'b00, light[c]})), .p_o(part)
+      );
+      if (k == 0) begin : gen_front
+        assign sum_d = Wp'(part) + Wp'('h8000);
+      end else begin : gen_behind
+        logic [Wc-1:0] so_far;
+        // Layer 0 has its sum a clock earlier.
+        lipp_delay #(.Width(Wc), .Cycles(k == 1 ? Step : Step - 1)) i_so_far (
+          .clk_i, .d_i(gen_layer[k-1].sum_q[c]), .q_o(so_far)
+        );
+        assign sum_d = {3'd0, so_far, 16'h8000} + part;
+      end
+      always_ff @(posedge clk_i) sum_q[c] <= sum_d[16+:Wc];
+      logic unused_sum;
+      assign unused_sum = ^sum_d;
+    end
+  end
+
+  // ---- background ----
+  localparam int Last = Layers - 1;
+  logic [ShareBits-1:0] left;
+  logic draws;
+  logic [2:0][Wc-1:0] whole_q;
+  lipp_delay #(.Width(ShareBits), .Cycles(1)) i_left (
+    .clk_i, .d_i(gen_layer[Last].left_q), .q_o(left)
+  );
+  lipp_delay #(.Width(1), .Cycles(Step * Layers + 2), .Block(1'b0)) i_draws (
+    .clk_i, .d_i(draws_i), .q_o(draws)
+  );
+  for (genvar c = 0; c < 3; c++) begin : gen_background
+    logic [LightBits-1:0] back_q;
+    logic signed [Wp-1:0] part;
+    logic [Wc-1:0] so_far;
+    logic [Wp-1:0] sum_d;
+    always_ff @(posedge clk_i) back_q <= background_i[c];
+    lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
+      .clk_i, .a_i($signed({1'b0, left})), .b_i($signed({2'b00, back_q})), .p_o(part)
+    );
+    lipp_delay #(.Width(Wc), .Cycles(Layers == 1 ? 1 : 0)) i_so_far (
+      .clk_i, .d_i(gen_layer[Last].sum_q[c]), .q_o(so_far)
+    );
+    assign sum_d = {3'd0, so_far, 16'h8000} + part;
+    always_ff @(posedge clk_i) begin
+      whole_q[c] <= sum_d[16+:Wc];
+      light_o[c] <= !draws ? '0 : whole_q[c][Wc-1] ? '1 : whole_q[c][LightBits-1:0];
+    end
+    logic unused_sum;
+    assign unused_sum = ^sum_d;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// From an exit ray to its line: where it meets the plane z = 0 of the domes' vertices, and its slopes.
+///
+/// The line is in the array's axes, in radii from the array's origin. Words as integers, a b >> k the
+/// product that `lipp_multiplier` cuts by k places, q the reciprocal root of 4 dz that `lipp_quadratic`
+/// gives:
+///
+///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
+///   slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
+///   x_o      = ((xi 2^6 i >> 37-F) + (xj 2^6 j >> 37-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
+///   y_o      = ((yj 2^6 j >> 37-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+///
+/// draws_o: the status is ok or crosstalk, dz is 1/4 or more (75.5 degrees to the axis), and x_o and y_o
+/// are in [-2048, 2048). Errors: r is off by 2^-(F+1.2) of itself at most, a slope m by |m| times that
+/// and half a unit, a position by 2^-(F-2) and 2^-31 of each lenslet from the origin.
+/// Latency exit_line_latency(F).
+module lipp_exit_line #(
+  parameter int F = 16,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+) (
+  input  logic                                         clk_i,
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // lenslet
+  input  logic signed [lipp_optics_pkg::IndexBits-1:0] j_i,
+  input  logic signed [F+3:0]                          x_i,  // radii from its centre, F + 1 bits
+  input  logic signed [F+3:0]                          y_i,
+  input  logic signed [F+3:0]                          z_i,
+  input  logic signed [F+1:0]                          dx_i,  // near: unit direction
+  input  logic signed [F+1:0]                          dy_i,
+  input  logic signed [F+1:0]                          dz_i,
+  input  lipp_optics_pkg::ray_status_e                 status_i,
+  input  logic signed [31:0]                           xi_i,  // radii, 30 fraction bits: to the next
+  input  logic signed [31:0]                           xj_i,  // lenslet in x, to the next row's in x
+  input  logic signed [31:0]                           yj_i,  // and in y
+  output logic signed [F+8:0]                          x_o,  // position
+  output logic signed [F+8:0]                          y_o,
+  output logic signed [F+3:0]                          slope_x_o,  // slope
+  output logic signed [F+3:0]                          slope_y_o,
+  output logic                                         draws_o
+);
+  import lipp_math_pkg::*;
+  import lipp_optics_pkg::*;
+  import lipp_scene_pkg::*;
+
+  localparam int W = F + 2;
+  localparam int Wl = F + 4;   // lengths and slopes
+  localparam int Wr = F + 8;   // r: [1, 4]
+
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "lipp_exit_line: F must be 14 to 23");
+  end
+
+  // ---- r = 1 / dz ----
+  localparam int SquareLatency = mul_latency(F + 6, F + 6);
+  localparam int InverseLatency = quadratic_latency() + SquareLatency;
+  logic [F+4:0] root;
+  logic signed [F+5:0] root_word;
+  logic signed [F+9:0] inverse;
+  lipp_quadratic #(.F(F), .Root(RootReciprocal)) i_root (
+    .clk_i, .x_i({dz_i[F:0], 2'b00}), .y_o(root)
+  );
+  assign root_word = $signed({1'b0, root});
+  lipp_multiplier #(
+    .CrossCells(CrossCells), .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
+  ) i_inverse (.clk_i, .a_i(root_word), .b_i(root_word), .p_o(inverse));
+
+  // What the ray brings waits for r; delays here and below leave the block memory to the texels.
+  logic signed [W-1:0] dx_late, dy_late;
+  logic signed [IndexBits-1:0] i_late, j_late;
+  logic signed [Wl-1:0] x_late, y_late, z_late;
+  lipp_delay #(.Width(2 * W + 2 * IndexBits + 3 * Wl), .Cycles(InverseLatency), .Block(1'b0)) i_ray (
+    .clk_i, .d_i({dx_i, dy_i, i_i, j_i, x_i, y_i, z_i}),
+    .q_o({dx_late, dy_late, i_late, j_late, x_late, y_late, z_late})
+  );
+
+  // ---- slopes ----
+  localparam int SlopeLatency = mul_latency(W, Wr) + 1;
+  localparam int Wm = W + Wr - (F + 1);
+  logic signed [Wm-1:0] rise_x, rise_y;
+  logic signed [Wl-1:0] slope_x_q, slope_y_q;
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_x (
+    .clk_i, .a_i(dx_late), .b_i(inverse[Wr-1:0]), .p_o(rise_x)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_y (
+    .clk_i, .a_i(dy_late), .b_i(inverse[Wr-1:0]), .p_o(rise_y)
+  );
+  always_ff @(posedge clk_i) begin
+    slope_x_q <= Wl'((rise_x + Wm'(4)) >>> Guard);
+    slope_y_q <= Wl'((rise_y + Wm'(4)) >>> Guard);
+  end
+  logic unused_inverse;
+  assign unused_inverse = ^inverse[F+9:Wr];
+
+  // ---- from the vertex plane's point to z = 0, and the lenslet's centre ----
+  localparam int FallLatency = mul_latency(Wl, Wl);
+  localparam int LatticeLatency = mul_latency(32, MulBits);
+  localparam int Wf = Wl + Wl - (F + 3);           // slope z
+  localparam int Wc = 32 + MulBits - (37 - F);     // the centre, F - 1 fraction bits
+  localparam int Ws = Wc + 2;
+  localparam int CentreWait = SlopeLatency + FallLatency - LatticeLatency;
+  logic signed [Wl-1:0] x_later, y_later, z_later;
+  logic signed [IndexBits-1:0] i_later, j_later;
+  logic signed [MulBits-1:0] i_word, j_word;
+  logic signed [Wf-1:0] fall_x, fall_y;
+  logic signed [Wc-1:0] centre_xi, centre_xj, centre_yj;
+  lipp_delay #(.Width(Wl), .Cycles(SlopeLatency)) i_z (.clk_i, .d_i(z_late), .q_o(z_later));
+  lipp_delay #(.Width(2 * Wl), .Cycles(SlopeLatency + FallLatency), .Block(1'b0)) i_xy (
+    .clk_i, .d_i({x_late, y_late}), .q_o({x_later, y_later})
+  );
+  lipp_delay #(.Width(2 * IndexBits), .Cycles(CentreWait)) i_ij (
+    .clk_i, .d_i({i_late, j_late}), .q_o({i_later, j_later})
+  );
+  assign i_word = $signed({i_later, 6'd0});
+  assign j_word = $signed({j_later, 6'd0});
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_x (
+    .clk_i, .a_i(slope_x_q), .b_i(z_later), .p_o(fall_x)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_y (
+    .clk_i, .a_i(slope_y_q), .b_i(z_later), .p_o(fall_y)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_xi (
+    .clk_i, .a_i(xi_i), .b_i(i_word), .p_o(centre_xi)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_xj (
+    .clk_i, .a_i(xj_i), .b_i(j_word), .p_o(centre_xj)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_yj (
+    .clk_i, .a_i(yj_i), .b_i(j_word), .p_o(centre_yj)
+  );
+
+  // ---- sums ----
+  logic signed [Wc:0] centre_x_q, centre_y_q;
+  logic signed [Wf+1:0] local_x_q, local_y_q;
+  logic signed [Ws-1:0] sum_x_q, sum_y_q;
+  logic fits_q, draws, draws_q;
+  always_ff @(posedge clk_i) begin
+    centre_x_q <= (Wc + 1)'(centre_xi) + (Wc + 1)'(centre_xj);
+    centre_y_q <= (Wc + 1)'(centre_yj);
+    local_x_q <= (Wf + 2)'(x_later >>> 2) - (Wf + 2)'(fall_x);
+    local_y_q <= (Wf + 2)'(y_later >>> 2) - (Wf + 2)'(fall_y);
+    sum_x_q <= Ws'(centre_x_q) + Ws'(local_x_q);
+    sum_y_q <= Ws'(centre_y_q) + Ws'(local_y_q);
+  end
+
+  // ---- out ----
+  logic signed [Ws-1:0] round_x_q, round_y_q;
+  function automatic logic fits(logic signed [Ws-1:0] word);
+    return word[Ws-1:F+10] == {(Ws - F - 10){word[F+10]}};
+  endfunction
+  always_ff @(posedge clk_i) begin
+    round_x_q <= sum_x_q + Ws'(2);
+    round_y_q <= sum_y_q + Ws'(2);
+    fits_q <= fits(round_x_q) && fits(round_y_q);
+    x_o <= round_x_q[F+10:2];
+    y_o <= round_y_q[F+10:2];
+  end
+  logic unused_round;
+  assign unused_round = ^{round_x_q[1:0], round_y_q[1:0]};
+
+  lipp_delay #(.Width(2 * Wl), .Cycles(FallLatency + 4)) i_slopes (
+    .clk_i, .d_i({slope_x_q, slope_y_q}), .q_o({slope_x_o, slope_y_o})
+  );
+
+  // Whether the ray has an exit and is not too steep.
+  always_ff @(posedge clk_i) begin
+    draws_q <= (status_i == StatusOk || status_i == StatusCrosstalk)
+        && !dz_i[F+1] && dz_i[F:F-1] != 2'b00;
+  end
+  lipp_delay #(.Width(1), .Cycles(exit_line_latency(F) - 1), .Block(1'b0)) i_draws (
+    .clk_i, .d_i(draws_q), .q_o(draws)
+  );
+  assign draws_o = draws && fits_q;
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The texture coordinate at which a ray's line meets a layer.
+///
+/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, A = coefficient_bits(F)
+/// the fraction bits that a build reads of the 24 of a, b, c and d, and F - 3 those of the 20 of depth:
+///
+///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
+///   Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
+///   s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
+///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
+///
+/// h = 2^7 - 2^15 with Bilinear, which rounds s - 1/2 and t - 1/2; else 0, so that the whole part is floor(s).
+/// beyond_o: X' or Y' is outside [-2048, 2048), or s_o or t_o does not fit.
+///
+/// Error of s before its last cut, in texels, with the exact line and the registers' words:
+///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + cuts of a build with F < 20: 2^-A |X'| each
+/// so 2^-12 at F = 23 where |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope of 1. At F = 16 a
+/// unit of the slope is half the optics' own error of direction, 14 urad.
+/// Latency layer_latency(F).
+module lipp_layer_coordinate #(
+  parameter int F = 16,
+  parameter bit Bilinear = 1'b0,
+  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+) (
+  input  logic                                clk_i,
+  input  logic signed [F+8:0]                 x_i,  // position
+  input  logic signed [F+8:0]                 y_i,
+  input  logic signed [F+3:0]                 slope_x_i,  // slope
+  input  logic signed [F+3:0]                 slope_y_i,
+  input  logic signed [31:0]                  s0_i,  // texels, 16 fraction bits
+  input  logic signed [31:0]                  t0_i,
+  input  logic signed [31:0]                  depth_i,  // radii, 20 fraction bits
+  input  logic signed [31:0]                  a_i,  // texels a radius, 24 fraction bits
+  input  logic signed [31:0]                  b_i,
+  input  logic signed [31:0]                  c_i,
+  input  logic signed [31:0]                  d_i,
+  input  logic                                infinite_i,
+  output logic signed [lipp_scene_pkg::CoordinateBits-1:0] s_o,  // coordinate
+  output logic signed [lipp_scene_pkg::CoordinateBits-1:0] t_o,
+  output logic                                beyond_o
+);
+  import lipp_math_pkg::*;
+  import lipp_scene_pkg::*;
+
+  localparam int Wx = F + 9;
+  localparam int Wl = F + 4;
+  localparam int Coefficient = coefficient_bits(F);
+  localparam int Wa = Coefficient + 8;
+
+  if (F < 14 || F > 23) begin : gen_illegal
+    $fatal(1, "lipp_layer_coordinate: F must be 14 to 23");
+  end
+
+  // ---- to the layer's plane ----
+  localparam int DepthLatency = mul_latency(Wx, Wl);
+  localparam int Wp = Wx + Wl - F;
+  localparam int Ws = Wp + 2;
+  logic signed [Wx-1:0] depth, x_late, y_late;
+  logic signed [Wp-1:0] step_x, step_y;
+  logic signed [Ws-1:0] plane_x_q, plane_y_q;
+  logic infinite_q;
+  assign depth = Wx'(depth_i >>> (32 - Wx));
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wx), .Wb(Wl), .Drop(F)) i_step_x (
+    .clk_i, .a_i(depth), .b_i(slope_x_i), .p_o(step_x)
+  );
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wx), .Wb(Wl), .Drop(F)) i_step_y (
+    .clk_i, .a_i(depth), .b_i(slope_y_i), .p_o(step_y)
+  );
+  lipp_delay #(.Width(2 * Wx), .Cycles(DepthLatency)) i_position (
+    .clk_i, .d_i({infinite_q ? '0 : x_i, infinite_q ? '0 : y_i}), .q_o({x_late, y_late})
+  );
+  always_ff @(posedge clk_i) begin
+    infinite_q <= infinite_i;
+    plane_x_q <= Ws'($signed({x_late, 1'b1})) + Ws'(step_x);
+    plane_y_q <= Ws'($signed({y_late, 1'b1})) + Ws'(step_y);
+  end
+
+  // ---- to texels ----
+  localparam int TexelLatency = mul_latency(Wa, Wx);
+  localparam int Drop = Coefficient + F - 19;
+  localparam int Wt = Wa + Wx - Drop;  // 16 fraction bits
+  localparam logic signed [32:0] Half = Bilinear ? 33'sd128 - 33'sd32768 : 33'sd0;
+  logic signed [Wx-1:0] plane_x, plane_y;
+  logic signed [3:0][Wa-1:0] coefficient;
+  logic signed [3:0][Wt-1:0] part;
+  assign plane_x = plane_x_q[Wx:1];
+  assign plane_y = plane_y_q[Wx:1];
+  assign coefficient = {
+    Wa'(a_i >>> (32 - Wa)), Wa'(b_i >>> (32 - Wa)), Wa'(c_i >>> (32 - Wa)), Wa'(d_i >>> (32 - Wa))
+  };
+  for (genvar k = 0; k < 4; k++) begin : gen_part
+    lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wa), .Wb(Wx), .Drop(Drop)) i_part (
+      .clk_i, .a_i(coefficient[k]), .b_i(k % 2 == 1 ? plane_x : plane_y), .p_o(part[k])
+    );
+  end
+
+  logic signed [Wt+1:0] sum_s_q, sum_t_q;
+  logic signed [Wt:0] parts_s_q, parts_t_q;
+  logic signed [32:0] zero_s_q, zero_t_q;
+  always_ff @(posedge clk_i) begin
+    zero_s_q <= 33'(s0_i) + Half;
+    zero_t_q <= 33'(t0_i) + Half;
+    parts_s_q <= (Wt + 1)'($signed(part[3])) + (Wt + 1)'($signed(part[2]));
+    parts_t_q <= (Wt + 1)'($signed(part[1])) + (Wt + 1)'($signed(part[0]));
+    sum_s_q <= (Wt + 2)'(parts_s_q) + (Wt + 2)'(zero_s_q);
+    sum_t_q <= (Wt + 2)'(parts_t_q) + (Wt + 2)'(zero_t_q);
+  end
+
+  // ---- out ----
+  localparam int Top = CoordinateBits + 7;  // the coordinate's sign in the sum
+  logic off_plane_q, off_plane, off_texels;
+  always_ff @(posedge clk_i) begin
+    off_plane_q <= plane_x_q[Ws-1:Wx] != {(Ws - Wx){plane_x_q[Ws-1]}}
+        || plane_y_q[Ws-1:Wx] != {(Ws - Wx){plane_y_q[Ws-1]}};
+    s_o <= sum_s_q[Top:8];
+    t_o <= sum_t_q[Top:8];
+    beyond_o <= off_plane || off_texels;
+  end
+  assign off_texels = sum_s_q[Wt+1:Top] != {(Wt + 2 - Top){sum_s_q[Wt+1]}}
+      || sum_t_q[Wt+1:Top] != {(Wt + 2 - Top){sum_t_q[Wt+1]}};
+  lipp_delay #(.Width(1), .Cycles(TexelLatency + 1)) i_off_plane (
+    .clk_i, .d_i(off_plane_q), .q_o(off_plane)
+  );
+  logic unused_bits;
+  assign unused_bits = ^{plane_x_q[0], plane_y_q[0], sum_s_q[7:0], sum_t_q[7:0]};
+
+endmodule
+
+`default_nettype wire

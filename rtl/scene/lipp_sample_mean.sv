@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The mean of a pixel's 2^SamplesBits samples, which follow each other:
+///
+///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+///
+/// Samples may have clocks between them. The first sample of a frame begins a pixel, whatever came before.
+/// last_of_pixel_o: light_o is a pixel; first_o and last_o: one of its samples is the frame's first or last.
+/// They belong to the valid_i of mean_latency(SamplesBits) clocks before. With one sample nothing is built.
+/// Latency mean_latency(SamplesBits).
+module lipp_sample_mean #(
+  parameter int SamplesBits = 0  // 0 to 2
+) (
+  input  logic                                      clk_i,
+  input  logic                                      rst_ni,
+  input  logic                                      valid_i,
+  input  logic                                      first_i,  // of its frame
+  input  logic                                      last_i,
+  input  logic [2:0][lipp_scene_pkg::LightBits-1:0] light_i,
+  output logic                                      last_of_pixel_o,
+  output logic                                      first_o,
+  output logic                                      last_o,
+  output logic [2:0][lipp_scene_pkg::LightBits-1:0] light_o
+);
+  import lipp_scene_pkg::*;
+
+  if (SamplesBits < 0 || SamplesBits > 2) begin : gen_illegal
+    $fatal(1, "lipp_sample_mean: SamplesBits must be 0 to 2");
+  end
+
+  if (SamplesBits == 0) begin : gen_one
+    assign {last_of_pixel_o, first_o, last_o} = {1'b1, first_i, last_i};
+    assign light_o = light_i;
+    logic unused_clocks;
+    assign unused_clocks = ^{clk_i, rst_ni, valid_i};
+  end else begin : gen_some
+    localparam int Ws = LightBits + SamplesBits;
+    localparam logic [Ws-1:0] Half = Ws'(1) << (SamplesBits - 1);
+    logic [SamplesBits-1:0] number_q;  // of the next sample in its pixel
+    logic begins, ends_q, first_q, last_q;
+    logic [2:0][Ws-1:0] sum_q;
+    assign begins = first_i || number_q == '0;
+
+    always_ff @(posedge clk_i or negedge rst_ni) begin
+      if (!rst_ni) number_q <= '0;
+      else if (valid_i) number_q <= begins ? SamplesBits'(1) : number_q + 1'b1;
+    end
+    always_ff @(posedge clk_i) begin
+      if (valid_i) begin
+        ends_q <= !begins && number_q == '1;
+        first_q <= first_i || (!begins && first_q);
+        last_q <= last_i || (!begins && last_q);
+        for (int c = 0; c < 3; c++) sum_q[c] <= (begins ? Half : sum_q[c]) + Ws'(light_i[c]);
+      end
+      {last_of_pixel_o, first_o, last_o} <= {ends_q, first_q, last_q};
+      for (int c = 0; c < 3; c++) light_o[c] <= sum_q[c][Ws-1:SamplesBits];
+    end
+    logic unused_sum;
+    assign unused_sum = ^{sum_q[2][SamplesBits-1:0], sum_q[1][SamplesBits-1:0], sum_q[0][SamplesBits-1:0]};
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The colours of the texels at each layer's coordinate, and their weights.
+///
+/// Layers and slots are joined by a crossbar. The first visible layer that names a slot has it; a layer
+/// without a slot is transparent. With i = s_i >> 8, j = t_i >> 8, f = s_i & 255, g = t_i & 255:
+///
+///   nearest: the texel (i, j) has the weight 65536
+///   bilinear: the texels (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1) have the weights
+///     (256 - f) (256 - g), f (256 - g), (256 - f) g, f g; tap {row[0], column[0]} is the one of that row
+///     and column
+///
+/// Texels outside of the texture, and those of a layer with hidden_i, have the weight 0; their colour is
+/// undefined. Latency fetch_latency().
+module lipp_texel_fetch #(
+  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
+  localparam int Layers = int'(Scene.layers),
+  localparam int Taps = lipp_scene_pkg::taps(Scene)
+) (
+  input  logic                                         clk_i,
+
+  input  logic                                         write_i,  // a byte of a slot
+  input  logic [3:0]                                   write_slot_i,
+  input  logic [19:0]                                  write_at_i,
+  input  logic [7:0]                                   write_data_i,
+
+  input  lipp_scene_pkg::look_t [Layers-1:0]           look_i,
+  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // coordinates
+  input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] t_i,
+  input  logic [Layers-1:0]                            hidden_i,
+  output logic [Layers-1:0][Taps-1:0][31:0]            colour_o,  // {a, b, g, r}
+  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::ShareBits-1:0] weight_o  // 16 fraction bits
+);
+  import lipp_math_pkg::*;
+  import lipp_scene_pkg::*;
+
+  localparam int Slots = int'(Scene.slots);
+  localparam int WidthBits = int'(Scene.width_bits);
+  localparam int Height = int'(Scene.height);
+  localparam int AddressBits = $clog2(texels(Scene) / Taps);
+  localparam int WholeBits = CoordinateBits - CoordinateFraction;
+  localparam int Address = 3;  // clocks from the coordinate to the slot's address
+  localparam int Latency = fetch_latency();
+
+  if (!legal(Scene)) begin : gen_illegal
+    $fatal(1, "lipp_texel_fetch: Scene is not legal");
+  end
+
+  // ---- which layer has which slot; it stands still while rays are inside ----
+  logic [Layers-1:0][Slots-1:0] names_d, names_q, has_d, has_q;
+  logic [Layers-1:0] shown_q;
+  always_comb begin
+    for (int k = 0; k < Layers; k++) begin
+      for (int m = 0; m < Slots; m++) begin
+        names_d[k][m] = look_i[k].visible && look_i[k].slot == 4'(m);
+        has_d[k][m] = names_q[k][m];
+        for (int front = 0; front < k; front++) if (names_q[front][m]) has_d[k][m] = 1'b0;
+      end
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    names_q <= names_d;
+    has_q <= has_d;
+    for (int k = 0; k < Layers; k++) shown_q[k] <= has_q[k] != '0;
+  end
+  logic unused_look;
+  assign unused_look = ^look_i;
+
+  // ---- addresses ----
+  logic [Layers-1:0][Taps-1:0][AddressBits-1:0] at_q;
+  for (genvar k = 0; k < Layers; k++) begin : gen_layer
+    logic signed [WholeBits-1:0] column, row;
+    assign column = $signed(s_i[k][CoordinateBits-1:CoordinateFraction]);
+    assign row = $signed(t_i[k][CoordinateBits-1:CoordinateFraction]);
+
+    if (Taps == 1) begin : gen_nearest
+      logic [WholeBits-1:0] column_q, row_q;
+      logic hidden_q, inside_q, in_texture;
+      always_ff @(posedge clk_i) begin
+        column_q <= column;
+        row_q <= row;
+        hidden_q <= hidden_i[k];
+        // A negative number is a large one without its sign.
+        inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0 && row_q < WholeBits'(Height);
+        at_q[k] <= AddressBits'({row_q, column_q[WidthBits-1:0]});
+      end
+      lipp_delay #(.Width(1), .Cycles(Latency - 3)) i_inside (
+        .clk_i, .d_i(inside_q && shown_q[k]), .q_o(in_texture)
+      );
+      always_ff @(posedge clk_i) weight_o[k] <= in_texture ? Whole : '0;
+      logic unused_fraction;
+      assign unused_fraction = ^{
+        s_i[k][CoordinateFraction-1:0], t_i[k][CoordinateFraction-1:0], row_q[WholeBits-1]
+      };
+    end else begin : gen_bilinear
+      // Column and row of the even (0) and of the odd taps (1), halved.
+      logic [1:0][WholeBits-2:0] column_q, row_q;
+      logic [1:0] column_in_q, row_in_q, column_in, row_in;
+      logic [CoordinateFraction:0] f_q, g_q, f_late, g_late;
+      logic hidden_q;
+      always_ff @(posedge clk_i) begin
+        column_q[0] <= (WholeBits - 1)'((column + WholeBits'(1)) >>> 1);
+        column_q[1] <= (WholeBits - 1)'(column >>> 1);
+        row_q[0] <= (WholeBits - 1)'((row + WholeBits'(1)) >>> 1);
+        row_q[1] <= (WholeBits - 1)'(row >>> 1);
+        hidden_q <= hidden_i[k];
+        // The weight of the even tap: f where the even one is the second.
+        f_q <= column[0] ? {1'b0, s_i[k][7:0]} : 9'd256 - {1'b0, s_i[k][7:0]};
+        g_q <= row[0] ? {1'b0, t_i[k][7:0]} : 9'd256 - {1'b0, t_i[k][7:0]};
+        for (int n = 0; n < 2; n++) begin
+          column_in_q[n] <= !hidden_q && column_q[n][WholeBits-2:WidthBits-1] == '0;
+          row_in_q[n] <= row_q[n] < (WholeBits - 1)'(Height / 2);
+        end
+        for (int n = 0; n < 4; n++) begin
+          at_q[k][n] <= AddressBits'({row_q[n/2], column_q[n%2][WidthBits-2:0]});
+        end
+      end
+
+      // Weights: one product, three differences, and the masks.
+      localparam int ProductLatency = low_latency(9);
+      localparam int Weights = Latency - ProductLatency - 2;  // the product starts
+      logic signed [MulBits+8:0] product;
+      logic [1:0] column_shown, row_shown;
+      logic [8:0] f_later, g_later;
+      logic [3:0][ShareBits-1:0] weight_q;
+      lipp_delay #(.Width(18), .Cycles(Weights - 1)) i_fractions (
+        .clk_i, .d_i({f_q, g_q}), .q_o({f_late, g_late})
+      );
+      lipp_low_product #(.Low(9), .Latency(ProductLatency)) i_product (
+        .clk_i, .a_i($signed(18'(f_late))), .low_i(g_late), .p_o(product)
+      );
+      lipp_delay #(.Width(18), .Cycles(ProductLatency)) i_later (
+        .clk_i, .d_i({f_late, g_late}), .q_o({f_later, g_later})
+      );
+      assign {column_in, row_in} = {column_in_q & {2{shown_q[k]}}, row_in_q};
+      lipp_delay #(.Width(4), .Cycles(Latency - 3)) i_inside (
+        .clk_i, .d_i({column_in, row_in}), .q_o({column_shown, row_shown})
+      );
+      always_ff @(posedge clk_i) begin
+        weight_q[0] <= product[ShareBits-1:0];
+        weight_q[1] <= {g_later, 8'd0} - product[ShareBits-1:0];
+        weight_q[2] <= {f_later, 8'd0} - product[ShareBits-1:0];
+        weight_q[3] <= (Whole - {f_later, 8'd0}) - ({g_later, 8'd0} - product[ShareBits-1:0]);
+        for (int n = 0; n < 4; n++) begin
+          weight_o[k][n] <= column_shown[n%2] && row_shown[n/2] ? weight_q[n] : '0;
+        end
+      end
+      logic unused_product;
+      assign unused_product = ^product[MulBits+8:ShareBits];
+    end
+  end
+
+  // ---- slots ----
+  logic [Slots-1:0][Taps-1:0][AddressBits-1:0] slot_at_d, slot_at_q;
+  logic [Slots-1:0][Taps-1:0][31:0] slot_colour;
+  logic [Layers-1:0][Taps-1:0][31:0] colour_d;
+  logic write_q;
+  logic [3:0] write_slot_q;
+  logic [19:0] write_at_q;
+  logic [7:0] write_data_q;
+  always_comb begin
+    slot_at_d = '0;
+    colour_d = '0;
+    for (int m = 0; m < Slots; m++) begin
+      for (int k = 0; k < Layers; k++) begin
+        if (has_q[k][m]) begin
+          slot_at_d[m] |= at_q[k];
+          colour_d[k] |= slot_colour[m];
+        end
+      end
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    slot_at_q <= slot_at_d;
+    colour_o <= colour_d;
+    write_q <= write_i;
+    write_slot_q <= write_slot_i;
+    write_at_q <= write_at_i;
+    write_data_q <= write_data_i;
+  end
+  for (genvar m = 0; m < Slots; m++) begin : gen_slot
+    lipp_texel_slot #(.Scene(Scene)) i_slot (
+      .clk_i, .write_i(write_q && write_slot_q == 4'(m)), .write_at_i(write_at_q),
+      .write_data_i(write_data_q), .read_at_i(slot_at_q[m]), .colour_o(slot_colour[m])
+    );
+  end
+
+  if (Latency != Address + slot_latency() + 1) begin : gen_wrong
+    $fatal(1, "lipp_texel_fetch: fetch_latency does not agree with lipp_texel_slot");
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Memory of bytes of any depth: one port writes, the other reads, with a latency of three.
+///
+/// It is made of memories whose depths are powers of two, the largest first, so that few bytes are
+/// wasted: 12288 bytes take one of 8192 and one of 4096. The rest below 2048 is one more. The third clock
+/// selects the memory that was asked. read_data_o of an address at or beyond Depth is undefined.
+module lipp_texel_memory #(
+  parameter int Depth = 49152,
+  localparam int AddressBits = $clog2(Depth)
+) (
+  input  logic                   clk_i,
+  input  logic                   write_i,
+  input  logic [AddressBits-1:0] write_at_i,
+  input  logic [7:0]             write_data_i,
+  input  logic [AddressBits-1:0] read_at_i,
+  output logic [7:0]             read_data_o
+);
+
+  localparam int LargestBits = 14;  // of a memory of an FPGA
+  localparam int LeastBits = 11;
+
+  if (Depth < 2) begin : gen_illegal
+    $fatal(1, "lipp_texel_memory: Depth must be 2 or more");
+  end
+
+  /// Address bits of the first memory for so many bytes.
+  function automatic int first_bits(int rest);
+    if (rest >= 1 << LargestBits) return LargestBits;
+    if (rest <= 1 << LeastBits) return rest < 2 ? 1 : $clog2(rest);
+    return $clog2(rest + 1) - 1;
+  endfunction
+
+  /// Bytes before memory k.
+  function automatic int first_of(int k);
+    int at;
+    at = 0;
+    for (int n = 0; n < k; n++) at += 1 << first_bits(Depth - at);
+    return at;
+  endfunction
+
+  function automatic int parts();
+    int at, count;
+    at = 0;
+    count = 0;
+    while (at < Depth) begin
+      at += 1 << first_bits(Depth - at);
+      count++;
+    end
+    return count;
+  endfunction
+
+  localparam int Parts = parts();
+  logic [Parts-1:0][7:0] byte_masked;
+  logic [7:0] byte_d;
+  for (genvar k = 0; k < Parts; k++) begin : gen_part
+    localparam int First = first_of(k);
+    localparam int Bits = first_bits(Depth - First);
+    logic [7:0] read_data;
+    if (Parts == 1) begin : gen_whole
+      lipp_memory_1w1r #(.Width(8), .AddressBits(Bits)) i_memory (
+        .clk_i, .write_i, .write_at_i, .write_data_i, .read_at_i, .read_data_o(read_data)
+      );
+      assign byte_masked[k] = read_data;
+    end else begin : gen_some
+      // First is a multiple of this memory's depth.
+      localparam logic [AddressBits-Bits-1:0] Upper = (AddressBits - Bits)'(First >> Bits);
+      logic asked_q, asked_q2;
+      lipp_memory_1w1r #(.Width(8), .AddressBits(Bits)) i_memory (
+        .clk_i, .write_i(write_i && write_at_i[AddressBits-1:Bits] == Upper),
+        .write_at_i(write_at_i[Bits-1:0]), .write_data_i,
+        .read_at_i(read_at_i[Bits-1:0]), .read_data_o(read_data)
+      );
+      always_ff @(posedge clk_i) begin
+        asked_q <= read_at_i[AddressBits-1:Bits] == Upper;
+        asked_q2 <= asked_q;
+      end
+      assign byte_masked[k] = read_data & {8{asked_q2}};
+    end
+  end
+
+  always_comb begin
+    byte_d = '0;
+    for (int k = 0; k < Parts; k++) byte_d |= byte_masked[k];
+  end
+  always_ff @(posedge clk_i) read_data_o <= byte_d;
+
+endmodule
+
+`default_nettype wire
