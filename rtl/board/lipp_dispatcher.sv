@@ -128,13 +128,14 @@ module lipp_dispatcher #(
   assign answer = state_q == Reply && reply_q && reply_ready;
 
   // ---- the request ----
+  logic blocks_busy;
   request_t request;
   reply_status_e read_status;
   logic read_done, next;
   logic [7:0] word_at, register_word_at, ray_word_at;
   logic [31:0] word;
   lipp_request_reader #(.Width(Width), .Height(Height), .Scene(Scene)) i_reader (
-    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i && !blocks_busy_i), .in_valid_i, .in_ready_o, .in_data_i,
+    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i && !blocks_busy), .in_valid_i, .in_ready_o, .in_data_i,
     .in_last_i, .done_o(read_done), .next_i(next), .request_o(request), .status_o(read_status),
     .word_at_i(word_at), .word_o(word), .tile_start_o, .tile_empty_o, .tile_valid_o, .tile_ready_i,
     .tile_data_o, .tile_last_o
@@ -244,6 +245,7 @@ module lipp_dispatcher #(
   assign {block_start_o, block_slot_o, block_o} =
       {block_start, request.arguments[0][3:0], request.arguments[1]};
   assign block_word_o = word;
+  assign blocks_busy = Scene && blocks_busy_i;
   assign slot_there = request.arguments[0] < 8'(Slots) || request.arguments[0] == 8'd15;
   assign slot_blocks = request.arguments[0][3:0] == 4'd15 ? 9'(CurveBlocks) : 9'(Blocks);
   assign blocks_end = {1'b0, request.arguments[1]}
@@ -413,7 +415,7 @@ module lipp_dispatcher #(
               {status_q, state_q} <= {tile_ok_q ? StatusOk : StatusTile, Reply};
             end
             RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
-            RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy_i) state_q <= Reply;
+            RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy) state_q <= Reply;
             RequestBlock: if (block_done_i) state_q <= Reply;
             default: begin  // WRITE, TRACE, SIGN, ABORT
               if (register_done) {status_q, state_q} <= {register_status, Reply};

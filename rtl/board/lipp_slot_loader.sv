@@ -47,8 +47,8 @@ module lipp_slot_loader #(
     $fatal(1, "lipp_slot_loader: Slots must be 1 to 15, and Blocks 1 to 256");
   end
 
-  function automatic logic [AddressBits-1:0] entry(logic [3:0] slot, logic [7:0] block);
-    return {slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot), BlockBits'(block)};
+  function automatic logic [SlotBits-1:0] row(logic [3:0] slot);
+    return slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot);
   endfunction
 
   // ---- the bytes: byte_q is asked for, a clock later its word is there, a clock later it is written ----
@@ -96,11 +96,14 @@ module lipp_slot_loader #(
   end
   lipp_memory_1w1r #(.Width(32), .AddressBits(AddressBits)) i_table (
     .clk_i, .write_i(busy_o || start_i || ended_q),
-    .write_at_i(busy_o ? cleared_q[AddressBits-1:0] : start_i ? entry(slot_i, block_i)
-                                                              : entry(slot_q, block_q)),
+    .write_at_i(busy_o ? cleared_q[AddressBits-1:0]
+                : start_i ? {row(slot_i), block_i[BlockBits-1:0]}
+                          : {row(slot_q), block_q[BlockBits-1:0]}),
     .write_data_i(busy_o || start_i ? '0 : ~crc_q),
-    .read_at_i(entry(read_slot_i, read_at_i)), .read_data_o(read_crc_o)
+    .read_at_i({row(read_slot_i), read_at_i[BlockBits-1:0]}), .read_data_o(read_crc_o)
   );
+  logic unused_at;
+  assign unused_at = ^read_at_i;
 
 endmodule
 
