@@ -1,0 +1,13 @@
+"""The mean of a pixel's samples (rtl/scene/lipp_sample_mean.sv)."""
+
+from __future__ import annotations
+
+from lippmann.fixed.words import Ints
+
+
+def sample_mean(light: Ints, samples_bits: int) -> Ints:
+    """Return the light of pixels (N, 3), of 2^n samples (2^n N, 3) each: (sum + 2^(n-1)) >> n, of one sample itself."""
+    if not samples_bits:
+        return light
+    total: Ints = light.reshape(-1, 1 << samples_bits, 3).sum(axis=1)
+    return (total + (1 << (samples_bits - 1))) >> samples_bits

@@ -1,0 +1,167 @@
+"""The register values and slots with which the RTL draws a stack of layers on one display.
+
+Software writes them at run time; a build of the drawing (`scene_build.py`) decides what hardware reads them. A value
+that its register cannot hold is refused here, with the layer, the register, the value and the range.
+
+The array's rotation and offset go into each layer's words: the RTL's lines are in the array's frame.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.errors import InputError
+from lippmann.fixed.exit_line import LATTICE_FRACTION
+from lippmann.fixed.panel_curve import WHITE, entry_light
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.scene_words import (
+    COEFFICIENT_FRACTION,
+    DEPTH_FRACTION,
+    FULL_BRIGHTNESS,
+    TEXEL_FRACTION,
+    LayerWords,
+    SceneWords,
+)
+from lippmann.images import encoded_values
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.system import System
+
+if TYPE_CHECKING:
+    from lippmann.layers.stack import Layer, LayerStack
+
+Bytes = npt.NDArray[np.uint8]
+
+#: Largest distance from the array's origin of a ray at z = 0, and of a layer's texture, radii.
+MAX_PLACE = 2048.0
+#: Factor of a sky's slopes: the largest power of two with which all slopes that draw, below 4, stay in range.
+SKY_DEPTH = 512.0
+#: Largest distance of an exit from its pixel along x or y, radii: a pixel is 8 pitches of 2 radii from its lenslet at
+#: most, and a ray 4 radii from the lenslet's axis.
+EXIT_RADII = 20.0
+#: Bits of a board's pixel.
+_BOARD_BITS = 8
+
+_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
+
+
+def scene_words(
+    display: Display, stack: LayerStack, build: SceneBuild, slots: tuple[int, ...] | None = None
+) -> SceneWords:
+    """Return the registers with which a build draws a stack on a display.
+
+    `slots` are the slots that hold the layers' textures; left out, layer k is in slot k. Raises InputError when the
+    build has fewer layers or slots, and when a register cannot hold a value.
+    """
+    if len(stack.layers) > build.layers:
+        raise InputError(
+            f"{len(stack.layers)} layers do not fit this build, which has {build.layers}; leave layers out, or build "
+            f"with layers = {len(stack.layers)}"
+        )
+    slots = tuple(range(len(stack.layers))) if slots is None else slots
+    for k, slot in enumerate(slots):
+        if not 0 <= slot < build.slots_built:
+            raise InputError(
+                f"layer {k}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
+            )
+    if len(set(slots)) < len(slots):
+        raise InputError(f"registers look: slots {', '.join(map(str, slots))}: give each layer a slot of its own")
+    _check_place(display)
+    layers = tuple(
+        layer_words(display, layer, k, slot) for k, (layer, slot) in enumerate(zip(stack.layers, slots, strict=True))
+    )
+    radius = display.array.radius_mm
+    lattice = Lattice.of(display.array)
+    (xi, _), (xj, yj) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
+    steps = {
+        name: _word(value / radius, 32, LATTICE_FRACTION, f"register {name}", _STEEP)
+        for name, value in (("lattice_xi", xi), ("lattice_xj", xj), ("lattice_yj", yj))
+    }
+    red, green, blue = (math.floor(light * WHITE + 0.5) for light in stack.background)
+    return SceneWords(layers, **steps, background=(red, green, blue))
+
+
+def layer_words(display: Display, layer: Layer, number: int, slot: int) -> LayerWords:
+    """Return the registers of a layer, `number` of its stack, whose texture is in a slot.
+
+    With (x, y) = turn(X, Y) R + offset, the array's frame in radii: s = s0 + a X' + b Y' at the layer's plane, where
+    (a, b) = R (m00, m01) turn and s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
+    """
+    frame = System.of(display).frame
+    radius, (ox, oy) = display.array.radius_mm, frame.offset_mm
+    turn = np.array([[frame.cos, -frame.sin], [frame.sin, frame.cos]])
+    linear, zero = layer.matrix[:, :2] @ turn, layer.matrix[:, 2]
+    if layer.sky:
+        depth, linear = SKY_DEPTH, linear / SKY_DEPTH
+    else:
+        depth, linear = layer.depth_mm / radius, linear * radius
+        zero = zero + layer.matrix[:, :2] @ (ox, oy)
+
+    name = f"layer {number}, register"
+    nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
+    words = {"depth": _word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer)}
+    for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
+        finer = "the texture is too small: give it fewer texels, or make it larger"
+        words[register] = _word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer)
+    for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
+        beside = "the texture is too far beside the display for its size: bring it nearer to the middle"
+        words[register] = _word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside)
+    if not layer.sky:
+        _check_reach(layer, linear, zero, number)
+    bright = math.floor(layer.brightness * FULL_BRIGHTNESS + 0.5)
+    return LayerWords(**words, visible=layer.visible, infinite=layer.sky, slot=slot, brightness=bright)
+
+
+def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
+    """Return what a layer's slot holds: its texels row by row, then its palette (r, g, b, a of each entry).
+
+    Raises InputError when the texture does not fit a slot of the build.
+    """
+    return np.concatenate([layer.padded(build.width, build.height).ravel(), layer.palette.ravel()])
+
+
+def curve_table(display: Display) -> Bytes:
+    """Return the table of a panel's curve, 8192 bytes; a panel of fewer than 8 bits has its values spread."""
+    panel = display.panel
+    return encoded_values(entry_light(), panel.transfer, min(panel.bits, _BOARD_BITS)).astype(np.uint8)
+
+
+def _word(value: float, bits: int, fraction: int, register: str, remedy: str) -> int:
+    """Return the nearest word of a value; refuse a value for which the register is too narrow."""
+    word = math.floor(math.ldexp(value, fraction) + 0.5)
+    if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
+        limit = 2.0 ** (bits - 1 - fraction)
+        raise InputError(f"{register}: {value:.6g} is outside its range [{-limit:g}, {limit:g}); {remedy}")
+    return word
+
+
+def _check_place(display: Display) -> None:
+    """Refuse a display whose rays leave farther from the array's origin than the position's word holds."""
+    system, panel = System.of(display), display.panel
+    corners = [(x * panel.width_mm, y * panel.height_mm) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    farthest = max(max(map(abs, system.frame.array_from_panel(*corner))) for corner in corners)
+    radii = farthest / display.array.radius_mm + EXIT_RADII
+    if radii >= MAX_PLACE:
+        raise InputError(
+            f"registers lattice_xi, lattice_xj and lattice_yj: they place the panel's corner {radii:.6g} radii from "
+            f"the array's origin, outside the range [0, {MAX_PLACE:g}); raise array.radius_mm, take a smaller panel, "
+            "or bring array.offset_mm nearer to it"
+        )
+
+
+def _check_reach(layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int) -> None:
+    """Refuse a texture with a corner farther from the array's origin than the position's word holds."""
+    if np.linalg.det(linear) == 0.0:
+        return  # all along a line it shows the same texels, so that it has no corners
+    corners = np.array([(s, t) for s in (0.0, layer.width) for t in (0.0, layer.height)])
+    places = np.linalg.solve(linear, (corners - zero).T)
+    farthest = float(np.abs(places).max())
+    if farthest >= MAX_PLACE:
+        raise InputError(
+            f"layer {number}, registers s0, t0 and a to d: they place a corner of the texture {farthest:.6g} radii "
+            f"from the array's origin, outside the range [0, {MAX_PLACE:g}); make the texture smaller, or a sky"
+        )

@@ -1,0 +1,20 @@
+"""Blends a layer's texels by their weights (rtl/scene/lipp_texel_blend.sv)."""
+
+from __future__ import annotations
+
+from lippmann.fixed.words import Ints
+
+
+def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
+    """Return the premultiplied light (N, 3) and the opacity (N,), 16 fraction bits, of texels (N, taps, 4).
+
+    With the bytes r, g, b, a of texel n and its weight w_n (N, taps):
+
+        share_n = (w_n (a + [a >= 128]) + 2^7) >> 8
+        red     = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  green and blue likewise
+        opacity = sum over n of share_n
+    """
+    alpha = colours[..., 3]
+    shares = (weights * (alpha + (alpha >> 7)) + 128) >> 8
+    parts = (shares[..., None] * colours[..., :3] ** 2) >> 8
+    return (parts.sum(axis=1) + 128) >> 8, shares.sum(axis=1)
