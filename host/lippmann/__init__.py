@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 from lippmann import old_names
 
 if TYPE_CHECKING:
-    from lippmann.api import capture, load_scene, observe, render, view
+    from lippmann.api import capture, draw, load_layers, load_scene, observe, render, view
     from lippmann.board.board import Board
     from lippmann.capturing.setup import load_setup
     from lippmann.display import Display, load_display, parse_display
     from lippmann.engines import trace, trace_to_panel
     from lippmann.integral_image import IntegralImage
+    from lippmann.layers.stack import Layer, LayerStack
     from lippmann.optics.rays import Hits, Rays, Status
     from lippmann.rendering.placement import Placement
 
@@ -26,11 +27,15 @@ __all__ = [
     "Display",
     "Hits",
     "IntegralImage",
+    "Layer",
+    "LayerStack",
     "Placement",
     "Rays",
     "Status",
     "capture",
+    "draw",
     "load_display",
+    "load_layers",
     "load_scene",
     "load_setup",
     "observe",
@@ -42,12 +47,13 @@ __all__ = [
 ]
 
 _HOMES = {
-    "lippmann.api": ("capture", "load_scene", "observe", "render", "view"),
+    "lippmann.api": ("capture", "draw", "load_layers", "load_scene", "observe", "render", "view"),
     "lippmann.board.board": ("Board",),
     "lippmann.capturing.setup": ("load_setup",),
     "lippmann.display": ("Display", "load_display", "parse_display"),
     "lippmann.engines": ("trace", "trace_to_panel"),
     "lippmann.integral_image": ("IntegralImage",),
+    "lippmann.layers.stack": ("Layer", "LayerStack"),
     "lippmann.optics.rays": ("Hits", "Rays", "Status"),
     "lippmann.rendering.placement": ("Placement",),
 }

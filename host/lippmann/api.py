@@ -1,4 +1,4 @@
-"""The functions of the public Python interface: load_scene, render, capture, observe, view.
+"""The functions of the public Python interface: load_scene, render, load_layers, draw, capture, observe, view.
 
 Each function sets Mitsuba's variant for its device, and restores the user's variant afterwards. The command
 line calls these functions too.
@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import time
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from lippmann import __version__
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.setup import Pickup, Setup, load_setup
@@ -20,6 +24,12 @@ from lippmann.display import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
 from lippmann.images import check_output, replacing
 from lippmann.integral_image import IntegralImage, check_image
+from lippmann.layers.cost import measured_cuts
+from lippmann.layers.cut import SLOT, Cut
+from lippmann.layers.drawing import Filter, draw_layers
+from lippmann.layers.folder import check_for_display
+from lippmann.layers.folder import load_layers as load_layers_folder
+from lippmann.layers.stack import LayerStack
 from lippmann.observer import Eye, View, whole_window
 from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
@@ -28,7 +38,7 @@ from lippmann.rendering.integral import ModelOption, RenderOptions, image_metada
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, check_memory
-from lippmann.rendering.scene import Scene, check_scene_file
+from lippmann.rendering.scene import Part, Scene, check_scene_file
 from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
 from lippmann.select.model import TOLERANCE
@@ -165,6 +175,119 @@ def render_with(
         if arrange is not None and note is not None:
             note(f"placed by {placed.placement}")
         return render_image(placed, built, options, progress, note)
+
+
+def cut_layers(
+    scene: str | Path | Scene,
+    display: str | Path | Display,
+    counts: Sequence[int] = (4,),
+    slot: tuple[int, int] = SLOT,
+    settings: Settings | None = None,
+    *,
+    apart: str | None = None,
+    filter: Filter | None = None,
+    placement: Placement | None = None,
+    arrange: Arrange | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+) -> list[tuple[Cut, list[float]]]:
+    """Cut a scene into layers for a display, once for each number of layers.
+
+    Parameters
+    ----------
+    scene, display, placement, arrange, device
+        See `render`. With `apart` the scene must be given as a path.
+    counts
+        Numbers of layers, 1 to 8.
+    slot
+        Most texels of a layer, across and down.
+    settings
+        How each texel is rendered.
+    apart
+        Shapes by id (`*`, `?`) that become a layer of their own, which can be moved.
+    filter
+        For this filter the layers are drawn, and compared with the full render in the views of a moving eye.
+    progress
+        Called with (cuts done, cuts in all).
+
+    Returns
+    -------
+    Each cut (its `stack` holds the layers), and the PSNR, dB, of the moving eye's views; empty without a filter.
+
+    Raises
+    ------
+    InputError
+        For bad files and values, and a scene of which no eye sees anything.
+    """
+    built, settings = display_at(display), Settings(samples=16) if settings is None else settings
+    with _loaded(scene, placement, device) as loaded:
+        placed = loaded if arrange is None else arranged(loaded, built, arrange)
+        parts: tuple[Scene, Scene | None] = (placed, None)
+        if apart is not None:
+            rest, own = (Part(apart, kept) for kept in (False, True))
+            parts = tuple(load_scene_file(placed.path, placed.placement, part=part) for part in (rest, own))
+        return list(measured_cuts(placed, parts, built, counts, slot, settings, filter, progress))
+
+
+def load_layers(path: str | Path) -> LayerStack:
+    """Read a folder of layers that `lippmann layers` wrote, or its `layers.toml`.
+
+    Raises
+    ------
+    InputError
+        With file, key and remedy, for bad keys and for pictures that are not PNGs with a palette.
+    """
+    return load_layers_folder(path)
+
+
+def draw(
+    layers: str | Path | LayerStack,
+    display: str | Path | Display,
+    *,
+    filter: Filter = "nearest",
+    samples: int = 1,
+    model: Model = "exact",
+    engine: Engine = "golden",
+) -> IntegralImage:
+    """Draw layers for a display, as an FPGA does without a frame memory.
+
+    Parameters
+    ----------
+    layers
+        A folder of layers, or what `load_layers` returned.
+    display
+        A display file, or what `load_display` returned.
+    filter
+        "nearest" texel, or "bilinear" between four.
+    samples
+        For each pixel: 1, 2 or 4.
+    model
+        Lens model.
+    engine
+        "golden": float64.
+
+    Returns
+    -------
+    The image; its light is not yet rounded to the panel's values, which `save` does for a PNG.
+
+    Raises
+    ------
+    InputError
+        For bad files and values, and layers at or behind the eyes.
+    """
+    built = display_at(display)
+    stack = layers if isinstance(layers, LayerStack) else load_layers(layers)
+    check_for_display(stack, built, "layers" if isinstance(layers, LayerStack) else str(layers))
+    started = time.perf_counter()
+    drawn = draw_layers(built, stack, filter, samples, model, engine)
+    seconds = time.perf_counter() - started
+    metadata = {
+        "model": model, "engine": engine, "samples": str(samples), "filter": filter,
+        "layers": str(len(stack.layers)), "version": __version__,
+    }  # fmt: skip
+    rate = samples * built.panel.width_px * built.panel.height_px / max(seconds, 1e-9)
+    measured = {"seconds": seconds, "samples_per_second": rate}
+    return IntegralImage(drawn.light.astype(np.float32), built, metadata, measured)
 
 
 def capture(

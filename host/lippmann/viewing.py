@@ -113,7 +113,7 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
     seen = sees_all(display, middle)
     away = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
     reach = np.zeros((len(middle), len(away), 1))
-    step = FARTHEST * _half_width(display) * middle[:, None, 2:]
+    step = FARTHEST * half_width(display) * middle[:, None, 2:]
     for _ in range(HALVINGS if seen.any() else 0):
         step = 0.5 * step
         eyes = (middle[:, None] + (reach + step) * away)[seen].reshape(-1, 3)
@@ -123,7 +123,7 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
     return [Zone(*place) if whole else None for place, whole in zip(places, seen, strict=True)]
 
 
-def _half_width(display: Display) -> float:
+def half_width(display: Display) -> float:
     """Return half the paraxial width of a lenslet's own zone, over the distance z."""
     return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
@@ -143,7 +143,7 @@ def remedy(display: Display) -> str:
         if new.viewing_distance_mm is not None and new.viewing_distance_mm < changed.nearest_eye_mm:
             continue
         x, y, z = middle_eye(changed, viewing_distance(changed))
-        aside = WORTH * z * _half_width(changed)
+        aside = WORTH * z * half_width(changed)
         if sees_all(changed, np.array([(x - aside, y, z), (x, y, z), (x + aside, y, z)])).all():
             pairs = zip(_Change._fields, new, old, strict=True)
             given = ", ".join(f"{key} = {value:.4g}" for key, value, was in pairs if value not in (was, None))

@@ -20,7 +20,7 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
@@ -42,12 +42,15 @@ QUERY_S = 0.02
 SIGN_CLOCKS = 10
 #: Clocks for each tile of a RESET: two entries are cleared, in a table of a power of two.
 RESET_CLOCKS = 8
-#: What runs, in the reply of a busy board: a frame that a write started, or the SIGN that is answered.
-FRAME_RUNS, THIS_RUNS = 1, 3
+#: What runs, in the reply of a busy board: a frame that a write started, the SIGN that is answered, the drawing of
+#: the panel; or the slot of a BLOCK is shown.
+FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 #: Most rays in a TRACE, words in a READ or WRITE, tiles in a TILES request.
 MAX_RAYS, MAX_WORDS, MAX_TILES = 64, 64, 512
 #: Address of the optics block's first register.
 OPTICS_BASE = 0x200
+#: Address of the scene's first register.
+SCENE_BASE = 0x400
 
 HELLO_REQUEST = struct.Struct("<BI")
 HELLO_REPLY = struct.Struct("<BIQHHBHIHI")
@@ -74,7 +77,7 @@ REFUSALS = {
     ReplyStatus.FRAME_CRC_DIFFERS: ("its frame differs from the one sent", "stream the frame again"),
     ReplyStatus.NO_SUCH_TILE: ("it has no such tile", "render the image for this panel"),
     ReplyStatus.WRONG_VERSION: (
-        f"it does not support version {' or '.join(map(str, VERSIONS))} of the protocol",
+        f"it does not support version {' or '.join(map(str, sorted(VERSIONS, reverse=True)))} of the protocol",
         UPDATE,
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
@@ -163,8 +166,8 @@ class Board:
     def hello(self) -> Hello:
         """Begin a session: send HELLO, check the reply, and keep it in `info`.
 
-        The newest version of the protocol that both speak is used. Raises DeviceError when there is none, and for
-        limits that this host does not support.
+        Raises DeviceError when the board speaks no version of the protocol that this host knows, and for limits that
+        this host does not support.
         """
         nonce = secrets.randbits(32)
         for asked in VERSIONS:
@@ -306,7 +309,7 @@ class Board:
         self.hello()
 
     def _needs_version_2(self, kind: Kind) -> None:
-        if self.info.version < VERSIONS[0]:
+        if self.info.version < RESET_VERSION:
             what = f"the board speaks version {self.info.version} of the protocol, which has no {kind.name}"
             raise self._error(what, "update the board, or press its reset button")
 
@@ -396,6 +399,12 @@ class Board:
         name = Kind(kind).name
         if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
             runs, rays = BUSY_REPLY.unpack(body)
+            if runs == SCENE_RUNS:
+                remedy = "end the scene first: lippmann board write scene.source scene=0"
+                return self._error(f"the board refuses {name} while its optics draw a scene", remedy)
+            if runs == SLOT_SHOWN:
+                what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
+                return self._error(what, "load another slot, or hide the layer first")
             by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
             remedy = "wait, or end it with lippmann board abort"
             if runs == FRAME_RUNS:

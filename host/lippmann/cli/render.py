@@ -7,7 +7,11 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, log, progress_bar
+from lippmann.errors import InputError
 from lippmann.images import check_output
+from lippmann.integral_image import IntegralImage
+from lippmann.layers.drawing import Filter
+from lippmann.layers.folder import is_layers, load_layers
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import peak_memory_mb
 from lippmann.rendering.scene import check_scene_file
@@ -22,16 +26,22 @@ def command(
     options: RenderOptions = RENDERING,
     moved: Moved = MOVED,
     seed: int = SEED,
+    filter: Filter = option("Of a folder of layers: nearest texel, or bilinear between four.", "nearest"),
     device: str = DEVICE,
 ) -> None:
-    """Render the integral image of a Mitsuba scene for a display.
+    """Render the integral image of a Mitsuba scene, or of a folder of layers, for a display.
+
+    Layers take --engine golden, --samples 1, 2 or 4, --scale and --offset.
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
-    path, arrange = check_output(output), moved.arrange
-    placement = moved.placement(check_scene_file(scene_path))
-    with progress_bar("render") as progress:
-        image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
+    path = check_output(output)
+    if is_layers(scene_path):
+        image = _drawn(scene_path, display_path, options, moved, filter)
+    else:
+        placement, arrange = moved.placement(check_scene_file(scene_path)), moved.arrange
+        with progress_bar("render") as progress:
+            image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
     image.save(path)
     display = image.display
     result = {
@@ -41,11 +51,11 @@ def command(
         "width_px": display.panel.width_px,
         "height_px": display.panel.height_px,
         "model": image.metadata["model"],
-        "engine": options.engine,
+        "engine": image.metadata["engine"],
         "integrator": options.settings.integrator,
         "samples": options.settings.samples,
         "seed": seed,
-        "device": current_device(),
+        "device": None if is_layers(scene_path) else current_device(),
         **image.measured,
         "peak_memory_mb": peak_memory_mb(),
     }
@@ -56,3 +66,17 @@ def command(
         f"peak memory {peak_memory_mb():.0f} MB"
     )
     emit(result, text)
+
+
+def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, filter: Filter) -> IntegralImage:
+    """Return the picture of a folder of layers; refuse options that only scenes have."""
+    settings, plain = options.settings, RenderOptions()
+    for name in moved.given.keys() - {"scale", "offset"}:
+        raise InputError(f"--{name.replace('_', '-')} is for scenes; layers take --scale and --offset")
+    for name, given in (("aperture", settings.aperture), ("integrator", settings.integrator)):
+        if given != getattr(plain.settings, name):
+            raise InputError(f"--{name} is for scenes; leave it out with layers")
+    stack = load_layers(path).moved(moved.scale or 1.0, moved.offset or (0.0, 0.0, 0.0))
+    model = "exact" if options.model == "auto" else options.model
+    engine = "golden" if options.engine == "fast" else options.engine
+    return api.draw(stack, display_path, filter=filter, samples=settings.samples, model=model, engine=engine)

@@ -7,7 +7,7 @@ A palette's red, green and blue are square roots of linear light, its fourth byt
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
@@ -25,6 +25,8 @@ MAX_LAYERS = 8
 MAX_SIDE = 1024
 #: Colours of a palette.
 COLOURS = 256
+#: Bytes of the blocks in which a board's slots are loaded.
+BLOCK_BYTES = 1024
 #: Farthest depth of a layer, mm; what lies beyond is a sky.
 MAX_DEPTH_MM = 1e6
 
@@ -120,6 +122,15 @@ class Layer:
         """Whether the layer is at infinity."""
         return math.isinf(self.depth_mm)
 
+    def moved(self, scale: float, offset_mm: tuple[float, float, float]) -> Layer:
+        """Return the layer scaled about the display's middle, then moved. A sky stays: it has no size and no place."""
+        if self.sky:
+            return self
+        x, y, z = offset_mm
+        linear, shift = self.matrix[:, :2] / scale, self.matrix[:, 2]
+        matrix = np.column_stack([linear, shift - linear @ (x, y)])
+        return replace(self, depth_mm=scale * self.depth_mm + z, matrix=matrix)
+
     def padded(self, width: int, height: int) -> Bytes:
         """Return the texels (height, width) of a slot: the texture at its top left, the rest transparent.
 
@@ -168,6 +179,12 @@ class LayerStack:
             raise InputError(f"layers: background {background.tolist()} is out of range; give linear light, 0 to 1")
         object.__setattr__(self, "layers", layers)
         object.__setattr__(self, "background", background)
+
+    def moved(self, scale: float = 1.0, offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> LayerStack:
+        """Return the stack scaled about the display's middle, then moved, mm."""
+        if not 0.0 < scale < math.inf:
+            raise InputError(f"layers: scale {scale:g} is out of range; give more than 0")
+        return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
 
 
 def _bytes(name: str, values: Any) -> Bytes:

@@ -164,7 +164,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
             lost = [mask & inside for mask in lines.lost]
             sampler = mi.load_dict({"type": "independent"})
             sampler.seed(seed, count * tile_pixels * samples)
-            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, _scene_ray(scene, lines), None, active)
+            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, scene_ray(scene, lines), None, active)
             colour = dr.select(active, mi.Color3f(radiance), 0.0)
             if samples > 1:
                 # Evaluated before the sums, because each sum would trace the rays again.
@@ -240,7 +240,7 @@ def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, boxes
     return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
 
 
-def _scene_ray(scene: Scene, lines: Lines) -> Any:
+def scene_ray(scene: Scene, lines: Lines) -> Any:
     """Return the scene's ray along a line of sight, from in front of the scene towards the display."""
     mi = mitsuba()
     import drjit as dr

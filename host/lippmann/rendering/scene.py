@@ -31,6 +31,14 @@ class Move:
 
 
 @dataclass(frozen=True)
+class Part:
+    """The shapes of a scene whose id matches a pattern (`*`, `?`); not `kept`: all others. Lights stay."""
+
+    shapes: str
+    kept: bool = True
+
+
+@dataclass(frozen=True)
 class Scene:
     """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in.
 
@@ -109,12 +117,15 @@ def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
         mi.set_file_resolver(before)
 
 
-def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = ()) -> Scene:
-    """Load a scene file, Mitsuba XML; its shapes are moved in the order of `moves`.
+def load_scene(
+    path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
+) -> Scene:
+    """Load a scene file, Mitsuba XML, or a part of it; its shapes are moved in the order of `moves`.
 
     Without a placement it stands by `placement_beside`.
 
-    Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape.
+    Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape, or
+    a part none or all of them.
     """
     mi = mitsuba()
     path = check_scene_file(path)
@@ -132,11 +143,28 @@ def load_scene(path: str | Path, placement: Placement | None = None, moves: Sequ
             motion = mi.ScalarTransform4d(move.matrix)
             for props in chosen:
                 props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
+        if part is not None:
+            _keep(part, state, path)
         mi.parser.transform_all(configuration, state)
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
     return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras))
+
+
+def _keep(part: Part, state: Any, path: Path) -> None:
+    """Remove the shapes of a parsed scene that do not belong to a part."""
+    mi = mitsuba()
+    root, child = state.root.props, mi.Properties.ResolvedReference
+    inside = {name: state.nodes[root[name].index()] for name, _ in root.items() if isinstance(root[name], child)}
+    shapes = {name: node.props for name, node in inside.items() if node.type == mi.ObjectType.Shape}
+    chosen = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
+    if not chosen:
+        raise input_error(str(path), f"no shape's id matches '{part.shapes}'", _ids_there(list(shapes.values())))
+    if len(chosen) == len(shapes):
+        raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
+    for name in chosen ^ (set(shapes) if part.kept else set()):
+        root.remove_property(name)
 
 
 def _ids_there(shapes: Sequence[Any]) -> str:

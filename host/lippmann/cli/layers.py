@@ -1,0 +1,142 @@
+"""`lippmann layers`: a scene as a few layers, which a board draws by itself."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann import api
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
+from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
+from lippmann.cli.output import emit, log, progress_bar
+from lippmann.display import Display, load_display
+from lippmann.display_properties import display_properties
+from lippmann.errors import InputError
+from lippmann.images import check_output, replacing
+from lippmann.layers.cost import row_of
+from lippmann.layers.cut import SLOT, Cut
+from lippmann.layers.drawing import Filter
+from lippmann.layers.folder import check_for_display, save_layers
+from lippmann.layers.pictures import cut_pictures, is_pictures
+from lippmann.layers.stack import MAX_LAYERS
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import check_scene_file
+
+#: Numbers of layers that --costs measures, up to --count.
+MEASURED = (1, 2, 3, 4, 6, 8)
+
+
+class Slot(click.ParamType[tuple[int, int]]):
+    """Texels across and down of a slot, such as 256x192."""
+
+    name = "slot"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Parse the numbers."""
+        if isinstance(value, tuple):
+            return value
+        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", str(value))
+        if found is None:
+            self.fail(f"'{value}' is not WIDTHxHEIGHT; give texels across and down, such as 256x192", param, ctx)
+        return int(found[1]), int(found[2])
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return the form for help texts."""
+        return "WIDTHxHEIGHT"
+
+
+@make_command("layers")
+def command(
+    scene_path: str = argument("SCENE"),
+    display_path: str = DISPLAY,
+    output: str = option("Folder for the layers; it is made.", flag="-o", metavar="FOLDER"),
+    count: int = option("Number of layers.", 4, click.IntRange(1, MAX_LAYERS)),
+    apart: str | None = option("Shapes by id (`*`, `?`) that become a layer of their own, to move.", None),
+    slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, Slot()),
+    samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
+    filter: Filter = option("Filter for which hardware and decibels are told.", "nearest"),
+    costs: str | None = option("Table: decibels over the number of layers, up to --count.", None, metavar="OUT.csv"),
+    integrator: str = INTEGRATOR,
+    max_depth: int = MAX_DEPTH,
+    moved: Moved = MOVED,
+    seed: int = SEED,
+    device: str = DEVICE,
+) -> None:
+    """Cut a scene into layers that a board draws by itself.
+
+    SCENE is a Mitsuba scene, or a folder with pictures.toml: pictures with opacity, and their depths.
+
+    Example: lippmann layers scenes/chart/chart.xml --display scenes/displays/vga-square.toml --scale 0.25 -o out/chart
+    """
+    display = load_display(display_path)
+    table = None if costs is None else check_output(costs, (".csv",))
+    cuts: list[tuple[Cut, list[float]]]
+    if is_pictures(scene_path):
+        if moved.given or apart is not None or table is not None:
+            raise InputError(f"{scene_path}: pictures have their places; leave out --apart, --costs and placements")
+        cut, names = cut_pictures(scene_path, display, slot)
+        cuts = [(cut, [])]
+    else:
+        settings = Settings(samples, integrator=integrator, max_depth=max_depth, seed=seed)
+        placement = moved.placement(check_scene_file(scene_path))
+        least = 1 if apart is None else 2
+        counts = [k for k in MEASURED if table is not None and least <= k < count] + [count]
+        with progress_bar("layers") as progress:
+            cuts = api.cut_layers(
+                scene_path, display, counts, slot, settings, apart=apart, filter=None if table is None else filter,
+                placement=placement, arrange=moved.arrange, device=device, progress=progress,
+            )  # fmt: skip
+        cut = cuts[-1][0]
+        names = tuple("apart" if k == cut.apart else f"layer_{k}" for k in range(len(cut.stack.layers)))
+    check_for_display(cut.stack, display, scene_path)
+    file = save_layers(output, cut.stack, names)
+    rows = [row_of(one, seen, slot, filter) for one, seen in cuts]
+    if table is not None:
+        with replacing(table) as partial, partial.open("w", newline="") as stream:
+            writer = csv.DictWriter(stream, rows[-1])
+            writer.writeheader()
+            writer.writerows(rows)
+    for remark in _remarks(cut, display):
+        log(remark)
+    emit(
+        {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
+        _text(file, cut, names, rows),
+    )
+
+
+def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
+    layers = zip(names, cut.stack.layers, cut.slabs, cut.palette_db, strict=True)
+    return {
+        "layers": [
+            {
+                "name": name, "depth_mm": layer.depth_mm, "front_mm": slab.front_mm, "back_mm": slab.back_mm,
+                "width": layer.width, "height": layer.height, "palette_db": palette_db,
+            }
+            for name, layer, slab, palette_db in layers
+        ]
+    }  # fmt: skip
+
+
+def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any]]) -> Iterator[str]:
+    yield f"{file}: {len(names)} layers, front to back"
+    for name, layer, palette_db in zip(names, cut.stack.layers, cut.palette_db, strict=True):
+        where = "sky" if layer.sky else f"z = {layer.depth_mm:+.1f} mm"
+        yield f"{name:<16} {where:<14} {layer.width:>4} x {layer.height:<4} palette {palette_db:.1f} dB"
+    for row in rows:
+        seen = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
+        yield f"{row['layers']} layers: {seen}{row['load_bytes']} bytes, {row['block_rams']} block RAMs"
+
+
+def _remarks(cut: Cut, display: Display) -> Iterator[str]:
+    far, near = display_properties(display).depth_range_mm
+    outside = [layer.depth_mm for layer in cut.stack.layers if layer.sky or not far <= layer.depth_mm <= near]
+    if outside:
+        depths = ", ".join("the sky" if math.isinf(z) else f"{z:+.0f} mm" for z in outside)
+        yield f"note: fine detail is lost at {depths}: the display's depth range is z = {far:.4g} to {near:.4g} mm"

@@ -1,0 +1,108 @@
+"""What layers cost and what they are worth: bytes, hardware, and the eye's view against the full render."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lippmann.display import Display
+from lippmann.images import Radiance, psnr_db
+from lippmann.layers.cut import Cut, Progress, Reach, cut_scene, reach_of
+from lippmann.layers.drawing import Filter, draw_golden
+from lippmann.layers.stack import COLOURS, LayerStack
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import Scene
+
+#: Bytes of a palette.
+PALETTE_BYTES = 4 * COLOURS
+#: Bytes of a block RAM of the ECP5 (DP16KD) with bytes in it, and colours of 32 bits.
+BLOCK_RAM_BYTES, BLOCK_RAM_COLOURS = 2048, 512
+#: Bytes of the table of the panel's curve.
+CURVE_BYTES = 8192
+#: Places of a moving eye, in the reach of the eyes to each side, and rays for each pixel of its view.
+EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
+#: Samples for each pixel of the full render.
+FULL_SAMPLES = 4
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Bytes to load, and block RAM on an ECP5, of layers in slots."""
+
+    layers: int
+    #: Texels and palettes, sent once.
+    load_bytes: int
+    #: Block RAMs (DP16KD) of the build's slots, one more than layers, with their palettes and the panel's curve.
+    block_rams: int
+
+
+def cost_of(layers: int, slot: tuple[int, int], filter: Filter) -> Cost:
+    """Return what a number of layers costs, each in a slot of texels across and down.
+
+    A slot has one bank of texels, or for "bilinear" four, which have a quarter of them each; each bank reads a palette
+    of its own, and a block RAM of two ports serves two of them.
+    """
+    texels = slot[0] * slot[1]
+    banks = 4 if filter == "bilinear" else 1
+    one = banks * math.ceil(texels / banks / BLOCK_RAM_BYTES) + math.ceil(banks / 2)
+    return Cost(layers, layers * (texels + PALETTE_BYTES), (layers + 1) * one + CURVE_BYTES // BLOCK_RAM_BYTES)
+
+
+def eyes_of(reach: Reach) -> list[Eye]:
+    """Return the places of an eye that moves from left to right as far as it sees the whole panel."""
+    x, y, z = reach.eye_mm
+    return [Eye((x + share * reach.aside_mm, y, z)) for share in EYES]
+
+
+def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radiance]:
+    """Return the moving eye's views of a display that shows the full render of a scene."""
+    return views_of(np.minimum(render_integral(scene, display, "exact", settings).radiance, 1.0), display)
+
+
+def views_of(radiance: Any, display: Display) -> list[Radiance]:
+    """Return the moving eye's views of a display's panel that shows linear light, a pixel for each lenslet."""
+    window = whole_window(display)
+    return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
+
+
+def decibels(
+    stack: LayerStack, display: Display, full: Sequence[Radiance], filter: Filter = "nearest", samples: int = 1
+) -> list[float]:
+    """Return, for each place of the moving eye, the PSNR (dB) of its view of drawn layers against the full render."""
+    drawn = draw_golden(display, stack, filter, samples).light.astype(np.float32)
+    return [psnr_db(view, wanted) for view, wanted in zip(views_of(drawn, display), full, strict=True)]
+
+
+def measured_cuts(
+    scene: Scene,
+    parts: tuple[Scene, Scene | None],
+    display: Display,
+    counts: Sequence[int],
+    slot: tuple[int, int],
+    settings: Settings,
+    filter: Filter | None = None,
+    progress: Progress | None = None,
+) -> Iterator[tuple[Cut, list[float]]]:
+    """Yield the cut of a scene into each number of layers, and the decibels of the moving eye's views.
+
+    `parts` are what is cut by depths, and what becomes a layer of its own, if anything (see `cut_scene`). Without a
+    `filter` nothing is measured.
+    """
+    full = [] if filter is None else full_views(scene, display, replace(settings, samples=FULL_SAMPLES))
+    for place, count in enumerate(counts):
+        cut = cut_scene(parts[0], display, count, slot, settings, parts[1])
+        yield cut, [] if filter is None else decibels(cut.stack, display, full, filter)
+        if progress is not None:
+            progress(place + 1, len(counts))
+
+
+def row_of(cut: Cut, seen: Sequence[float], slot: tuple[int, int], filter: Filter) -> dict[str, Any]:
+    """Return what a cut costs and is worth, by name: decibels of the eye's view, their mean and least, if measured."""
+    cost = cost_of(len(cut.stack.layers), slot, filter)
+    known = {"view_db": float(np.mean(seen)), "worst_db": min(seen)} if seen else {}
+    return {"layers": cost.layers, **known, "load_bytes": cost.load_bytes, "block_rams": cost.block_rams}

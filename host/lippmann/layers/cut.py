@@ -1,0 +1,238 @@
+"""Cuts a Mitsuba scene into layers for a display.
+
+Depths come from what eyes see (`depths`). Each slab is rendered by itself from the middle eye (`peel`), so that a layer
+holds what nearer layers hide. Where a surface crosses from one slab to the next, the farther layer goes on with it
+underneath the nearer one, as far as a moving eye can look behind that layer's edge: no hole opens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from lippmann.display import Display
+from lippmann.engines import trace
+from lippmann.errors import InputError, whole_number
+from lippmann.layers.depths import Slab, slabs_of
+from lippmann.layers.palette import Picture, quantise
+from lippmann.layers.peel import Area, Point, Slice, peel, seen_depths
+from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, Floats, Layer, LayerStack
+from lippmann.optics.rays import Status
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import Scene
+from lippmann.viewing import half_width, middle_eye, viewing_distance
+
+Progress = Callable[[int, int], None]
+
+#: Texels of a slot across and down, unless others are given.
+SLOT = (256, 192)
+#: Least texels across of a slot, and its most blocks.
+MIN_ROW, MAX_BLOCKS = 32, 255
+#: How far a display's rays reach is measured in so many lenslets at each edge of the panel, at so many places along it.
+EDGE_LENSLETS, REACH_RAYS = 2.0, 101
+#: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.
+DEPTH_RAYS, TRIAL_RAYS, TRIAL_SAMPLES = (256, 192), (128, 96), 4
+#: Coverage above which a texel belongs to a surface.
+COVERED = 0.5
+
+
+class Reach(NamedTuple):
+    """How far a display's rays and its eyes reach."""
+
+    #: Rays, N of them: where they meet the plane z = 0, mm (N, 2), and their slopes (N, 2).
+    places_mm: Floats
+    slopes: Floats
+    #: The middle eye, and how far other eyes are from it at most, mm.
+    eye_mm: Point
+    aside_mm: float
+
+    def area(self, depth_mm: float) -> Area:
+        """Return the area that rays meet at a depth; at infinity, of their slopes."""
+        points = self.slopes if math.isinf(depth_mm) else self.places_mm + depth_mm * self.slopes
+        (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+        return Area(depth_mm, float(left), float(bottom), float(right), float(top))
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A cut scene: the layers, the slabs that they show, and the errors of their palettes, dB.
+
+    `apart` is the number of the layer of what moves by itself; None without.
+    """
+
+    stack: LayerStack
+    slabs: tuple[Slab, ...]
+    palette_db: tuple[float, ...]
+    apart: int | None = None
+
+
+def check_slot(slot: tuple[int, int]) -> None:
+    """Refuse slots that no board has: a row is a power of two, and a slot a whole number of blocks, 255 at most."""
+    width, height = slot
+    what = f"slot {width}x{height}"
+    if width & (width - 1) or not MIN_ROW <= width <= MAX_SIDE:
+        raise InputError(f"{what}: {width} texels across are no power of two, {MIN_ROW} to {MAX_SIDE}; give one")
+    step = max(1, BLOCK_BYTES // width)
+    if not 2 <= height <= MAX_SIDE or height % step:
+        raise InputError(f"{what}: a slot is loaded in blocks of {BLOCK_BYTES} texels; give a multiple of {step} rows")
+    if width * height > MAX_BLOCKS * BLOCK_BYTES:
+        raise InputError(f"{what}: a slot has at most {MAX_BLOCKS} blocks of {BLOCK_BYTES} texels; give fewer rows")
+
+
+def reach_of(display: Display) -> Reach:
+    """Return how far a display's chief rays reach, and its eyes: to the sides from where the whole panel is seen."""
+    panel = display.panel
+    # The farthest rays leave the lenslets at the panel's edges.
+    band = math.ceil(EDGE_LENSLETS * display.array.coarsest_mm / min(panel.pitches_mm))
+    sides = panel.width_px, panel.height_px
+    every = [np.unique(np.linspace(0, side - 1, REACH_RAYS).astype(int)) for side in sides]
+    edge = [np.unique(np.r_[: min(band, side), max(side - band, 0) : side]) for side in sides]
+    grids = np.meshgrid(edge[0], every[1]), np.meshgrid(every[0], edge[1])
+    rays = trace(display, np.concatenate([np.stack(grid, axis=-1).reshape(-1, 2) for grid in grids]) + 0.5)
+    good = rays.status == Status.OK
+    if not good.any():
+        raise InputError(f"display '{display.name}': no ray leaves its lenslets; look with lippmann inspect")
+    slopes = rays.direction[good, :2] / rays.direction[good, 2:]
+    origin = rays.origin_mm[good]
+    eye = middle_eye(display, viewing_distance(display))
+    widest = half_width(display) * eye[2]
+    return Reach(origin[:, :2] - origin[:, 2:] * slopes, slopes, eye, max(widest - 0.5 * panel.width_mm, 0.25 * widest))
+
+
+def cut_scene(
+    scene: Scene,
+    display: Display,
+    count: int,
+    slot: tuple[int, int] = SLOT,
+    settings: Settings | None = None,
+    apart: Scene | None = None,
+    progress: Progress | None = None,
+) -> Cut:
+    """Cut a scene into at most `count` layers for a display.
+
+    Parameters
+    ----------
+    scene
+        The scene, placed.
+    display
+        The display.
+    count
+        Number of layers, 1 to 8. A scene of fewer depths gives fewer.
+    slot
+        Most texels of a layer, across and down.
+    settings
+        How each texel is rendered: samples, integrator, seed.
+    apart
+        What moves by itself, as a scene without the rest: it becomes one layer more, at its own depth.
+    progress
+        Called with (layers done, layers in all).
+
+    Raises
+    ------
+    InputError
+        For counts and sizes out of range, and a scene of which no eye sees anything.
+    """
+    count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
+    check_slot(slot)
+    settings = Settings(samples=16) if settings is None else settings
+    reach = reach_of(display)
+    own = None if apart is None else scene_slabs(apart, reach, 1, settings)[0]
+    slabs = scene_slabs(scene, reach, count - (own is not None), settings)
+    slabs = slabs if own is None else sorted([own, *slabs], key=lambda slab: -slab.depth_mm)
+    layers, errors, used = [], [], []
+    background = np.zeros(3)
+    before: Slab | None = None
+    for place, slab in enumerate(slabs):
+        if apart is not None and slab is own:
+            picture = _picture(apart, display, reach, slab, None, slot, settings)
+        else:
+            picture = _picture(scene, display, reach, slab, before, slot, settings)
+            before = slab
+        if picture is not None:
+            area, seen = picture
+            texels, palette, error_db = quantise(seen.rgba)
+            matrix = area.matrix(texels.shape[1], texels.shape[0])
+            layers.append(Layer(texels, palette, area.depth_mm, matrix))
+            errors.append(error_db)
+            used.append(slab)
+            # What shows beside the last layer's texture.
+            weight = seen.opacity.sum()
+            background = (seen.opacity[..., None] * seen.light).sum(axis=(0, 1)) / max(weight, 1e-9)
+        if progress is not None:
+            progress(place + 1, len(slabs))
+    if not layers:
+        raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
+    alone = [place for place, slab in enumerate(used) if slab is own]
+    stack = LayerStack(tuple(layers), np.clip(background, 0.0, 1.0))
+    return Cut(stack, tuple(used), tuple(errors), alone[0] if alone else None)
+
+
+def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> list[Slab]:
+    """Return the slabs of a scene that eyes in the middle and to all sides see."""
+    x, y, z = reach.eye_mm
+    near = scene.placement.near_mm
+    front = z if near is None else min(near, z)
+    eyes = [(x + a * reach.aside_mm, y + b * reach.aside_mm, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
+    low, high = reach.places_mm.min(axis=0), reach.places_mm.max(axis=0)
+    window = Area(0.0, float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    trial = replace(settings, samples=TRIAL_SAMPLES)
+    depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
+    try:
+        return slabs_of(np.concatenate(depths), np.concatenate(detail), count, z, front)
+    except InputError as error:
+        raise InputError(f"{scene.path}: {error}") from None
+
+
+def _picture(
+    scene: Scene,
+    display: Display,
+    reach: Reach,
+    slab: Slab,
+    before: Slab | None,
+    slot: tuple[int, int],
+    settings: Settings,
+) -> tuple[Area, Picture] | None:
+    """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
+    depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
+    whole, between = reach.area(depth), (slab.front_mm, slab.back_mm)
+    trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
+    mask = trial.coverage > 0.0
+    if not mask.any():
+        return None
+    hidden = 0.0
+    if before is not None and not math.isinf(depth):
+        # So far behind the nearer layer's edge an eye can look, which is at most so far aside.
+        hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
+    cell = whole.size[0] / TRIAL_RAYS[0], whole.size[1] / TRIAL_RAYS[1]
+    area = whole.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
+    size = texels_for(area, display, slot)
+    seen = peel(scene, area, reach.eye_mm, between, size, settings)
+    if hidden > 0.0 and before is not None:
+        under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
+        seen = _continued(seen, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
+    colour = seen.light / np.maximum(seen.coverage, 1e-9)[..., None]
+    return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(seen.coverage, 0.0, 1.0))
+
+
+def _continued(seen: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
+    """Return a slab's picture that goes on with the nearer slab's surfaces, `hidden_mm` beyond its own ones."""
+    own = seen.coverage > COVERED
+    if not own.any():
+        return seen
+    near = distance_transform_edt(~own, sampling=texel_mm) <= hidden_mm
+    share = np.where(near, 1.0 - seen.coverage, 0.0)
+    return Slice(seen.light + share[..., None] * under.light, seen.coverage + share * under.coverage)
+
+
+def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:
+    """Return the texels across and down: a slot's, or fewer where they would be finer than what a pixel sees."""
+    pixel = display.panel.coarsest_mm
+    slope = pixel / display.aperture_distance_mm  # between the rays of neighbouring pixels
+    finest = slope if math.isinf(area.depth_mm) else max(pixel, abs(area.depth_mm) * slope)
+    width, height = (min(most, max(2, math.ceil(side / finest))) for most, side in zip(slot, area.size, strict=True))
+    return width, height

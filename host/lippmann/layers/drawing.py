@@ -1,0 +1,174 @@
+"""Draws layers in float64: the golden form of what an FPGA draws.
+
+A pixel's exit ray meets the plane of each layer; the texels there are composited from front to back in linear light,
+the pixel's samples are averaged, and the panel's curve is applied once. A ray without an exit is black.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display import Display
+from lippmann.engines import trace
+from lippmann.errors import InputError
+from lippmann.images import encoded_values
+from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
+from lippmann.optics.rays import Model, gets_through
+
+Filter = Literal["nearest", "bilinear"]
+FILTERS: tuple[Filter, ...] = get_args(Filter)
+#: What draws layers.
+LAYER_ENGINES = ("golden",)
+#: Where in a pixel its samples are, from the pixel's centre, pixels: by their number.
+SAMPLES = {
+    1: ((0.0, 0.0),),
+    2: ((-0.25, -0.25), (0.25, 0.25)),
+    4: ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)),
+}
+#: Largest slope, |dx/dz| and |dy/dz|, of a ray that draws.
+MAX_SLOPE = 4.0
+#: Bits of a panel's value that a board sends at most.
+BOARD_BITS = 8
+#: Rays drawn at once.
+CHUNK_RAYS = 1 << 18
+
+
+class ExitLines(NamedTuple):
+    """Exit rays as lines, N of them: where they meet the plane z = 0, mm, their slopes, and which of them draw."""
+
+    x: Floats
+    y: Floats
+    slope_x: Floats
+    slope_y: Floats
+    draws: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A drawn picture: linear light (height, width, 3) float64, and the panel's bytes (height, width, 3) uint8."""
+
+    light: Floats
+    panel: Bytes
+
+
+def draw_golden(
+    display: Display, stack: LayerStack, filter: Filter = "nearest", samples: int = 1, model: Model = "exact"
+) -> Drawn:
+    """Draw layers for a display.
+
+    Parameters
+    ----------
+    display
+        The display; its pixels are drawn at their centres, whatever their sub-pixels.
+    stack
+        The layers.
+    filter
+        "nearest" texel, or "bilinear" between four.
+    samples
+        For each pixel: 1 at its centre, 2 on its diagonal, 4 in its quarters.
+    model
+        The lens model of the exit rays.
+
+    Raises
+    ------
+    InputError
+        For an unknown filter, or another number of samples.
+    """
+    check_options(filter, samples)
+    panel = display.panel
+    light = np.concatenate([composite(stack, lines, filter) for lines in exit_lines(display, samples, model)])
+    light = light.reshape(panel.height_px, panel.width_px, samples, 3).mean(axis=2)
+    return Drawn(light, panel_bytes(display, light))
+
+
+def draw_layers(display: Display, stack: LayerStack, filter: Filter, samples: int, model: Model, engine: str) -> Drawn:
+    """Draw layers with an engine; see `draw_golden`."""
+    if engine not in LAYER_ENGINES:
+        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
+    return draw_golden(display, stack, filter, samples, model)
+
+
+def check_options(filter: str, samples: object) -> None:
+    """Refuse filters and numbers of samples that a board does not have."""
+    if filter not in FILTERS:
+        raise InputError(f"unknown filter '{filter}'; choose from {', '.join(FILTERS)}")
+    if isinstance(samples, bool) or samples not in SAMPLES:
+        raise InputError(f"layers are drawn with {', '.join(map(str, SAMPLES))} samples a pixel, not {samples}")
+
+
+def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
+    """Return the bytes of linear light (..., 3) by a panel's curve; a panel of fewer bits has them spread to 8."""
+    values = encoded_values(light, display.panel.transfer, min(display.panel.bits, BOARD_BITS))
+    return values.astype(np.uint8)
+
+
+def exit_lines(display: Display, samples: int = 1, model: Model = "exact") -> Iterator[ExitLines]:
+    """Yield the exit rays of a display's pixels, row by row and in each pixel its samples, some rows at a time."""
+    width, height = display.panel.width_px, display.panel.height_px
+    places = np.array(SAMPLES[samples])
+    rows = max(1, CHUNK_RAYS // (width * samples))
+    for first in range(0, height, rows):
+        v, u = np.mgrid[first : min(first + rows, height), :width] + 0.5
+        pixels = (np.stack([u, v], axis=-1)[:, :, None] + places).reshape(-1, 2)
+        rays = trace(display, pixels, model=model)
+        draws = np.asarray(gets_through(rays.status))
+        origin, direction = rays.origin_mm, rays.direction
+        dz = np.where(draws, direction[:, 2], 1.0)
+        slope_x, slope_y = (np.where(draws, direction[:, k] / dz, 0.0) for k in range(2))
+        x, y = (np.where(draws, origin[:, k] - origin[:, 2] * s, 0.0) for k, s in enumerate((slope_x, slope_y)))
+        draws &= (abs(slope_x) <= MAX_SLOPE) & (abs(slope_y) <= MAX_SLOPE)
+        yield ExitLines(x, y, slope_x, slope_y, draws)
+
+
+def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
+    """Return the linear light (N, 3) of rays."""
+    light, through = np.zeros((len(lines.x), 3)), np.ones(len(lines.x))
+    for layer in stack.layers:
+        if layer.visible:
+            s, t = texel_coordinates(layer, lines)
+            colour, opacity = _bilinear(layer, s, t) if filter == "bilinear" else _nearest(layer, s, t)
+            light += (through * layer.brightness)[:, None] * colour
+            through *= 1.0 - opacity
+    light += through[:, None] * stack.background
+    return np.where(lines.draws[:, None], light, 0.0)
+
+
+def texel_coordinates(layer: Layer, lines: ExitLines) -> tuple[Floats, Floats]:
+    """Return where rays meet a layer, in its texels."""
+    if layer.sky:
+        x, y = lines.slope_x, lines.slope_y
+    else:
+        x, y = lines.x + layer.depth_mm * lines.slope_x, lines.y + layer.depth_mm * lines.slope_y
+    (a, b, s0), (c, d, t0) = layer.matrix
+    return a * x + b * y + s0, c * x + d * y + t0
+
+
+def _nearest(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    return _texels(layer, np.floor(s), np.floor(t))
+
+
+def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    """Return the mean of the four texels around, their premultiplied light and their opacity."""
+    left, top = np.floor(s - 0.5), np.floor(t - 0.5)
+    right_share, bottom_share = s - 0.5 - left, t - 0.5 - top
+    light, opacity = np.zeros((len(s), 3)), np.zeros(len(s))
+    for down in (0, 1):
+        for right in (0, 1):
+            share = (right_share if right else 1.0 - right_share) * (bottom_share if down else 1.0 - bottom_share)
+            one_light, one_opacity = _texels(layer, left + right, top + down)
+            light += share[:, None] * one_light
+            opacity += share * one_opacity
+    return light, opacity
+
+
+def _texels(layer: Layer, column: Floats, row: Floats) -> tuple[Floats, Floats]:
+    """Return the premultiplied light (N, 3) and the opacity (N,) of texels; outside of the texture both are 0."""
+    inside = (column >= 0.0) & (column < layer.width) & (row >= 0.0) & (row < layer.height)
+    index = layer.texels[np.where(inside, row, 0.0).astype(np.int64), np.where(inside, column, 0.0).astype(np.int64)]
+    opacity = np.where(inside, opacity_of(layer.palette[:, 3])[index], 0.0)
+    return opacity[:, None] * light_of(layer.palette[:, :3])[index], opacity

@@ -1,0 +1,204 @@
+"""A folder of layers: `layers.toml`, and beside it a PNG with a palette for each layer.
+
+The PNG holds the bytes that a board stores, so that what is saved and loaded again is the same to the bit. Its gamma
+chunk says that light is the square of a palette's colour: any viewer shows the right colours.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+
+from lippmann import toml
+from lippmann.display import Display
+from lippmann.errors import InputError, input_error, likely_file
+from lippmann.images import check_output, replacing
+from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
+from lippmann.toml import documented, key
+from lippmann.viewing import viewing_distance
+
+#: The file that makes a folder one of layers.
+FILE = "layers.toml"
+#: Names of layers that are files' names on every system.
+NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+#: Exponent between a palette's colour and light, as PNG's gamma chunk has it: 1/2 in steps of 10^-5.
+GAMMA = 50_000
+
+Row = Annotated[tuple[float, float, float], key("", shape="[x, y, 1], finite numbers")]
+Sky = Literal["sky"]
+Depth = Annotated[float, key("", low=-MAX_DEPTH_MM, high=MAX_DEPTH_MM)]
+Light = Annotated[float, key("", low=0.0, high=1.0)]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class LayerKeys:
+    """A layer of a folder."""
+
+    picture: Annotated[Path, key("a PNG with a palette, beside this file; the name without `.png` is the layer's")]
+    depth_mm: Annotated[Depth | Sky, key('z of the layer\'s plane; `"sky"`: infinitely far')]
+    s: Annotated[Row, key("texel column s, to the right: [a, b, c] gives a x + b y + c")]
+    t: Annotated[Row, key("texel row t, downwards, of the same point")]
+    brightness: Annotated[Light, key("factor on the light")] = 1.0
+    visible: Annotated[bool, key("whether the layer is drawn")] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayersFile:
+    """The keys of `layers.toml`."""
+
+    background: Annotated[
+        tuple[Light, Light, Light],
+        key("linear light behind all layers", shape="[red, green, blue], 0 to 1"),
+    ] = (0.0, 0.0, 0.0)
+    layer: Annotated[tuple[LayerKeys, ...], key("", lengths=(1, MAX_LAYERS))]
+
+
+@dataclass(frozen=True)
+class NamedLayers:
+    """A stack, and the names of its layers in the same order."""
+
+    stack: LayerStack
+    names: tuple[str, ...]
+
+
+def is_layers(path: str | Path) -> bool:
+    """Tell whether a path is a folder of layers, or its `layers.toml`."""
+    path = Path(path)
+    return path.name == FILE or (path.is_dir() and (path / FILE).is_file())
+
+
+def load_layers(path: str | Path) -> LayerStack:
+    """Read a folder of layers, or its `layers.toml`.
+
+    Raises InputError, with file, key and remedy, for bad keys and for pictures that are not 8-bit PNGs with a palette.
+    """
+    return load_named_layers(path).stack
+
+
+def load_named_layers(path: str | Path) -> NamedLayers:
+    """Read a folder of layers with the layers' names; raises as `load_layers`."""
+    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    if not file.exists():
+        raise input_error(str(path), "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
+    keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))
+    layers, names = [], []
+    for place, one in enumerate(keys.layer):
+        where = f"{file}: layer[{place}]"
+        name = one.picture.stem
+        if one.picture.suffix != ".png" or not NAME.fullmatch(name) or one.picture.name != str(one.picture):
+            remedy = "give the name of a .png in the same folder: letters, digits, _ and - only"
+            raise input_error(f"{where}.picture", f"'{one.picture}' is not a layer's picture", remedy)
+        if name in names:
+            raise input_error(f"{where}.picture", f"{one.picture} is a layer already", "copy it under another name")
+        texels, palette = _read_png(file.parent / one.picture)
+        depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
+        try:
+            layers.append(Layer(texels, palette, depth, np.array([one.s, one.t]), one.brightness, one.visible))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        names.append(name)
+    return NamedLayers(LayerStack(tuple(layers), np.array(keys.background)), tuple(names))
+
+
+def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
+    """Write a stack as a folder, which is made when it is not there; return the path of its `layers.toml`.
+
+    `names` are those of the layers; without them they are called layer_0, layer_1, ... from front to back.
+
+    Raises InputError for names that are not files' names, and when a file cannot be written.
+    """
+    names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
+    if len(names) != len(stack.layers) or len({name.casefold() for name in names}) != len(names):
+        raise InputError(
+            f"{path}: {len(stack.layers)} layers are called {', '.join(names)}; give each a name of its own"
+        )
+    for name in names:
+        if not NAME.fullmatch(name):
+            raise input_error(str(path), f"'{name}' is not a layer's name", "take letters, digits, _ and - only")
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder") from None
+    file = check_output(folder / FILE, (".toml",))
+    for name, layer in zip(names, stack.layers, strict=True):
+        _write_png(folder / f"{name}.png", layer)
+    with replacing(file) as partial:  # last: it names pictures that are whole
+        partial.write_text(layers_text(stack, names))
+    return file
+
+
+def layers_text(stack: LayerStack, names: Sequence[str]) -> str:
+    """Return the text of `layers.toml`; numbers are written so that they are read back exactly."""
+    text = ["# Layers from front to back; lengths are mm in the display's frame.",
+            f"background = {json.dumps(stack.background.tolist())}"]  # fmt: skip
+    for name, layer in zip(names, stack.layers, strict=True):
+        depth = "sky" if layer.sky else layer.depth_mm
+        values = {"picture": f"{name}.png", "depth_mm": depth, "s": layer.matrix[0].tolist()}
+        values |= {"t": layer.matrix[1].tolist(), "brightness": layer.brightness, "visible": layer.visible}
+        text.append("\n[[layer]]\n" + "\n".join(f"{word} = {json.dumps(value)}" for word, value in values.items()))
+    return "\n".join(text) + "\n"
+
+
+def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:
+    """Refuse layers at or behind the eyes of a display; `where` goes before the layer in errors."""
+    eye = viewing_distance(display)
+    for place, layer in enumerate(stack.layers):
+        if not layer.sky and layer.depth_mm >= eye:
+            what = f"{layer.depth_mm:g} mm is not in front of the eyes of '{display.name}', at {eye:g} mm"
+            raise input_error(f"{where}: layer[{place}].depth_mm", what, f"give less than {eye:g}")
+
+
+def _read_png(path: Path) -> tuple[Bytes, Bytes]:
+    """Return the indices (height, width) and the palette (256, 4) of a PNG with a palette."""
+    from PIL import Image, UnidentifiedImageError
+
+    if not path.is_file():
+        raise input_error(str(path), "no such picture", likely_file(path, (".png",)) or "mend its name in layers.toml")
+    try:
+        with Image.open(path, formats=("PNG",)) as picture:
+            size = f"{picture.width} x {picture.height}"
+            if max(picture.size) > MAX_SIDE:
+                what = f"has {size} texels, more than a board's slot can have"
+                raise input_error(str(path), what, f"make it at most {MAX_SIDE} x {MAX_SIDE}")
+            if picture.mode != "P" or picture.palette is None:
+                kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
+                what = f"is a {kind} picture without a palette"
+                raise input_error(str(path), what, "cut it into a layer with lippmann layers, which gives it one")
+            clear = picture.info.get("transparency", b"")
+            texels = np.asarray(picture, np.uint8)
+            colours = np.array(picture.getpalette("RGB"), np.uint8).reshape(-1, 3)
+    except UnidentifiedImageError:
+        raise input_error(str(path), "is not a whole PNG picture", "write it again") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise input_error(str(path), f"cannot be read ({error})", "write it again") from None
+    palette = np.zeros((COLOURS, 4), np.uint8)
+    palette[: len(colours), :3], palette[: len(colours), 3] = colours, 255
+    if isinstance(clear, int):  # Pillow's form of a palette with one transparent colour
+        palette[clear, 3] = 0
+    else:
+        palette[: len(clear), 3] = np.frombuffer(clear, np.uint8)[:COLOURS]
+    if len(texels) and int(texels.max()) >= len(colours):
+        what = f"uses colour {int(texels.max())} of a palette of {len(colours)}"
+        raise input_error(str(path), what, "write it again")
+    return texels, palette
+
+
+def _write_png(path: Path, layer: Layer) -> None:
+    from PIL import Image, PngImagePlugin
+
+    picture = Image.fromarray(layer.texels, "P")
+    picture.putpalette(layer.palette[:, :3].tobytes(), "RGB")
+    about = PngImagePlugin.PngInfo()
+    about.add(b"gAMA", struct.pack(">I", GAMMA))
+    with replacing(path) as partial:
+        picture.save(partial, "PNG", transparency=layer.palette[:, 3].tobytes(), pnginfo=about, optimize=False)

@@ -1,0 +1,145 @@
+"""Layers from a folder of pictures with opacity: `pictures.toml` tells the depth, place and width of each."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from lippmann import toml
+from lippmann.display import Display, Pair
+from lippmann.errors import input_error, likely_file
+from lippmann.images import decode
+from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
+from lippmann.layers.depths import Slab
+from lippmann.layers.folder import Depth, Sky, check_for_display
+from lippmann.layers.palette import Picture, quantise
+from lippmann.layers.peel import Area
+from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack
+from lippmann.toml import documented, key
+
+#: The file that makes a folder one of pictures.
+FILE = "pictures.toml"
+#: Most pixels of a picture.
+MAX_PIXELS = 1 << 26
+Light = Annotated[float, key("", low=0.0, high=1.0)]
+Width = Annotated[float | None, key("width; the height follows", above=0.0, high=1e6, default="all that rays reach")]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class PictureKeys:
+    """A picture of a folder."""
+
+    file: Annotated[Path, key("a PNG in sRGB, with or without opacity; its path is relative to this file")]
+    depth_mm: Annotated[Depth | Sky, key('z of the picture\'s plane; `"sky"`: infinitely far')]
+    centre_mm: Annotated[Pair, key("position of its middle, x and y")] = (0.0, 0.0)
+    width_mm: Width = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PicturesFile:
+    """The keys of `pictures.toml`."""
+
+    background: Annotated[
+        tuple[Light, Light, Light], key("linear light behind all pictures", shape="[red, green, blue], 0 to 1")
+    ] = (0.0, 0.0, 0.0)
+    picture: Annotated[tuple[PictureKeys, ...], key("", lengths=(1, MAX_LAYERS))]
+
+
+def is_pictures(path: str | Path) -> bool:
+    """Tell whether a path is a folder of pictures, or its `pictures.toml`."""
+    path = Path(path)
+    return path.name == FILE or (path.is_dir() and (path / FILE).is_file())
+
+
+def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLOT) -> tuple[Cut, tuple[str, ...]]:
+    """Return the layers, from front to back, of a folder of pictures for a display, and their names.
+
+    Raises InputError, with file, key and remedy, for bad keys and pictures, and for depths at or behind the eyes.
+    """
+    check_slot(slot)
+    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    keys = toml.read(PicturesFile, toml.load(file, "pictures"), str(file))
+    reach = reach_of(display)
+    made = []
+    for place, one in enumerate(keys.picture):
+        where = f"{file}: picture[{place}]"
+        if one.depth_mm == "sky" and (one.width_mm is not None or one.centre_mm != (0.0, 0.0)):
+            what = "a sky has neither a width nor a place"
+            raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
+        depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
+        area, light = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
+        if light is None:
+            raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
+        light = _resized(light, texels_for(area, display, slot))
+        opacity = np.clip(light[..., 3], 0.0, 1.0)
+        colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
+        texels, palette, error_db = quantise(Picture(colour, opacity).rgba)
+        layer = Layer(texels, palette, depth, area.matrix(texels.shape[1], texels.shape[0]))
+        z = -math.inf if layer.sky else depth
+        made.append((-z, place, layer, Slab(z, z, z), error_db, one.file.stem))
+    made.sort(key=lambda entry: entry[:2])
+    stack = LayerStack(tuple(entry[2] for entry in made), np.array(keys.background))
+    check_for_display(stack, display, str(file))
+    cut = Cut(stack, tuple(entry[3] for entry in made), tuple(entry[4] for entry in made))
+    return cut, _different([entry[5] for entry in made])
+
+
+def _different(names: list[str]) -> tuple[str, ...]:
+    """Return names made of the characters that layers' names have, each one once."""
+    plain = ["".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in name)[:48] for name in names]
+    return tuple(f"{name}_{k}" if plain.count(name) > 1 or not name else name for k, name in enumerate(plain))
+
+
+def _read(path: Path) -> Floats:
+    """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4) float64."""
+    from PIL import Image, UnidentifiedImageError
+
+    if not path.is_file():
+        raise input_error(str(path), "no such picture", likely_file(path, (".png",)) or "mend its name in the file")
+    try:
+        with Image.open(path, formats=("PNG",)) as picture:
+            if picture.width * picture.height > MAX_PIXELS:
+                what = f"has {picture.width} x {picture.height} pixels"
+                raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
+            values = np.asarray(picture.convert("RGBA"), np.float64) / 255.0
+    except UnidentifiedImageError:
+        raise input_error(str(path), "is not a whole PNG picture", "give a PNG") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise input_error(str(path), f"cannot be read ({error})", "write it again") from None
+    values[..., :3] = decode(values[..., :3], "srgb") * values[..., 3:]
+    return values
+
+
+def _placed(
+    light: Floats, reach: Reach, depth_mm: float, centre: Pair, width: float | None
+) -> tuple[Area, Floats | None]:
+    """Return where the part of a picture lies that rays reach, and that part; None where they reach none of it."""
+    whole = reach.area(depth_mm)
+    rows, columns = light.shape[:2]
+    if width is None:  # as large as needed to cover all, about its centre
+        across, up = (2.0 * max(abs(low - c), abs(high - c)) for low, high, c in
+                      ((whole.left, whole.right, centre[0]), (whole.bottom, whole.top, centre[1])))  # fmt: skip
+        width = max(across, up * columns / rows)
+    pixel = width / columns
+    left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * rows * pixel
+    first, last = (np.clip((x - left) / pixel, 0, columns) for x in (whole.left, whole.right))
+    upper, lower = (np.clip((top - y) / pixel, 0, rows) for y in (whole.top, whole.bottom))
+    c0, c1, r0, r1 = math.floor(first), math.ceil(last), math.floor(upper), math.ceil(lower)
+    area = Area(depth_mm, left + c0 * pixel, top - r1 * pixel, left + c1 * pixel, top - r0 * pixel)
+    return area, light[r0:r1, c0:c1] if c1 > c0 and r1 > r0 else None
+
+
+def _resized(light: Floats, most: tuple[int, int]) -> Floats:
+    """Return a picture of at most so many texels across and down, each the mean of its pixels."""
+    from PIL import Image
+
+    size = min(most[0], light.shape[1]), min(most[1], light.shape[0])
+    if size == (light.shape[1], light.shape[0]):
+        return light
+    planes: list[Any] = [Image.fromarray(np.ascontiguousarray(light[..., k], np.float32), "F") for k in range(4)]
+    return np.stack([np.asarray(plane.resize(size, Image.Resampling.BOX), np.float64) for plane in planes], axis=-1)

@@ -1,0 +1,320 @@
+"""Scenes cut into layers: depths and colours of cards that are known, what they hide, and no hole for a moving eye."""
+
+import csv
+import dataclasses
+import json
+import math
+
+import lippmann as lp
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.errors import InputError
+from lippmann.images import encoded_values
+from lippmann.layers.cost import cost_of, eyes_of
+from lippmann.layers.cut import check_slot, cut_scene, reach_of, texels_for
+from lippmann.layers.drawing import exit_lines, texel_coordinates
+from lippmann.layers.folder import load_layers, load_named_layers
+from lippmann.layers.peel import Area
+from lippmann.layers.stack import Layer, light_of
+from lippmann.observer import observe, whole_window
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import Part, load_scene
+from PIL import Image
+from scene_cases import display_toml, focused_display, generator, rgb, write_scene
+
+SEED = 1616
+#: 32 x 24 mm; p D / pixel = 20 mm of depth.
+DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
+SLOT = (64, 64)
+FAST = Settings(samples=4, integrator="direct")
+RED, GREEN, BLUE = (0.64, 0.09, 0.04), (0.09, 0.64, 0.04), (0.04, 0.09, 0.64)
+
+
+def card(name, z, colour, half=1000.0, x=0.0, turn=""):
+    """A square that shines, at a depth."""
+    return (
+        f'<shape type="rectangle" id="{name}"><transform name="to_world"><scale value="{half}"/>{turn}'
+        f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
+    )
+
+
+def sky(colour):
+    return f'<emitter type="constant">{rgb("radiance", colour)}</emitter>'
+
+
+@pytest.fixture
+def scene(mi, tmp_path):
+    """Write and load a scene; primary rays start at z = 30."""
+
+    def load(*parts, part=None):
+        path = write_scene(tmp_path / "cards.xml", *parts)
+        return load_scene(path, Placement(near_mm=30.0, far_mm=-80.0), part=part)
+
+    return load
+
+
+def test_cards_become_layers_of_their_depths_and_colours(scene):
+    cut = cut_scene(scene(card("front", 12.0, RED, 5.0, x=-2.0), card("back", -40.0, GREEN)), DISPLAY, 2, SLOT, FAST)
+    front, back = cut.stack.layers
+    assert (front.depth_mm, back.depth_mm) == (pytest.approx(12.0, abs=0.01), pytest.approx(-40.0, abs=0.01))
+    # The front card covers x = -7 to 3, y = -5 to 5, seen from the eye as in its own plane.
+    for x, y, inside in ((-6.8, 4.8, True), (2.8, -4.8, True), (3.3, 0.0, False), (0.0, 5.3, False), (-7.3, 0, False)):
+        column, row = np.floor(front.matrix @ [x, y, 1.0]).astype(int)
+        there = 0 <= column < front.width and 0 <= row < front.height
+        colour = front.palette[front.texels[row, column]] if there else np.zeros(4)
+        if inside:
+            assert colour[3] == 255
+            assert light_of(colour[:3]) == pytest.approx(RED, abs=0.004)
+        else:
+            assert colour[3] == 0
+    # The back card is whole, behind the front one as well.
+    assert (back.palette[back.texels][..., 3] == 255).all()
+    assert np.ptp(back.palette[back.texels][..., :3], axis=(0, 1)).max() <= 1
+    # It reaches as far as the display's rays.
+    lines = next(exit_lines(DISPLAY))
+    s, t = texel_coordinates(back, lines)
+    assert (s.min(), t.min()) > (-1.5, -1.5)
+    assert s.max() < back.width + 1.5
+    assert t.max() < back.height + 1.5
+    assert cut.stack.background == pytest.approx(GREEN, abs=0.004)
+
+
+def test_surroundings_become_a_sky(scene):
+    cut = cut_scene(scene(card("front", 5.0, RED, 6.0), sky(BLUE)), DISPLAY, 4, SLOT, FAST)
+    assert [layer.depth_mm for layer in cut.stack.layers] == [pytest.approx(5.0, abs=0.01), math.inf]
+    last = cut.stack.layers[1]
+    assert light_of(last.palette[last.texels][..., :3]).reshape(-1, 3) == pytest.approx(
+        np.tile(BLUE, (last.texels.size, 1)), abs=0.004
+    )
+    slopes = np.array([[-0.12, 0.12], [0.12, -0.12]])  # 1 mm and 4 mm: up to 0.125
+    for x, y in slopes:
+        column, row = last.matrix @ [x, y, 1.0]
+        assert 0 <= column < last.width
+        assert 0 <= row < last.height
+
+
+@pytest.mark.parametrize(("axis", "steep"), [("x", 40.0), ("y", 40.0), ("y", 70.0)])
+def test_a_slanted_card_has_no_hole_for_a_moving_eye(scene, axis, steep):
+    """A card through four slabs: from every eye it covers the panel, though its layers move apart."""
+    slant = card("slant", -15.0, (0.5, 0.5, 0.5), 200.0, turn=f'<rotate {axis}="1" angle="{steep}"/>')
+    placed = scene(slant, card("far", -79.0, (0.5, 0.5, 0.5)))
+    stack = cut_scene(placed, DISPLAY, 4, (128, 96), FAST).stack
+    assert len(stack.layers) == 4
+    stack = dataclasses.replace(stack, background=np.zeros(3))
+    drawn = lp.draw(stack, DISPLAY, filter="bilinear").radiance
+    reach = reach_of(DISPLAY)
+    eyes = [
+        *eyes_of(reach),
+        *(dataclasses.replace(e, position_mm=(0.0, e.position_mm[0], 600.0)) for e in eyes_of(reach)),
+    ]
+    for eye in eyes:
+        seen = observe(drawn, DISPLAY, eye, whole_window(DISPLAY, 96), 16).radiance[4:-4, 4:-4]
+        # Half of the light in each texel, less where two edges that are half covered lie upon each other.
+        assert seen.min() > 0.3, eye.position_mm
+        assert (seen > 0.49).mean() > 0.98
+
+
+def test_what_moves_becomes_a_layer_of_its_own(scene):
+    parts = (card("fish-body", 8.0, RED, 4.0), card("fish-tail", 6.0, BLUE, 2.0, x=5.0), card("back", -30.0, GREEN))
+    rest, own = (scene(*parts, part=Part("fish-*", kept)) for kept in (False, True))
+    cut = cut_scene(rest, DISPLAY, 3, SLOT, FAST, own)
+    assert cut.apart == 0
+    assert len(cut.stack.layers) == 2  # the rest has one depth
+    fish, back = cut.stack.layers
+    assert 6.0 < fish.depth_mm < 8.0
+    seen = {tuple(c) for c in fish.palette[np.unique(fish.texels)][:, :3].tolist() if any(c)}
+    assert len(seen) > 1
+    # Where the fish was, the back goes on.
+    assert (back.palette[back.texels][..., 1] > back.palette[back.texels][..., 0]).all()
+    for pattern, message in (
+        ("bird-*", "no shape's id matches 'bird-.'.*fish-body, fish-tail, back"),
+        ("*", "every shape"),
+    ):
+        with pytest.raises(InputError, match=message):
+            scene(*parts, part=Part(pattern))
+
+
+def test_wrong_counts_slots_and_scenes_are_refused(scene):
+    placed = scene(card("front", 12.0, RED, 5.0))
+    for count in (0, 9, 1.5):
+        with pytest.raises(InputError, match="count"):
+            cut_scene(placed, DISPLAY, count, SLOT, FAST)
+    for slot, message in (
+        ((250, 192), "250 texels across are no power of two, 32 to 1024"),
+        ((16, 192), "16 texels across are no power of two"),
+        ((2048, 2), "2048 texels across"),
+        ((256, 190), "a slot is loaded in blocks of 1024 texels; give a multiple of 4 rows"),
+        ((64, 24), "give a multiple of 16 rows"),
+        ((512, 1025), "give a multiple of 2 rows"),
+        ((1024, 256), "at most 255 blocks of 1024 texels; give fewer rows"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check_slot(slot)
+    for slot in ((256, 192), (64, 64), (1024, 255), (32, 32)):
+        check_slot(slot)
+    with pytest.raises(InputError, match=r"no eye sees any of the scene's surfaces; place it with --fit"):
+        cut_scene(scene(card("aside", 12.0, RED, 5.0, x=500.0)), DISPLAY, 2, SLOT, FAST)
+
+
+def test_texels_are_no_finer_than_what_a_pixel_sees():
+    """At 20 mm rays of neighbouring pixels, 0.2 mm apart, are 20 x 0.2 / 4 = 1 mm apart."""
+    area = Area(20.0, -10.0, -10.0, 10.0, 14.0)
+    assert texels_for(area, DISPLAY, (256, 192)) == (20, 24)
+    assert texels_for(dataclasses.replace(area, depth_mm=0.0), DISPLAY, (256, 192)) == (100, 120)
+    assert texels_for(area, DISPLAY, (16, 16)) == (16, 16)
+    assert texels_for(Area(math.inf, -0.1, -0.1, 0.1, 0.1), DISPLAY, (256, 192)) == (4, 4)
+
+
+def test_costs_by_hand():
+    """256 x 192 bytes in block RAMs of 2048 bytes are 24; the curve of 8192 bytes 4; a slot more than layers."""
+    nearest, bilinear = (cost_of(4, (256, 192), filter) for filter in ("nearest", "bilinear"))
+    assert nearest.load_bytes == bilinear.load_bytes == 4 * (256 * 192 + 1024)
+    assert nearest.block_rams == 5 * (24 + 1) + 4
+    assert bilinear.block_rams == 5 * (24 + 2) + 4
+
+
+# --- pictures and commands ------------------------------------------------------------------------
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a display, a scene and a folder of two pictures, the command line in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(display_toml(DISPLAY))
+    write_scene(tmp_path / "cards.xml", card("fish", 10.0, RED, 5.0), card("back", -40.0, GREEN),
+                placement="near_mm = 30.0\nfar_mm = -80.0")  # fmt: skip
+    (tmp_path / "book").mkdir()
+    random = generator(SEED, "pictures")
+    front = np.zeros((16, 20, 4), np.uint8)
+    front[4:12, 5:15] = (200, 100, 50, 255)
+    Image.fromarray(front, "RGBA").save("book/front.png")
+    Image.fromarray(random.integers(0, 256, (30, 40, 3), np.uint8), "RGB").save("book/hill.png")
+    (tmp_path / "book/pictures.toml").write_text(
+        'background = [0, 0, 1]\n[[picture]]\nfile = "hill.png"\ndepth_mm = -20\n'
+        '[[picture]]\nfile = "front.png"\ndepth_mm = 5\ncentre_mm = [1, 2]\nwidth_mm = 10\n'
+    )
+    return tmp_path
+
+
+def test_the_command_cuts_and_the_next_one_draws(place, capfd):
+    words = ["layers", "cards.xml", "--display", "tiny.toml", "-o", "out", "--count", "2", "--slot", "64x64"]
+    assert run([*words, "--integrator", "direct", "--costs", "costs.csv", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert [layer["depth_mm"] for layer in told["layers"]] == pytest.approx([10.0, -40.0], abs=0.01)
+    with open("costs.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["layers"] for row in rows] == ["1", "2"]
+    assert float(rows[1]["view_db"]) > float(rows[0]["view_db"]) + 3.0
+    assert float(rows[1]["worst_db"]) <= float(rows[1]["view_db"])
+    assert rows[1]["load_bytes"] == str(2 * (64 * 64 + 1024))
+    stack = load_layers("out")
+    assert (
+        run(["render", "out", "--display", "tiny.toml", "--samples", "2", "--filter", "bilinear", "-o", "a.png"]) == 0
+    )
+    wanted = lp.draw(stack, DISPLAY, samples=2, filter="bilinear")
+    with Image.open("a.png") as picture:
+        assert (np.asarray(picture) == encoded_values(wanted.radiance, "srgb", 8)).all()
+    moved = [
+        "render",
+        "out/layers.toml",
+        "--display",
+        "tiny.toml",
+        "--samples",
+        "1",
+        "--engine",
+        "golden",
+        "-o",
+        "b.exr",
+    ]
+    assert run([*moved, "--scale", "0.5", "--offset", "1,2,3"]) == 0
+    image = lp.IntegralImage.load("b.exr", DISPLAY)
+    wanted = lp.draw(stack.moved(0.5, (1.0, 2.0, 3.0)), DISPLAY)
+    assert image.radiance == pytest.approx(wanted.radiance, abs=2e-3)  # half floats
+    assert image.metadata["engine"] == "golden"
+
+
+def test_the_command_names_what_is_apart(place, capfd):
+    words = ["layers", "cards.xml", "--display", "tiny.toml", "-o", "out", "--apart", "fish", "--slot", "64x64"]
+    assert run(words) == 0
+    out, err = capfd.readouterr()
+    assert load_named_layers("out").names == ("apart", "layer_1")
+    assert out.splitlines()[0] == "out/layers.toml: 2 layers, front to back"
+    assert "note: fine detail is lost at -40 mm: the display's depth range is z = -20 to 20 mm" in err
+
+
+def test_a_folder_of_pictures_becomes_layers(place, capfd):
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    named = load_named_layers("out")
+    assert named.names == ("front", "hill")
+    front, hill = named.stack.layers
+    assert (front.depth_mm, hill.depth_mm) == (5.0, -20.0)
+    # 10 mm wide about (1, 2): its left edge is at x = -4, its top edge, 8 mm high, at y = 6.
+    assert front.matrix @ [-4.0, 6.0, 1.0] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert front.matrix @ [6.0, -2.0, 1.0] == pytest.approx([20.0, 16.0], abs=1e-9)
+    colours = front.palette[front.texels]
+    assert (colours[..., 3] == np.pad(np.full((8, 10), 255), ((4, 4), (5, 5)))).all()
+    # sRGB 200, 100, 50 as light, by the standard, and its square root.
+    light = [((v / 255 + 0.055) / 1.055) ** 2.4 for v in (200, 100, 50)]
+    assert colours[8, 10, :3].tolist() == [round(255 * math.sqrt(x)) for x in light]
+    # The hill covers all that rays reach.
+    s, t = texel_coordinates(hill, next(exit_lines(DISPLAY)))
+    assert min(s.min(), t.min()) > -1e-6
+    assert s.max() < hill.width + 1e-6
+    assert t.max() < hill.height + 1e-6
+    assert named.stack.background.tolist() == [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("find", "put", "message"),
+    [
+        ("-20", "700", "picture[0].depth_mm"),
+        ("-20", '"sky"\nwidth_mm = 3', "a sky has neither a width nor a place"),
+        ("[1, 2]", "[100, 2]", "no ray of the display reaches the picture"),
+        ("hill.png", "hills.png", "did you mean book/hill.png?"),
+        ("depth_mm = 5", "depth = 5", "did you mean depth_mm?"),
+        ("width_mm = 10", "width_mm = 0", "picture[1].width_mm"),
+    ],
+)
+def test_bad_pictures_are_one_line(place, capfd, find, put, message):
+    file = place / "book/pictures.toml"
+    file.write_text(file.read_text().replace(find, put))
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out"]) == 2
+    out, err = capfd.readouterr()
+    (line,) = err.splitlines()
+    assert out == ""
+    assert message in line
+    assert not (place / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have their places"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "64"], "'64' is not WIDTHxHEIGHT"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "no power of two"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--count", "9"], "--count"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "bird"], "there are fish, back"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "fish", "--count", "1"], "count"),
+        (
+            ["render", "out", "--display", "tiny.toml", "-o", "a.png", "--samples", "3"],
+            "1, 2, 4 samples a pixel, not 3",
+        ),
+        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--fit"], "--fit is for scenes"),
+        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--aperture", "full"], "--aperture is for scenes"),
+        (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--offset", "0,0,900"], "900 mm is not in front"),
+    ],
+)
+def test_bad_commands_are_one_line(place, capfd, words, message):
+    from lippmann.layers.folder import save_layers
+    from lippmann.layers.stack import LayerStack
+
+    plain = Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2])
+    save_layers("out", LayerStack((plain,)))
+    assert run(words) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert message in err
+    assert len(err.splitlines()) == 1
+    assert not (place / "o").exists()

@@ -1,0 +1,293 @@
+"""Drawn layers: by hand through a pinhole display, and against a plain loop over rays on random stacks."""
+
+import dataclasses
+import itertools
+import math
+
+import lippmann as lp
+import numpy as np
+import pytest
+from layer_cases import random_stack
+from lippmann.engines import trace
+from lippmann.errors import InputError
+from lippmann.images import read_picture
+from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines
+from lippmann.layers.stack import Layer, LayerStack
+from lippmann.optics.rays import Status
+from scene_cases import focused_display, generator
+
+SEED = 1613
+#: 8 x 8 pixels of 0.25 mm behind lenslets of 1 mm, D = 4 mm. Pixel 0 is 0.875 mm left of the middle, 0.125 mm right of
+#: the centre of lenslet -1; its ray's slope is -0.125 / 4, so that it meets z = 16 mm at x = -1.5 mm. So do the others:
+HAND = focused_display("square", focal=4.0, width_px=8, height_px=8, pixel_pitch=0.25)
+MEETS_MM = np.array([-1.5, -2.5, 1.5, 0.5, -0.5, -1.5, 2.5, 1.5])
+#: Texels of 1 mm, the first from x = -4 mm and from y = 4 mm.
+MATRIX = np.array([[1.0, 0.0, 4.0], [0.0, -1.0, 4.0]])
+COLUMNS = [2, 1, 5, 4, 3, 2, 6, 5]
+
+
+def palette_of(*colours):
+    """A palette that begins with colours."""
+    palette = np.zeros((256, 4), np.uint8)
+    palette[: len(colours)] = colours
+    return palette
+
+
+def numbered(depth_mm=16.0, matrix=MATRIX, palette=None, **others):
+    """A layer of 8 x 8 texels, each of another colour: red is the column, green the row, as bytes 25 times so large."""
+    number = np.arange(64)
+    colours = np.stack([25 * (number % 8), 25 * (number // 8), 0 * number, 255 + 0 * number], axis=1)
+    texels = number.reshape(8, 8).astype(np.uint8)
+    return Layer(texels, palette_of(*colours) if palette is None else palette, depth_mm, matrix, **others)
+
+
+def drawn(*layers, background=(0.0, 0.0, 0.0), display=HAND, **options):
+    return draw_golden(display, LayerStack(layers, np.array(background)), model="pinhole", **options)
+
+
+# --- by hand --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("filter", FILTERS)
+def test_every_pixel_of_a_pinhole_display_sees_its_texel(filter):
+    """At texel centres both filters see one texel alone."""
+    light = drawn(numbered(), filter=filter).light
+    red, green = np.meshgrid(COLUMNS, COLUMNS)
+    wanted = (25.0 * np.stack([red, green, 0 * red], axis=-1) / 255.0) ** 2
+    assert abs(light - wanted).max() < 1e-12
+
+
+@pytest.mark.parametrize("depth", [0.0, -8.0, 16.0, 24.0])
+def test_a_texel_moves_with_the_depth(depth):
+    """The slope of pixel c's ray is (MEETS_MM - lenslet) / 16: at another depth it meets so much less or more."""
+    lenslet = np.array([-1, -1, 0, 0, 0, 0, 1, 1])
+    x = lenslet + (MEETS_MM - lenslet) * depth / 16.0
+    light = drawn(numbered(depth, np.array([[1.0, 0.0, 4.375], [0.0, -1.0, 4.375]]))).light
+    assert (np.rint(255.0 * np.sqrt(light[0, :, 0]) / 25.0) == np.floor(x + 4.375)).all()
+
+
+def test_bilinear_by_hand():
+    """A quarter of a texel to the right of texel 2's centre: 3/4 of its light and 1/4 of texel 3's."""
+    shifted = MATRIX + np.array([[0, 0, 0.25], [0, 0, 0]])
+    light = drawn(numbered(matrix=shifted), filter="bilinear").light
+    assert light[0, 0, 0] == pytest.approx((0.75 * 50**2 + 0.25 * 75**2) / 65025, abs=1e-12)
+    # Up by an eighth too, t = 2.375: 7/8 of row 2, 1/8 of row 1.
+    light = drawn(numbered(matrix=shifted - [[0, 0, 0], [0, 0, 0.125]]), filter="bilinear").light
+    assert light[0, 0, 1] == pytest.approx((0.875 * 50**2 + 0.125 * 25**2) / 65025, abs=1e-12)
+
+
+def test_bilinear_fades_over_half_a_texel_at_the_texture_s_edge():
+    """The texture begins where x = -1.5 mm: its first pixel sees half of texel 0, before the background."""
+    edge = np.array([[1.0, 0.0, 1.5], [0.0, -1.0, 4.0]])
+    white = Layer(np.zeros((8, 8), np.uint8), palette_of((255, 255, 255, 255)), 16.0, edge)
+    assert drawn(white, background=(0.2, 0.4, 0.6), filter="bilinear").light[0, 0] == pytest.approx([0.6, 0.7, 0.8])
+    assert drawn(white, background=(0.2, 0.4, 0.6)).light[0, 0] == pytest.approx([1.0, 1.0, 1.0])
+    assert drawn(white, background=(0.2, 0.4, 0.6)).light[0, 1] == pytest.approx([0.2, 0.4, 0.6])
+
+
+def test_layers_are_composited_from_front_to_back():
+    """Opacity 128 is 129/256; the layer behind shows through the rest, and the background through both."""
+    front = Layer(np.zeros((9, 9), np.uint8), palette_of((255, 0, 0, 128)), 16.0, MATRIX)
+    behind = Layer(np.zeros((9, 9), np.uint8), palette_of((0, 255, 0, 64)), -16.0, MATRIX)
+    one, two = 129 / 256, 64 / 256
+    light = drawn(front, behind, background=(0, 0, 1)).light
+    assert light[3, 3] == pytest.approx([one, (1 - one) * two, (1 - one) * (1 - two)], abs=1e-15)
+    # The order is the stack's, not that of the depths.
+    assert drawn(behind, front, background=(0, 0, 1)).light[3, 3] == pytest.approx(
+        [(1 - two) * one, two, (1 - one) * (1 - two)], abs=1e-15
+    )
+
+
+def test_brightness_dims_the_light_and_not_the_opacity():
+    white = Layer(np.zeros((9, 9), np.uint8), palette_of((255, 255, 255, 255)), 16.0, MATRIX)
+    dim = dataclasses.replace(white, brightness=0.25)
+    assert drawn(dim, background=(1, 1, 1)).light[3, 3] == pytest.approx([0.25] * 3)
+    hidden = dataclasses.replace(white, visible=False)
+    assert drawn(hidden, background=(0.5, 0.25, 1)).light[3, 3] == pytest.approx([0.5, 0.25, 1])
+
+
+def test_a_sky_follows_the_slopes_alone():
+    """Slope -0.125 / 4 in pixel 0, and 0.03125 for each 0.125 mm: texel floor(16 slope + 4) of both lenslets."""
+    sky = numbered(math.inf, np.array([[16.0, 0.0, 4.0], [0.0, -16.0, 4.0]]))
+    light = drawn(sky).light
+    slopes = np.array([-0.125, -0.375, 0.375, 0.125, -0.125, -0.375, 0.375, 0.125]) / 4.0
+    assert (np.rint(255.0 * np.sqrt(light[0, :, 0]) / 25.0) == np.floor(16.0 * slopes + 4.0)).all()
+
+
+@pytest.mark.parametrize("samples", [1, 2, 4])
+def test_samples_are_averaged_in_linear_light(samples):
+    """At D a quarter of a pixel is 1/64 of slope, at z = 16 mm a quarter of a texel of 1 mm: white starts between."""
+    # Pixel 0 meets x = -1.5 mm at its centre; samples 1/4 pixel to its right meet -1.75 mm, to its left -1.25 mm.
+    half = np.array([[0, 0, 1, 1, 1, 1, 1, 1]] * 8, np.uint8)
+    matrix = np.array([[1.0, 0.0, 3.375], [0.0, -1.0, 4.0]])  # white from x = -1.375 mm
+    light = drawn(Layer(half, palette_of((0, 0, 0, 255), (255, 255, 255, 255)), 16.0, matrix), samples=samples).light
+    assert light[0, 0, 0] == {1: 0.0, 2: 0.5, 4: 0.5}[samples]
+
+
+def test_the_panel_s_bytes_follow_iec_61966():
+    """The curve, written out from the standard: 12.92 L below 0.0031308, else 1.055 L^(1/2.4) - 0.055."""
+    values = [0, 5, 12, 13, 14, 60, 128, 180, 255]
+    palette = palette_of(*[(v, v, v, 255) for v in values])
+    for k, value in enumerate(values):
+        layer = Layer(np.full((9, 9), k, np.uint8), palette, 16.0, MATRIX)
+        light = (value / 255) ** 2
+        encoded = 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
+        assert set(drawn(layer).panel.ravel().tolist()) == {round(255 * encoded)}
+    # A panel of 5 bits has 32 levels, spread over the bytes.
+    five = dataclasses.replace(HAND, panel=dataclasses.replace(HAND.panel, bits=5))
+    level = round(31 * (1.055 * (180 / 255) ** (2 / 2.4) - 0.055))
+    assert set(
+        drawn(layer := Layer(np.full((9, 9), 7, np.uint8), palette, 16.0, MATRIX), display=five).panel.ravel()
+    ) == {round(level * 255 / 31)}
+    # One of 12 bits gets bytes, too.
+    deep = dataclasses.replace(HAND, panel=dataclasses.replace(HAND.panel, bits=12))
+    assert (drawn(layer, display=deep).panel == drawn(layer).panel).all()
+    assert BOARD_BITS == 8
+
+
+# --- against a plain loop -------------------------------------------------------------------------
+
+
+def texel_at(layer, column, row):
+    """Red, green, blue (premultiplied) and opacity of one texel."""
+    if not (0 <= column < layer.width and 0 <= row < layer.height):
+        return np.zeros(4)
+    *colour, alpha = (int(byte) for byte in layer.palette[layer.texels[row, column]])
+    opacity = (alpha + (1 if alpha >= 128 else 0)) / 256
+    return np.array([opacity * (c / 255) ** 2 for c in colour] + [opacity])
+
+
+def light_of_ray(stack, origin, direction, filter):
+    """Follow one ray through the stack."""
+    light, left = np.zeros(3), 1.0
+    for layer in stack.layers:
+        if not layer.visible:
+            continue
+        if math.isinf(layer.depth_mm):
+            x, y = direction[0] / direction[2], direction[1] / direction[2]
+        else:
+            far = (layer.depth_mm - origin[2]) / direction[2]
+            x, y = origin[0] + far * direction[0], origin[1] + far * direction[1]
+        s, t = layer.matrix @ np.array([x, y, 1.0])
+        if filter == "nearest":
+            seen = texel_at(layer, math.floor(s), math.floor(t))
+        else:
+            c, r = math.floor(s - 0.5), math.floor(t - 0.5)
+            f, g = s - 0.5 - c, t - 0.5 - r
+            seen = (1 - g) * ((1 - f) * texel_at(layer, c, r) + f * texel_at(layer, c + 1, r)) + g * (
+                (1 - f) * texel_at(layer, c, r + 1) + f * texel_at(layer, c + 1, r + 1)
+            )
+        light += left * layer.brightness * seen[:3]
+        left *= 1.0 - seen[3]
+    return light + left * stack.background
+
+
+CASES = list(itertools.product(("square", "hex"), FILTERS, (1, 2, 4)))
+
+
+@pytest.mark.parametrize(("grid", "filter", "samples"), CASES)
+def test_random_stacks_against_a_loop_over_rays(grid, filter, samples):
+    random = generator(SEED, grid, filter, samples)
+    display = focused_display(
+        grid, focal=3.3, width_px=48, height_px=36, pixel_pitch=0.1, rotation=float(random.uniform(0, 90)),
+        offset=tuple(random.uniform(-1, 1, 2)),
+    )  # fmt: skip
+    offsets = {1: [(0, 0)], 2: [(-0.25, -0.25), (0.25, 0.25)], 4: list(itertools.product((-0.25, 0.25), repeat=2))}
+    for _ in range(4):
+        stack = random_stack(random, display)
+        light = draw_golden(display, stack, filter, samples).light
+        places = [(int(random.integers(48)), int(random.integers(36))) for _ in range(60)]
+        for column, row in places:
+            pixels = np.array([(column + 0.5 + a, row + 0.5 + b) for a, b in offsets[samples]])
+            rays = trace(display, pixels)
+            wanted = [
+                light_of_ray(stack, o, d, filter) if status in (Status.OK, Status.CROSSTALK) else np.zeros(3)
+                for o, d, status in zip(rays.origin_mm, rays.direction, rays.status, strict=True)
+            ]
+            # A ray within rounding of a texel's edge may see either side of it; none of these seeds has one.
+            assert light[row, column] == pytest.approx(np.mean(wanted, axis=0), abs=1e-9)
+
+
+def test_rays_without_an_exit_are_black():
+    """An array that ends on the panel: rays beyond it are blocked, and black before a white background."""
+    whole = focused_display("square", focal=4.0, width_px=40, height_px=32, pixel_pitch=0.25)
+    ended = dataclasses.replace(whole, array=dataclasses.replace(whole.array, extent_mm=(4.9, 2.9)))
+    layer = Layer(np.zeros((1, 1), np.uint8), palette_of((0, 0, 0, 0)), 5.0, MATRIX)
+    light = draw_golden(ended, LayerStack((layer,), np.ones(3))).light
+    u, v = np.meshgrid(np.arange(40) + 0.5, np.arange(32) + 0.5)
+    status = trace(ended, np.stack([u, v], axis=-1).reshape(-1, 2)).status.reshape(32, 40)
+    good = (status == Status.OK) | (status == Status.CROSSTALK)
+    assert 0.05 < good.mean() < 0.5
+    assert (light[good] == 1.0).all()
+    assert (light[~good] == 0.0).all()
+
+
+def test_slopes_beyond_four_do_not_draw():
+    """Pixels far aside of lenslets very near to the panel: the pinhole's slope is their distance over D."""
+    steep = focused_display("square", focal=20.0, width_px=40, height_px=40, pixel_pitch=0.1)
+    steep = dataclasses.replace(steep, gap_mm=0.07)
+    limit = 4.0 * steep.aperture_distance_mm
+    lines = list(exit_lines(steep, model="pinhole"))
+    assert len(lines) == 1
+    x = (np.arange(40) + 0.5 - 20) * 0.1
+    local = abs(x - np.rint(x))
+    wanted = np.maximum(local[None], local[:, None]) <= limit
+    assert (lines[0].draws.reshape(40, 40) == wanted).all()
+    assert 0.2 < wanted.mean() < 0.8
+
+
+def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
+    import lippmann.layers.drawing as module
+
+    random = generator(SEED, "parts")
+    stack = random_stack(random, HAND)
+    whole = draw_golden(HAND, stack, "bilinear", 4)
+    monkeypatch.setattr(module, "CHUNK_RAYS", 70)
+    assert len(list(exit_lines(HAND, 4))) == 4
+    parts = draw_golden(HAND, stack, "bilinear", 4)
+    assert (whole.light == parts.light).all()
+    assert (whole.panel == parts.panel).all()
+
+
+# --- the interface --------------------------------------------------------------------------------
+
+
+def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
+    random = generator(SEED, "image")
+    stack = random_stack(random, HAND)
+    image = lp.draw(stack, HAND, filter="bilinear", samples=2)
+    drawing = draw_golden(HAND, stack, "bilinear", 2)
+    assert image.radiance == pytest.approx(drawing.light, abs=1e-6)
+    assert (image.metadata["engine"], image.metadata["samples"], image.metadata["filter"]) == (
+        "golden",
+        "2",
+        "bilinear",
+    )
+    image.save(tmp_path / "drawn.png")
+    from PIL import Image
+
+    with Image.open(tmp_path / "drawn.png") as picture:
+        values = np.asarray(picture)
+    # float32 may round a light in the middle between two bytes the other way.
+    assert (values == drawing.panel).mean() > 0.999
+    assert read_picture(tmp_path / "drawn.png").metadata["identity"] == HAND.identity
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"filter": "cubic"}, "unknown filter 'cubic'; choose from nearest, bilinear"),
+        ({"samples": 3}, "drawn with 1, 2, 4 samples a pixel, not 3"),
+        ({"samples": True}, "drawn with 1, 2, 4 samples a pixel, not True"),
+        ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden"),
+        ({"model": "thick"}, "unknown model 'thick'"),
+    ],
+)
+def test_bad_options_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        lp.draw(LayerStack((numbered(),)), HAND, **options)
+
+
+def test_layers_at_the_eyes_are_refused_before_drawing():
+    with pytest.raises(InputError, match=r"layers: layer\[0\].depth_mm: 600 mm is not in front of the eyes"):
+        lp.draw(LayerStack((numbered(600.0),)), HAND)

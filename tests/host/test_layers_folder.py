@@ -1,0 +1,192 @@
+"""Folders of layers: what is saved is loaded again to the bit; bad files are one line that names file and remedy."""
+
+import math
+import re
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from layer_cases import random_stack
+from lippmann.errors import InputError
+from lippmann.layers.folder import check_for_display, is_layers, load_layers, load_named_layers, save_layers
+from lippmann.layers.stack import Layer, LayerStack
+from PIL import Image
+from scene_cases import focused_display, generator
+
+SEED = 1612
+DISPLAY = focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1)
+
+
+def same(one, other):
+    """Whether two stacks are equal to the bit."""
+    return (one.background == other.background).all() and len(one.layers) == len(other.layers) and all(
+        (a.texels == b.texels).all() and a.texels.shape == b.texels.shape and (a.palette == b.palette).all()
+        and a.depth_mm == b.depth_mm and (a.matrix == b.matrix).all() and a.brightness == b.brightness
+        and a.visible == b.visible
+        for a, b in zip(one.layers, other.layers, strict=True)
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_a_saved_stack_is_loaded_again_to_the_bit(tmp_path, case):
+    random = generator(SEED, case)
+    stack = random_stack(random, DISPLAY, most=300)
+    file = save_layers(tmp_path / "scene", stack)
+    assert same(load_layers(tmp_path / "scene"), stack)
+    assert same(load_layers(file), stack)
+    assert is_layers(tmp_path / "scene")
+    assert not is_layers(tmp_path)
+    names = tuple(f"part-{k}" for k in range(len(stack.layers)))
+    save_layers(tmp_path / "scene", stack, names)
+    assert load_named_layers(file).names == names
+    assert not list((tmp_path / "scene").glob(".*"))  # no partial file is left
+
+
+@pytest.mark.parametrize("alpha", [[255] * 256, [0] * 256, [255] * 5 + [0] + [255] * 250, [0] + [255] * 255])
+def test_palettes_that_png_writes_in_a_short_form(tmp_path, alpha):
+    palette = np.zeros((256, 4), np.uint8)
+    palette[:, 3] = alpha
+    stack = LayerStack((Layer(np.arange(256, dtype=np.uint8)[None], palette, 0.0, np.eye(3)[:2]),))
+    save_layers(tmp_path, stack)
+    assert same(load_layers(tmp_path), stack)
+
+
+def test_the_png_holds_the_boards_bytes_and_says_how_light_follows(tmp_path):
+    """Read chunk by chunk, as the PNG standard has them, without a library of pictures."""
+    palette = generator(SEED, "chunks").integers(0, 256, (256, 4), np.uint8)
+    save_layers(tmp_path, LayerStack((Layer(np.full((2, 3), 9, np.uint8), palette, 0.0, np.eye(3)[:2]),)), ["only"])
+    data, chunks, at = (tmp_path / "only.png").read_bytes(), {}, 8
+    while at < len(data):
+        length, name = struct.unpack(">I4s", data[at : at + 8])
+        chunks[name] = data[at + 8 : at + 8 + length]
+        at += 12 + length
+    assert struct.unpack(">IIBB", chunks[b"IHDR"][:10]) == (3, 2, 8, 3)  # 8 bits, palette
+    assert chunks[b"PLTE"] == palette[:, :3].tobytes()
+    assert chunks[b"tRNS"] == palette[:, 3].tobytes()
+    assert struct.unpack(">I", chunks[b"gAMA"]) == (50000,)
+    assert zlib.decompress(chunks[b"IDAT"])[1:4] == bytes([9, 9, 9])
+
+
+GOOD = """background = [0, 0.5, 1]
+[[layer]]
+picture = "one.png"
+depth_mm = 12.5
+s = [1, 0, 2]
+t = [0, -1, 3]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with one layer of 4 x 2 texels."""
+    picture = Image.fromarray(np.array([[0, 1, 2, 3], [3, 2, 1, 0]], np.uint8), "P")
+    picture.putpalette(bytes(range(12)))
+    picture.save(tmp_path / "one.png", transparency=bytes([0, 128]))
+    (tmp_path / "layers.toml").write_text(GOOD)
+    return tmp_path
+
+
+def test_a_folder_written_by_hand(folder):
+    stack = load_layers(folder)
+    (layer,) = stack.layers
+    assert stack.background.tolist() == [0.0, 0.5, 1.0]
+    assert layer.texels.tolist() == [[0, 1, 2, 3], [3, 2, 1, 0]]
+    assert layer.palette[:5].tolist() == [[0, 1, 2, 0], [3, 4, 5, 128], [6, 7, 8, 255], [9, 10, 11, 255], [0, 0, 0, 0]]
+    assert (layer.depth_mm, layer.matrix.tolist()) == (12.5, [[1, 0, 2], [0, -1, 3]])
+    assert (layer.brightness, layer.visible) == (1.0, True)
+    (folder / "layers.toml").write_text(GOOD.replace("12.5", '"sky"'))
+    assert math.isinf(load_layers(folder).layers[0].depth_mm)
+
+
+@pytest.mark.parametrize(
+    ("find", "put", "where", "remedy"),
+    [
+        ("depth_mm = 12.5", "", "layer[0].depth_mm", "add it"),
+        ("12.5", "inf", "layer[0].depth_mm", "give a finite number, from -1e+06 to 1e+06"),
+        ("12.5", "2e6", "layer[0].depth_mm", "from -1e+06 to 1e+06"),
+        ("12.5", '"skye"', "layer[0].depth_mm", '"sky"'),
+        ("depth_mm", "depth", "layer[0].depth", "did you mean depth_mm?"),
+        ("[1, 0, 2]", "[1, 0]", "layer[0].s", "give [x, y, 1], finite numbers"),
+        ("[1, 0, 2]", "[1, nan, 2]", "layer[0].s", "give [x, y, 1], finite numbers"),
+        ("0.5", "1.5", "background[1]", "from 0 to 1"),
+        ("[0, 0.5, 1]", "[0, 0.5]", "background", "give [red, green, blue], 0 to 1"),
+        ("t =", "brightness = 2\nt =", "layer[0].brightness", "from 0 to 1"),
+        ("one.png", "two.png", "two.png", "mend its name"),
+        ("one.png", "ones.png", "ones.png", "/one.png?"),
+        ("one.png", "../one.png", "layer[0].picture", "give the name of a .png in the same folder"),
+        ("one.png", "one.gif", "layer[0].picture", "give the name of a .png in the same folder"),
+        (r"\[\[layer(.|\n)*", "layer = []", "layer", "[[layer]]"),
+        (r"\Z", GOOD.partition("\n")[2], "layer[1].picture", "copy it under another name"),
+        (r"\Z", GOOD.partition("\n")[2] * 8, "layer", "[[layer]]"),
+    ],
+)
+def test_a_bad_file_is_named(folder, find, put, where, remedy):
+    (folder / "layers.toml").write_text(re.sub(find if find[0] in "\\" else re.escape(find), put, GOOD))
+    with pytest.raises(InputError) as caught:
+        load_layers(folder)
+    line = str(caught.value)
+    assert where in line
+    assert remedy in line
+    assert str(folder) in line
+    assert "\n" not in line
+
+
+def beyond_palette():
+    """A PNG with an index beyond its palette, which decoders may leave to the reader."""
+    rows = b"".join(b"\0" + bytes([0, 1, 2, 200]) for _ in range(2))
+    chunks = {
+        b"IHDR": struct.pack(">IIBBBBB", 4, 2, 8, 3, 0, 0, 0), b"PLTE": bytes(9),
+        b"IDAT": zlib.compress(rows), b"IEND": b"",
+    }  # fmt: skip
+    parts = (struct.pack(">I", len(d)) + n + d + struct.pack(">I", zlib.crc32(n + d)) for n, d in chunks.items())
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+#: What is put in a picture's place, and what its error says.
+WRONG = {
+    "colours": (lambda path: Image.new("RGB", (4, 2)).save(path), "is a RGB picture without a palette; cut it into"),
+    "grey": (lambda path: Image.new("L", (4, 2)).save(path), "is a grey picture without a palette"),
+    "large": (lambda path: Image.new("P", (1025, 2)).save(path), "has 1025 x 2 texels, more than a board's slot can"),
+    "cut": (lambda path: path.write_bytes(path.read_bytes()[:-30]), "is not a whole PNG picture"),
+    "text": (lambda path: path.write_text("no picture"), "is not a whole PNG picture"),
+    "gif": (lambda path: Image.new("P", (4, 2)).save(path, "GIF"), "is not a whole PNG picture"),
+    "index": (lambda path: path.write_bytes(beyond_palette()), "uses colour 200 of a palette of 3"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_wrong_picture_is_named(folder, kind):
+    put, wanted = WRONG[kind]
+    put(folder / "one.png")
+    with pytest.raises(InputError, match=re.escape(wanted)) as caught:
+        load_layers(folder)
+    assert str(caught.value).startswith(str(folder / "one.png"))
+
+
+def test_a_folder_without_layers_and_names_that_no_file_has(tmp_path):
+    with pytest.raises(InputError, match=r"is no folder of layers; give a folder with layers.toml"):
+        load_layers(tmp_path)
+    with pytest.raises(InputError, match=r"no folder of layers"):
+        load_layers(tmp_path / "nowhere")
+    stack = LayerStack((Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2]),) * 2)
+    for names in (("a",), ("a", "A"), ("a", "b/c"), ("a", "")):
+        with pytest.raises(InputError, match="name"):
+            save_layers(tmp_path / "scene", stack, names)
+    assert not (tmp_path / "scene").exists()
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="cannot be made"):
+        save_layers(tmp_path / "taken", stack)
+
+
+def test_layers_at_the_eyes_are_refused():
+    plain = np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8)
+    for depth, good in ((599.9, True), (600.0, False), (-5e5, True), (math.inf, True)):
+        stack = LayerStack((Layer(*plain, 0.0, np.eye(3)[:2]), Layer(*plain, depth, np.eye(3)[:2])))
+        if good:
+            check_for_display(stack, DISPLAY)
+        else:
+            with pytest.raises(
+                InputError, match=r"layer\[1\].depth_mm: 600 mm is not in front of the eyes .* at 600 mm"
+            ):
+                check_for_display(stack, DISPLAY)

@@ -1,0 +1,63 @@
+"""Palettes of pictures: few colours are kept, the error is what it says, opaque stays opaque."""
+
+import numpy as np
+import pytest
+from lippmann.layers.palette import Picture, quantise
+from PIL import Image
+from scene_cases import generator
+
+SEED = 1614
+
+
+def premultiplied(rgba):
+    share = rgba.astype(np.float64) / 255.0
+    return share[..., :3] * share[..., 3:]
+
+
+def measured_db(rgba, texels, palette):
+    """The error, written out: mean square of what is seen, against a signal of 1."""
+    return -10.0 * np.log10(((premultiplied(rgba) - premultiplied(palette[texels])) ** 2).mean())
+
+
+@pytest.mark.parametrize("colours", [1, 2, 100, 255])
+def test_a_picture_of_few_colours_keeps_them_all(colours):
+    random = generator(SEED, colours)
+    kept = np.unique(random.integers(1, 256, (colours, 4), np.uint8), axis=0)
+    rgba = kept[random.integers(0, len(kept), (40, 50))]
+    rgba[random.random((40, 50)) < 0.2, 3] = 0  # of any colour, but transparent
+    done = quantise(rgba)
+    clear = rgba[..., 3] == 0
+    assert (done.palette[done.texels][~clear] == rgba[~clear]).all()
+    assert (done.texels[clear] == 0).all()
+    assert (done.palette[0] == 0).all()
+    assert done.error_db == np.inf
+
+
+@pytest.mark.parametrize("case", range(4))
+def test_the_error_is_measured_and_smaller_than_pillow_s(case):
+    random = generator(SEED, "error", case)
+    v, u = np.mgrid[:96, :128] / 128.0
+    waves = [np.sin(random.uniform(2, 12) * u + random.uniform(2, 12) * v + k) for k in range(4)]
+    rgba = np.rint(127.5 + 127.5 * np.stack(waves, axis=-1)).astype(np.uint8)
+    if case % 2:
+        rgba[..., 3] = 255
+    done = quantise(rgba)
+    own = measured_db(rgba, done.texels, done.palette)
+    assert done.error_db == pytest.approx(own, abs=1e-9)
+    pillow = Image.fromarray(rgba, "RGBA").quantize(255, Image.Quantize.FASTOCTREE)
+    theirs = measured_db(rgba, np.asarray(pillow), np.array(pillow.getpalette("RGBA"), np.uint8).reshape(-1, 4))
+    print(f"{own:.1f} dB, Pillow's octree {theirs:.1f} dB")
+    assert own > theirs + 1.0
+
+
+def test_opaque_texels_stay_opaque_among_many_that_nearly_are():
+    random = generator(SEED, "opaque")
+    rgba = random.integers(0, 256, (64, 64, 4), np.uint8)
+    rgba[..., 3] = np.where(random.random((64, 64)) < 0.5, 255, random.integers(200, 255, (64, 64)))
+    done = quantise(rgba)
+    assert (done.palette[done.texels][rgba[..., 3] == 255, 3] == 255).all()
+
+
+def test_a_picture_s_bytes_are_square_roots_of_its_light():
+    picture = Picture(np.array([[[1.0, 0.25, 0.0]], [[0.5, 0.5, 0.5]]]), np.array([[1.0], [0.0]]))
+    assert picture.rgba.tolist() == [[[255, 128, 0, 255]], [[0, 0, 0, 0]]]
