@@ -199,7 +199,7 @@ class Board:
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             some = min(MAX_WORDS, count - first)
-            body = self._ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), some), 4 * some)
+            body = self.ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), some), 4 * some)
             words += struct.unpack(f"<{some}I", body)
         return words
 
@@ -212,7 +212,7 @@ class Board:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
         if not all(0 <= word < 1 << 32 for word in words):
             raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
-        self._ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
+        self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
         """Write registers in order, neighbours in one request; addresses count from `base`."""
@@ -237,7 +237,7 @@ class Board:
         epochs = set()
         for first in range(0, count, MAX_TILES):
             some = min(MAX_TILES, count - first)
-            body = self._ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, some), TILES_REPLY.size + 4 * some)
+            body = self.ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, some), TILES_REPLY.size + 4 * some)
             epoch, echo = TILES_REPLY.unpack(body[: TILES_REPLY.size])
             if echo != first:
                 raise self._error(f"the board replies for tile {echo}, not tile {first}", "update the board")
@@ -264,7 +264,7 @@ class Board:
         out = np.empty((len(rays), len(FixedRays._fields)), np.int64)
         for first in range(0, len(rays), MAX_RAYS):
             some = rays[first : first + MAX_RAYS]
-            body = self._ask(Kind.TRACE, some.tobytes(), 4 * out.shape[1] * len(some))
+            body = self.ask(Kind.TRACE, some.tobytes(), 4 * out.shape[1] * len(some))
             out[first : first + MAX_RAYS] = np.frombuffer(body, "<i4").reshape(len(some), -1)
         return FixedRays(*out.T)
 
@@ -300,12 +300,12 @@ class Board:
     def abort(self) -> None:
         """End the frame that the board's optics trace, drop a start that waits, and wait for an empty pipeline."""
         self._needs_version_2(Kind.ABORT)
-        self._ask(Kind.ABORT, b"", 0)
+        self.ask(Kind.ABORT, b"", 0)
 
     def reset(self) -> None:
         """Reset the board to its state after power-up, the line excepted: it forgets frames, tiles and registers."""
         self._needs_version_2(Kind.RESET)
-        self._ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
+        self.ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
         self.hello()
 
     def _needs_version_2(self, kind: Kind) -> None:
@@ -421,7 +421,7 @@ class Board:
     def _error(self, what: str, remedy: str) -> DeviceError:
         return DeviceError.at(self.line.url, what, remedy)
 
-    def _ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
+    def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
         """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
         status, answer = self._request(kind, body, work_s)
         return self._good(kind, status, answer, size)

@@ -62,7 +62,10 @@ class Window(ABC, Generic[Note]):
         self._queue.appendleft(item)
 
     def run(
-        self, items: Iterable[int], progress: Callable[[int], None] = lambda arrived: None, ends: ReplyStatus | None = None
+        self,
+        items: Iterable[int],
+        progress: Callable[[int], None] = lambda arrived: None,
+        ends: ReplyStatus | None = None,
     ) -> ReplyStatus:
         """Send items until the board has them and return OK, or until it answers `ends`, and return that.
 

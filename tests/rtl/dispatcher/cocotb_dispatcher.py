@@ -9,7 +9,21 @@ from cocotb.clock import Clock
 from neighbours import Neighbours
 from packets import marked
 from protocol import (
-    ABORT, BLOCK, BLOCKS, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request,
+    ABORT,
+    BLOCK,
+    BLOCKS,
+    HELLO,
+    KINDS,
+    PRESENT,
+    READ,
+    RESET,
+    SIGN,
+    TILE,
+    TILES,
+    TRACE,
+    WRITE,
+    Reference,
+    request,
 )  # fmt: skip
 from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage

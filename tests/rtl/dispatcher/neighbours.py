@@ -195,7 +195,9 @@ class Neighbours(Monitor):
                     self.log.append(("block", *self._block["place"], data))
                     self._block = None
                     dut.block_done_i.value = 1
-        dut.block_word_at_i.value = random.getrandbits(8) if self._block is None or self._word_at is None else self._word_at
+        dut.block_word_at_i.value = (
+            random.getrandbits(8) if self._block is None or self._word_at is None else self._word_at
+        )
 
     def _frames(self) -> None:
         """Of the table an answer three clocks old; of the presenter a status, and an epoch with it."""

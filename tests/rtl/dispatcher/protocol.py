@@ -107,21 +107,30 @@ class Reference:
             return size % 4 == 2 and 1 <= size // 4 <= 64
         if kind == TILES:
             return size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512
-        if kind == BLOCK:
-            return size == 2 + BLOCK_BYTES
         if kind == BLOCKS:
             return size == 3 and body[2] > 0
         if kind == TRACE:
             pixels = (word for k, (word,) in enumerate(struct.iter_unpack("<i", body[: size & ~3])) if k % 4 < 2)
             return size % 16 == 0 and 1 <= size // 16 <= 64 and all(-(1 << 17) <= one < 1 << 17 for one in pixels)
-        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6}.get(kind, 0)
+        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, BLOCK: 2 + BLOCK_BYTES}.get(kind, 0)
 
     def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
         version, nonce = struct.unpack("<BI", body)
         if version == rules.VERSION and nonce != self.nonce:
             self.nonce, self.newest, self.executed = nonce, number, None
         build = self.registers[rules.BUILD]
-        told = (rules.VERSION, nonce, self.identity, self.width, self.height, 32, 3200, self.clock_hz, self.epoch, build)
+        told = (
+            rules.VERSION,
+            nonce,
+            self.identity,
+            self.width,
+            self.height,
+            32,
+            3200,
+            self.clock_hz,
+            self.epoch,
+            build,
+        )
         return (OK if version == rules.VERSION else VERSION), struct.pack("<BIQHHBHIHI", *told)
 
     def _range_is_there(self, first: int, count: int) -> bool:

@@ -6,7 +6,21 @@ from collections.abc import Iterator
 
 import rules
 from protocol import (
-    ABORT, BLOCK, BLOCK_BYTES, BLOCKS, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference,
+    ABORT,
+    BLOCK,
+    BLOCK_BYTES,
+    BLOCKS,
+    HELLO,
+    KINDS,
+    PRESENT,
+    READ,
+    RESET,
+    SIGN,
+    TILE,
+    TILES,
+    TRACE,
+    WRITE,
+    Reference,
     request,
 )  # fmt: skip
 
@@ -17,7 +31,9 @@ def addresses() -> tuple[int, int]:
     low, behind = random.choice(rules.RANGES)
     first = random.choice([low, behind - 4 * count, random.randrange(low, behind, 4)])
     if random.random() < 0.15:
-        first = random.choice([first + 4, first + 1, first + 2, 0x100, 0x1FC, 0x400, 0x800, 0xFFFC, random.getrandbits(16)])
+        first = random.choice(
+            [first + 4, first + 1, first + 2, 0x100, 0x1FC, 0x400, 0x800, 0xFFFC, random.getrandbits(16)]
+        )
     return first % (1 << 16), count
 
 
@@ -115,21 +131,17 @@ OFTEN = [kind for kind in KINDS if kind not in (ABORT, RESET)]
 
 def bad_length(kind: int, body: bytes) -> bytes:
     """Another length: a little, a lot, or a count that is none."""
-    if random.random() < 0.4:
-        if kind == READ:
-            return body[:2] + bytes([random.choice([0, 65, 128, 255])])
-        if kind == TILES:
-            return body[:3] + struct.pack("<H", random.choice([0, 513, 0x8001, 0xFFFF]))
-        if kind == WRITE:
-            return body[:2] + random.randbytes(4 * random.choice([0, 65, 66, 256, 257, 320, 600]))
-        if kind == TILE:
-            return body[: random.randrange(5)]
-        if kind == BLOCK:
-            return body[:2] + random.randbytes(random.choice([0, 1, 1020, 1023, 1025, 1028, 2048, 3000]))
-        if kind == BLOCKS:
-            return body[:2] + bytes(1)
-        if kind == TRACE:
-            return random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513]))
+    counts = {
+        READ: lambda: body[:2] + bytes([random.choice([0, 65, 128, 255])]),
+        TILES: lambda: body[:3] + struct.pack("<H", random.choice([0, 513, 0x8001, 0xFFFF])),
+        WRITE: lambda: body[:2] + random.randbytes(4 * random.choice([0, 65, 66, 256, 257, 320, 600])),
+        TILE: lambda: body[: random.randrange(5)],
+        TRACE: lambda: random.randbytes(random.choice([1020, 1028, 1040, 1025, 1041, 2048, 4 * 513])),
+        BLOCK: lambda: body[:2] + random.randbytes(random.choice([0, 1, 1020, 1023, 1025, 1028, 2048, 3000])),
+        BLOCKS: lambda: body[:2] + bytes(1),
+    }
+    if random.random() < 0.4 and kind in counts:
+        return counts[kind]()
     cut = body[: random.randrange(len(body) + 1)]
     more = body + random.randbytes(random.choice([2, 3, 4, 12, 50]))
     return random.choice([cut, cut, body[:-1], body + b"\1", more])
