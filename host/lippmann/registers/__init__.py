@@ -1,7 +1,7 @@
 """The registers of the optics block, of the board and of its scene, read from the data that `make registers` writes.
 
-`optics.json`, `board.json` and `scene.json` are generated from rtl/registers.rdl; an item with its default value is left
-out of them.
+`optics.json`, `board.json` and `scene.json` are generated from rtl/registers.rdl; an item with its default value is
+left out of them.
 """
 
 from __future__ import annotations
