@@ -3,10 +3,10 @@
 
 /// The registers of the scene: as written, for the scene to take between two frames.
 ///
-/// take_i is the clock of that. Until then `status.waits` is set behind a write. slots_o has a bit for
-/// each slot that is shown or will be: a visible layer names it, in the registers taken last, while the
-/// scene is shown (shown_i), or in those written, while the scene is to be shown (source_o). Bit
-/// 15 is the panel's curve, which every scene needs.
+/// take_i is the clock of that. Until then `status.waits` is set behind a write. slots_o has a bit
+/// for each slot that is shown or will be: a visible layer names it, in the registers taken last,
+/// while the scene is shown (shown_i), or in those written, while the scene is to be shown
+/// (source_o). Bit 15 is the panel's curve, which every scene needs.
 ///
 /// The port is APB4; a write changes the bytes whose strobe is set. rtl/registers.rdl defines the
 /// registers. Those of layers that the build lacks are not there.
@@ -69,12 +69,10 @@ module lipp_scene_block #(
       for (int k = 0; k < Words; k++) begin
         for (int part = 0; part < 4; part++) begin
           if (write && int'(s_apb_paddr[8:2]) == k && s_apb_pstrb[part]) begin
-            words_q[k][8*part+:8] <= s_apb_pwdata[8*part+:8];
+            words_q[k][8*part+:8] <=
+                s_apb_pwdata[8*part+:8] & (k % 8 == 7 ? LookBits[8*part+:8] : '1);
           end
         end
-      end
-      for (int layer = 0; layer < Layers; layer++) begin
-        words_q[8*layer+7] <= words_q[8*layer+7] & LookBits;
       end
     end
   end
