@@ -9,7 +9,7 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
-/// With Scene.layers > 0 the board draws: slots for textures, and registers, are loaded over the line.
+/// With Scene.layers > 0 the board draws: textures and registers are loaded over the line.
 ///
 ///   draw_frame -> optics_block -> scene -> draw_frame -> scan_out
 ///                   slot_loader ---^
@@ -404,8 +404,8 @@ module lipp_board #(
     localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 5
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
-      $fatal(1, "lipp_board: %0d clocks of blanking before the first pixel; the scene needs %0d",
-             Blanking, Latency);
+      $fatal(1, "lipp_board: the scene needs a longer blanking before the first pixel: %0d clocks, not %0d",
+             Latency, Blanking);
     end
 
     lipp_scene_pkg::scene_config_t config_set;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Has the panel drawn: sends its pixels' rays to the optics, and gives the drawn pixels to the video.
+/// Has the panel drawn: sends its pixels' rays to the optics, gives the drawn pixels to the video.
 ///
-/// begin_i is the start of a frame of the video, in its vertical sync. If no pixel of the frame before
-/// is missing, the scene takes its registers then (take_o), unless a write to them is being executed
-/// (hold_i): that frame is drawn from the registers of the one before. shown_o, whether the panel
-/// shows the scene, is source_i as taken with the registers. A frame of Width * Height pixels begins
-/// with begin_i if shown_o is high in the next clock. So a set of registers draws whole frames only.
+/// begin_i is the start of a frame of the video, in its vertical sync. If no pixel of the frame
+/// before is missing, the scene takes its registers then (take_o), unless a write to them is being
+/// executed (hold_i): that frame is drawn from the registers of the one before. shown_o, whether
+/// the panel shows the scene, is source_i as taken with the registers. A frame of Width * Height
+/// pixels begins with begin_i if shown_o is high in the next clock. So a set of registers draws
+/// whole frames only.
 ///
 /// Rays of pixel (c, r), counted from the panel's top left, as lipp_raster's:
 ///   u = 8 (2 c + 1 - Width) + du,  v = 8 (Height - 2 r - 1) + dv, in this order of (du, dv):
@@ -16,10 +17,10 @@
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
 /// first and last mark the frame's.
 ///
-/// Drawn pixels come in the rays' order. want_i takes the frame's next pixel for the video; rgb_o is
-/// that pixel, or black if it has not come: underflow_o is high in the next clock then, and the
-/// pixel is dropped when it comes. So each pixel is shown at its own place or not at all. If pixels are
-/// still missing at begin_i, they are dropped, and the frame that would begin is black: all its
+/// Drawn pixels come in the rays' order. want_i takes the frame's next pixel for the video; rgb_o
+/// is that pixel, or black if it has not come: underflow_o is high in the next clock then, and the
+/// pixel is dropped when it comes. So each pixel is shown at its own place or not at all. If pixels
+/// are still missing at begin_i, they are dropped, and the frame that would begin is black: all its
 /// pixels are underflows. owns_o: the optics belong to the drawing, since the scene is to be shown,
 /// or is shown, or pixels are missing.
 module lipp_draw_frame #(
@@ -87,7 +88,7 @@ module lipp_draw_frame #(
   assign end_of_frame = end_of_row && row_q == LastRow;
   // Quarters of a pixel, to the right and up.
   logic right, up;
-  assign right = SamplesBits == 2 ? sample_q[0] : sample_q[0];
+  assign right = sample_q[0];
   assign up = SamplesBits == 2 ? !sample_q[1] : !sample_q[0];
   localparam int HalfBits = PanelBits + 1;
   logic signed [HalfBits-1:0] half_u, half_v;

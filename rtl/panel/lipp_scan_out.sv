@@ -12,11 +12,11 @@
 /// starts a frame of buffer 0. Pixels are black until the first swap, since the store holds no
 /// frame before.
 ///
-/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is on its
-/// way. scene_i may change in the next clock: 1 shows the scene in place of the front buffer. Then
-/// scene_take_o is a pulse for each pixel of the frame, and scene_rgb_i that pixel, in the same clock.
-/// The first pulse comes (VSync + VBack) lines and HSync + HBack pixels, in clocks, plus ReadLatency,
-/// after frame_end_o.
+/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is on
+/// its way. scene_i may change in the next clock: 1 shows the scene in place of the front buffer.
+/// Then scene_take_o is a pulse for each pixel of the frame, and scene_rgb_i that pixel, in the same
+/// clock. The first pulse comes (VSync + VBack) lines and HSync + HBack pixels, in clocks, plus
+/// ReadLatency, after frame_end_o.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
 /// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
