@@ -333,6 +333,7 @@ module dispatcher_properties #(
           (state == Reply && i_dut.table_start && table_left == '0 && !i_dut.table_valid)
           || (!i_dut.table_start && table_left == (state == Words ? reply_left : i_dut.words)) : table_idle));
       in_words: assert (state != Words || (ok && kind inside {RequestRead, RequestTrace, RequestTiles}));
+      in_kind: assert (!(state inside {Reply, Words}) || !ok || kind inside {[RequestHello:RequestReset]});
       in_list_few: assert (!ray_list || ray_left <= 9'd256);
       in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
       in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);

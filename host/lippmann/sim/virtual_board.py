@@ -247,7 +247,7 @@ def compiled(
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
-    numbers = {
+    numbers: dict[str, int | str] = {
         **parameters(build),
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
