@@ -6,6 +6,7 @@
 registers/lipp_board_map_pkg.sv
 registers/lipp_board_registers_pkg.sv
 registers/lipp_optics_registers_pkg.sv
+registers/lipp_scene_registers_pkg.sv
 math/lipp_math_pkg.sv
 optics/lipp_optics_pkg.sv
 scene/lipp_scene_pkg.sv
@@ -13,6 +14,7 @@ link/lipp_link_pkg.sv
 panel/lipp_panel_pkg.sv
 registers/lipp_board_registers.sv
 registers/lipp_optics_registers.sv
+registers/lipp_scene_registers.sv
 common/lipp_reset_sync.sv
 common/lipp_bit_sync.sv
 common/lipp_pulse_sync.sv
@@ -65,6 +67,7 @@ scene/lipp_composite.sv
 scene/lipp_sample_mean.sv
 scene/lipp_panel_curve.sv
 scene/lipp_scene.sv
+scene/lipp_scene_block.sv
 bus/lipp_axil_to_apb.sv
 bus/lipp_wishbone_to_apb.sv
 bus/lipp_axis_to_rays.sv
@@ -80,6 +83,7 @@ panel/lipp_tile_table.sv
 panel/lipp_frame_check.sv
 panel/lipp_frame_store.sv
 panel/lipp_test_pattern.sv
+panel/lipp_draw_frame.sv
 panel/lipp_scan_out.sv
 board/lipp_request_reader.sv
 board/lipp_request_order.sv
@@ -88,6 +92,7 @@ board/lipp_register_access.sv
 board/lipp_ray_access.sv
 board/lipp_ray_signature.sv
 board/lipp_table_reader.sv
+board/lipp_slot_loader.sv
 board/lipp_presenter.sv
 board/lipp_reply_builder.sv
 board/lipp_reply_writer.sv

@@ -9,6 +9,13 @@
 ///                                                 v                    -> optics_block
 ///   uart_tx <- packet_out <- dispatcher      ray_signature
 ///
+/// With Scene.layers > 0 the board draws: textures and registers are loaded over the line.
+///
+///   draw_frame -> optics_block -> scene -> draw_frame -> scan_out
+///                   slot_loader ---^
+///
+/// A pixel then lasts 2^Scene.samples_bits clocks. pixel_o marks the first clock of each pixel.
+///
 /// The request RESET resets all but the line and its packets, so that no byte of them is lost.
 ///
 /// The store of the frames is the memory at the ports store_*: two buffers of Width * Height
@@ -38,6 +45,8 @@ module lipp_board #(
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
+  // No layers: nothing of the drawing is built.
+  parameter lipp_scene_pkg::scene_build_t Scene = '0,
   localparam int F = int'(Build.fraction_bits),
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
@@ -67,6 +76,7 @@ module lipp_board #(
   output logic [PlaceBits-1:0] store_b_at_o,
   input  logic [23:0]          store_b_rgb_i,
 
+  output logic        pixel_o,
   output logic        de_o,
   output logic        hsync_o,
   output logic        vsync_o,
@@ -88,6 +98,13 @@ module lipp_board #(
   end
   if (Build.aims) begin : gen_illegal_aims
     $fatal(1, "lipp_board: Build.aims must be 0: a board traces chief rays");
+  end
+
+  localparam bit Draws = Scene.layers != '0;
+  localparam int ClocksPerPixel = Draws ? 1 << Scene.samples_bits : 1;
+  localparam int ReadLatency = StoreLatency + 2;  // the ports are registers
+  if (Draws && !lipp_scene_pkg::legal(Scene)) begin : gen_illegal_scene
+    $fatal(1, "lipp_board: Scene must be a legal build, or have no layers");
   end
 
   logic rst_n;
@@ -160,7 +177,7 @@ module lipp_board #(
 
   // ---- requests ----
   logic bus_start, bus_write, bus_done, bus_error;
-  logic [9:0] bus_at;
+  logic [10:0] bus_at;
   logic [31:0] bus_word, bus_answer;
   logic tile_start, tile_empty, tile_valid, tile_ready, tile_done, tile_ok, stale, tile_bad;
   logic tile_last, part_valid, part_ready, part_last;  // part: of a tile, before its buffer
@@ -174,7 +191,17 @@ module lipp_board #(
   logic [8:0][31:0] exit_words;
   logic sign_start, sign_done, exit_last;
   logic [31:0] sign_rays, sign_crc;
-  lipp_dispatcher #(.Width(Width), .Height(Height), .ClockHz(ClockHz)) i_dispatcher (
+  logic drawn, update;  // the optics draw the panel; the scene's registers are being written
+  logic [15:0] shown_slots;
+  logic block_start, block_done, blocks_busy;
+  logic [3:0] block_slot, blocks_slot;
+  logic [7:0] block, block_word_at, blocks_at;
+  logic [31:0] block_word, blocks_crc;
+  lipp_dispatcher #(
+    .Width(Width), .Height(Height), .ClockHz(ClockHz), .Layers(int'(Scene.layers)),
+    .Slots(Draws ? int'(Scene.slots) : 1),
+    .Blocks(Draws ? lipp_scene_pkg::blocks(Scene) : 1)
+  ) i_dispatcher (
     .clk_i, .rst_ni(rst_n), .identity_i, .epoch_i(epoch), .reset_o(reset),
     .in_valid_i(request_valid), .in_ready_o(request_ready), .in_data_i(request_data),
     .in_last_i(request_last), .out_valid_o(answer_valid), .out_ready_i(answer_ready),
@@ -192,26 +219,33 @@ module lipp_board #(
     .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_o(ray), .trace_o(trace),
     .exit_valid_i(exit_valid), .exit_ready_o(trace_ready), .exit_i(exit_words),
     .sign_o(sign), .sign_start_o(sign_start), .sign_done_i(sign_done),
-    .sign_rays_i(sign_rays), .sign_crc_i(sign_crc)
+    .sign_rays_i(sign_rays), .sign_crc_i(sign_crc), .drawn_i(drawn), .update_o(update),
+    .slots_i(shown_slots), .block_start_o(block_start), .block_slot_o(block_slot), .block_o(block),
+    .block_word_at_i(block_word_at), .block_word_o(block_word), .block_done_i(block_done),
+    .blocks_busy_i(blocks_busy), .blocks_slot_o(blocks_slot), .blocks_at_o(blocks_at),
+    .blocks_crc_i(blocks_crc)
   );
 
   // ---- registers ----
   lipp_board_registers_pkg::board_registers__in_t told;
   lipp_board_registers_pkg::board_registers__out_t set;
-  logic psel_board, psel_optics, penable, pwrite, pready_board, pready_optics;
-  logic pslverr_board, pslverr_optics;
+  logic psel_board, psel_optics, psel_scene, penable, pwrite;
+  logic pready_board, pready_optics, pready_scene, pslverr_board, pslverr_optics, pslverr_scene;
   logic [2:0] pprot;
-  logic [8:0] paddr;
+  logic [9:0] paddr;
   logic [3:0] pstrb;
-  logic [31:0] pwdata, prdata_board, prdata_optics;
-  lipp_register_bus i_register_bus (
+  logic [31:0] pwdata, prdata_board, prdata_optics, prdata_scene;
+  lipp_register_bus #(.Scene(Draws)) i_register_bus (
     .clk_i, .rst_ni(core_rst_n), .start_i(bus_start), .write_i(bus_write), .at_i(bus_at),
     .word_i(bus_word), .done_o(bus_done), .word_o(bus_answer), .error_o(bus_error),
-    .m_apb_psel_board(psel_board), .m_apb_psel_optics(psel_optics), .m_apb_penable(penable),
+    .m_apb_psel_board(psel_board), .m_apb_psel_optics(psel_optics),
+    .m_apb_psel_scene(psel_scene), .m_apb_penable(penable),
     .m_apb_pwrite(pwrite), .m_apb_pprot(pprot), .m_apb_paddr(paddr), .m_apb_pwdata(pwdata),
     .m_apb_pstrb(pstrb), .m_apb_pready_board(pready_board), .m_apb_prdata_board(prdata_board),
     .m_apb_pslverr_board(pslverr_board), .m_apb_pready_optics(pready_optics),
-    .m_apb_prdata_optics(prdata_optics), .m_apb_pslverr_optics(pslverr_optics)
+    .m_apb_prdata_optics(prdata_optics), .m_apb_pslverr_optics(pslverr_optics),
+    .m_apb_pready_scene(pready_scene), .m_apb_prdata_scene(prdata_scene),
+    .m_apb_pslverr_scene(pslverr_scene)
   );
   lipp_board_registers i_registers (
     .clk(clk_i), .arst_n(core_rst_n),
@@ -248,7 +282,6 @@ module lipp_board #(
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
-  localparam int ReadLatency = StoreLatency + 2;  // the ports are registers
   logic front, swap, swapped;
   logic write, write_buffer, copy_buffer, check_buffer;
   logic [PlaceBits-1:0] write_at, copy_at, check_at, show_at;
@@ -303,11 +336,13 @@ module lipp_board #(
         check_busy ? {check_buffer, check_at} : {copy_buffer, copy_at};
     second_rgb_q <= store_b_rgb_i;
   end
-  logic unused_start;
+  logic unused_start, frame_end, scene_shown, scene_take;
+  logic [23:0] scene_rgb;
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .F(F), .Grid(int'(Build.grid)), .ReadLatency(ReadLatency)
+    .F(F), .Grid(int'(Build.grid)), .ReadLatency(ReadLatency),
+    .ClocksPerPixel(ClocksPerPixel)
   ) i_scan_out (
     .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
     .brightness_i(set.display.brightness.value),
@@ -315,8 +350,9 @@ module lipp_board #(
       kind: lipp_panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
       j: set.lens.j.value
     }),
-    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb_q), .de_o, .hsync_o, .vsync_o,
-    .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
+    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb_q), .frame_end_o(frame_end),
+    .scene_i(scene_shown), .scene_take_o(scene_take), .scene_rgb_i(scene_rgb), .pixel_o, .de_o,
+    .hsync_o, .vsync_o, .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
   );
 
   // ---- rays ----
@@ -324,32 +360,108 @@ module lipp_board #(
   logic signed [F+3:0] exit_x, exit_y, exit_z;
   logic signed [F+1:0] exit_dx, exit_dy, exit_dz;
   lipp_optics_pkg::ray_status_e exit_status;
-  logic unused_first, unused_ray;
+  logic exit_first, unused_ray;
   assign unused_ray = ^ray;
+  // The stream's rays: a TRACE's, or those of the panel's pixels.
+  logic stream_valid, stream_ready, stream_first, stream_last, scene_ready;
+  logic draw_valid, draw_first, draw_last;
+  logic signed [PixelBits-1:0] stream_u, stream_v, draw_u, draw_v;
+  assign stream_valid = drawn ? draw_valid : ray_valid;
+  assign ray_ready = stream_ready && !drawn;
+  assign {stream_u, stream_v} =
+      drawn ? {draw_u, draw_v} : {ray[0][PixelBits-1:0], ray[1][PixelBits-1:0]};
+  assign {stream_first, stream_last} = drawn ? {draw_first, draw_last} : '1;
   lipp_optics_block #(.Build(Build)) i_optics (
     .clk_i, .rst_ni(core_rst_n), .s_apb_psel(psel_optics), .s_apb_penable(penable),
-    .s_apb_pwrite(pwrite), .s_apb_pprot(pprot), .s_apb_paddr(paddr), .s_apb_pwdata(pwdata),
+    .s_apb_pwrite(pwrite), .s_apb_pprot(pprot), .s_apb_paddr(paddr[8:0]), .s_apb_pwdata(pwdata),
     .s_apb_pstrb(pstrb), .s_apb_pready(pready_optics), .s_apb_prdata(prdata_optics),
     .s_apb_pslverr(pslverr_optics),
-    .ray_valid_i(ray_valid), .ray_ready_o(ray_ready), .ray_u_i(ray[0][PixelBits-1:0]),
-    .ray_v_i(ray[1][PixelBits-1:0]), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
-    .ray_first_i(1'b1), .ray_last_i(1'b1),
+    .ray_valid_i(stream_valid), .ray_ready_o(stream_ready), .ray_u_i(stream_u),
+    .ray_v_i(stream_v), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
+    .ray_first_i(stream_first), .ray_last_i(stream_last),
     .exit_valid_o(exit_valid), .exit_ready_i(exit_ready), .exit_i_o(exit_i), .exit_j_o(exit_j),
     .exit_x_o(exit_x), .exit_y_o(exit_y), .exit_z_o(exit_z), .exit_dx_o(exit_dx),
     .exit_dy_o(exit_dy), .exit_dz_o(exit_dz), .exit_status_o(exit_status),
-    .exit_first_o(unused_first), .exit_last_o(exit_last), .optics_o(optics)
+    .exit_first_o(exit_first), .exit_last_o(exit_last), .optics_o(optics)
   );
   assign exit_words = {
     32'(exit_status), 32'(exit_dz), 32'(exit_dy), 32'(exit_dx), 32'(exit_z), 32'(exit_y),
     32'(exit_x), 32'(exit_j), 32'(exit_i)
   };
   // Rays of a frame that nobody asked to sign are dropped.
-  assign exit_ready = trace ? trace_ready : sign_ready || !sign;
+  assign exit_ready = drawn ? scene_ready : trace ? trace_ready : sign_ready || !sign;
   lipp_ray_signature i_ray_signature (
     .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
     .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
     .rays_o(sign_rays), .crc_o(sign_crc)
   );
+
+  // ---- the scene ----
+  if (Draws) begin : gen_scene
+    localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
+        * ClocksPerPixel;
+    // From the start of a frame to its first pixel: draw_frame, optics_block, scene.
+    localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 5
+        + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
+    if (Blanking < Latency) begin : gen_illegal_blanking
+      $fatal(1, "lipp_board: the scene needs a longer blanking before the first pixel: %0d clocks, not %0d",
+             Latency, Blanking);
+    end
+
+    lipp_scene_pkg::scene_config_t config_set;
+    logic source, take, underflow, frame_drawn, pixel_valid, pixel_ready;
+    logic unused_busy, unused_idle, unused_pixel_first, unused_pixel_last;
+    logic [23:0] pixel_rgb;
+    lipp_scene_block #(.Scene(Scene)) i_scene_block (
+      .clk_i, .rst_ni(core_rst_n), .s_apb_psel(psel_scene), .s_apb_penable(penable),
+      .s_apb_pwrite(pwrite), .s_apb_pprot(pprot), .s_apb_paddr(paddr), .s_apb_pwdata(pwdata),
+      .s_apb_pstrb(pstrb), .s_apb_pready(pready_scene), .s_apb_prdata(prdata_scene),
+      .s_apb_pslverr(pslverr_scene), .config_o(config_set), .source_o(source), .take_i(take),
+      .shown_i(scene_shown), .slots_o(shown_slots), .drawn_i(frame_drawn), .underflow_i(underflow)
+    );
+    lipp_draw_frame #(
+      .Width(Width), .Height(Height), .SamplesBits(int'(Scene.samples_bits))
+    ) i_draw_frame (
+      .clk_i, .rst_ni(core_rst_n), .begin_i(frame_end), .source_i(source), .hold_i(update),
+      .take_o(take), .shown_o(scene_shown), .owns_o(drawn), .ray_valid_o(draw_valid),
+      .ray_ready_i(stream_ready && drawn), .ray_u_o(draw_u), .ray_v_o(draw_v),
+      .ray_first_o(draw_first), .ray_last_o(draw_last), .pixel_valid_i(pixel_valid),
+      .pixel_ready_o(pixel_ready), .pixel_rgb_i(pixel_rgb), .want_i(scene_take), .rgb_o(scene_rgb),
+      .underflow_o(underflow), .drawn_o(frame_drawn)
+    );
+    logic slot_write;
+    logic [3:0] slot;
+    logic [19:0] slot_at;
+    logic [7:0] slot_data;
+    lipp_slot_loader #(
+      .Slots(int'(Scene.slots)), .Blocks(lipp_scene_pkg::blocks(Scene))
+    ) i_slot_loader (
+      .clk_i, .rst_ni(core_rst_n), .start_i(block_start), .slot_i(block_slot), .block_i(block),
+      .word_at_o(block_word_at), .word_i(block_word), .done_o(block_done), .write_o(slot_write),
+      .write_slot_o(slot), .write_at_o(slot_at), .write_data_o(slot_data), .busy_o(blocks_busy),
+      .read_slot_i(blocks_slot), .read_at_i(blocks_at), .read_crc_o(blocks_crc)
+    );
+    lipp_scene #(.F(F), .Scene(Scene)) i_scene (
+      .clk_i, .rst_ni(core_rst_n), .config_i(config_set), .take_i(take), .busy_o(unused_busy),
+      .idle_o(unused_idle), .write_i(slot_write), .write_slot_i(slot), .write_at_i(slot_at),
+      .write_data_i(slot_data), .exit_valid_i(exit_valid && drawn), .exit_ready_o(scene_ready),
+      .exit_i_i(exit_i), .exit_j_i(exit_j), .exit_x_i(exit_x), .exit_y_i(exit_y),
+      .exit_z_i(exit_z), .exit_dx_i(exit_dx), .exit_dy_i(exit_dy), .exit_dz_i(exit_dz),
+      .exit_status_i(exit_status), .exit_first_i(exit_first), .exit_last_i(exit_last),
+      .pixel_valid_o(pixel_valid), .pixel_ready_i(pixel_ready), .pixel_rgb_o(pixel_rgb),
+      .pixel_first_o(unused_pixel_first), .pixel_last_o(unused_pixel_last)
+    );
+  end else begin : gen_no_scene
+    assign {drawn, scene_shown, scene_rgb, shown_slots, scene_ready} = '0;
+    assign {draw_valid, draw_u, draw_v, draw_first, draw_last} = '0;
+    assign {pready_scene, prdata_scene, pslverr_scene} = '0;
+    assign {block_done, block_word_at, blocks_busy, blocks_crc} = '0;
+    logic unused_scene;
+    assign unused_scene = ^{
+      frame_end, scene_take, update, exit_first, psel_scene, paddr[9], block_start, block_slot,
+      block, block_word, blocks_slot, blocks_at
+    };
+  end
 
 endmodule
 

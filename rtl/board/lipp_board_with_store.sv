@@ -19,7 +19,8 @@ module lipp_board_with_store #(
   parameter bit VPositive = 1'b1,
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
-  }
+  },
+  parameter lipp_scene_pkg::scene_build_t Scene = '0  // no layers: none
 ) (
   input  logic        clk_i,
   input  logic        rst_ni,       // asynchronous
@@ -36,6 +37,7 @@ module lipp_board_with_store #(
   input  logic        out_ready_i,
   output logic [7:0]  out_data_o,
 
+  output logic        pixel_o,
   output logic        de_o,
   output logic        hsync_o,
   output logic        vsync_o,
@@ -49,10 +51,11 @@ module lipp_board_with_store #(
   lipp_board #(
     .ByteLink(ByteLink), .ClockHz(ClockHz), .Width(Width), .Height(Height), .HFront(HFront),
     .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
-    .HPositive(HPositive), .VPositive(VPositive), .Build(Build)
+    .HPositive(HPositive), .VPositive(VPositive), .Build(Build),
+    .Scene(Scene)
   ) i_board (
     .clk_i, .rst_ni, .identity_i, .step_i, .rx_i, .tx_o, .in_valid_i, .in_ready_o, .in_data_i,
-    .out_valid_o, .out_ready_i, .out_data_o, .de_o, .hsync_o, .vsync_o, .rgb_o,
+    .out_valid_o, .out_ready_i, .out_data_o, .pixel_o, .de_o, .hsync_o, .vsync_o, .rgb_o,
     .store_write_o(write), .store_write_buffer_o(write_buffer), .store_write_at_o(write_at),
     .store_write_rgb_o(write_rgb), .store_a_buffer_o(a_buffer), .store_a_at_o(a_at),
     .store_a_rgb_i(a_rgb), .store_b_buffer_o(b_buffer), .store_b_at_o(b_at), .store_b_rgb_i(b_rgb)

@@ -7,8 +7,8 @@
 ///                      |  request_order: executed before?
 ///                      |  register_access: READ, WRITE, HELLO
 ///                      |  ray_access: TRACE, SIGN, ABORT; may a WRITE change the optics?
-///                      |  table_reader: TILES
-///                      +- tile_writer, presenter: TILE, PRESENT
+///                      |  table_reader: TILES, BLOCKS
+///                      +- tile_writer, presenter, slot_loader: TILE, PRESENT, BLOCK
 ///
 /// Packets are streams of bytes without their CRC (docs/reference/protocol.md). No request is
 /// executed before its packet has passed the CRC: packet_fifo passes on whole, correct packets
@@ -20,11 +20,18 @@
 /// clocks that the neighbour's module states, and a reply is sent as fast as the line takes it.
 /// What lasts longer, a frame of the raster, runs while further requests are answered.
 ///
+/// A board with a scene (Layers > 0) speaks version 3 of the protocol, another one version 2.
+/// update_o is high while a WRITE to the scene's registers is executed: they are not whole then. A
+/// WRITE of 1 to the register `source` of the scene makes the stream the source of the optics first.
+///
 /// A request is read at one byte a clock. Its reply starts when it is executed.
 module lipp_dispatcher #(
   parameter int Width = 640,            // of the panel, in pixels
   parameter int Height = 480,
-  parameter int ClockHz = 100_000_000
+  parameter int ClockHz = 100_000_000,
+  parameter int Layers = 0,             // of the scene; 0: there is none
+  parameter int Slots = 1,
+  parameter int Blocks = 1              // of a slot
 ) (
   input  logic              clk_i,
   input  logic              rst_ni,
@@ -44,7 +51,7 @@ module lipp_dispatcher #(
   // ---- registers: register_bus ----
   output logic              bus_start_o,
   output logic              bus_write_o,
-  output logic [9:0]        bus_at_o,
+  output logic [10:0]       bus_at_o,
   output logic [31:0]       bus_word_o,
   input  logic              bus_done_i,
   input  logic [31:0]       bus_word_i,
@@ -87,14 +94,31 @@ module lipp_dispatcher #(
   output logic              sign_start_o,
   input  logic              sign_done_i,
   input  logic [31:0]       sign_rays_i,
-  input  logic [31:0]       sign_crc_i
+  input  logic [31:0]       sign_crc_i,
+
+  // ---- the scene: draw_frame, slot_loader ----
+  input  logic              drawn_i,         // the optics draw the panel
+  output logic              update_o,
+  input  logic [15:0]       slots_i,         // slots that are shown
+  output logic              block_start_o,
+  output logic [3:0]        block_slot_o,
+  output logic [7:0]        block_o,
+  input  logic [7:0]        block_word_at_i,
+  output logic [31:0]       block_word_o,    // a clock after its place
+  input  logic              block_done_i,
+  input  logic              blocks_busy_i,   // cleared after reset, as table_busy_i
+  output logic [3:0]        blocks_slot_o,   // whose entry is read
+  output logic [7:0]        blocks_at_o,
+  input  logic [31:0]       blocks_crc_i     // at most 3 clocks after blocks_at_o
 );
   import lipp_link_pkg::*;
 
   localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
-  localparam logic [7:0] ProtocolVersion = 8'd2;
+  localparam bit Scene = Layers > 0;
+  localparam logic [7:0] ProtocolVersion = Scene ? 8'd3 : 8'd2;
+  localparam int CurveBlocks = 8;  // of slot 15
   localparam int HeadBytes = 34;  // of the longest reply without words, that of HELLO
-  localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208;
+  localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400, AtDraw = 16'h40C;
 
   typedef enum logic [2:0] {Receive, Judge, Execute, Reply, Words} state_e;
   state_e state_q;
@@ -104,13 +128,14 @@ module lipp_dispatcher #(
   assign answer = state_q == Reply && reply_q && reply_ready;
 
   // ---- the request ----
+  logic blocks_busy;
   request_t request;
   reply_status_e read_status;
   logic read_done, next;
   logic [7:0] word_at, register_word_at, ray_word_at;
   logic [31:0] word;
-  lipp_request_reader #(.Width(Width), .Height(Height)) i_reader (
-    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i), .in_valid_i, .in_ready_o, .in_data_i,
+  lipp_request_reader #(.Width(Width), .Height(Height), .Scene(Scene)) i_reader (
+    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i && !blocks_busy), .in_valid_i, .in_ready_o, .in_data_i,
     .in_last_i, .done_o(read_done), .next_i(next), .request_o(request), .status_o(read_status),
     .word_at_i(word_at), .word_o(word), .tile_start_o, .tile_empty_o, .tile_valid_o, .tile_ready_i,
     .tile_data_o, .tile_last_o
@@ -122,7 +147,13 @@ module lipp_dispatcher #(
   assign {table_count, table_first} = request.arguments[4:1];
   assign nonce = request.arguments[4:1];
   assign once = request.kind inside {RequestWrite, [RequestSign:RequestReset]};
-  assign word_at = request.kind == RequestTrace ? ray_word_at : register_word_at;
+  always_comb begin
+    case (request.kind)
+      RequestTrace: word_at = ray_word_at;
+      RequestBlock: word_at = Scene ? block_word_at_i : register_word_at;
+      default: word_at = register_word_at;
+    endcase
+  end
 
   // ---- executed before? ----
   logic repeated, older, hello;
@@ -136,13 +167,19 @@ module lipp_dispatcher #(
   // ---- registers ----
   logic register_start, register_done, register_valid, register_ready;
   logic register_bus_start, register_bus_write;
-  logic [9:0] register_bus_at;
+  logic [10:0] register_bus_at;
   logic [31:0] register_word, register_bus_word;
   reply_status_e register_status;
   logic is_hello, is_write;
   assign is_hello = request.kind == RequestHello;
   assign is_write = request.kind == RequestWrite;
-  lipp_register_access i_registers (
+  logic on_optics, on_scene, draws;  // a WRITE to their registers; the scene becomes the source
+  assign on_optics = is_write && first >= AtOptics && (!Scene || first < AtScene);
+  assign on_scene = Scene && is_write && first >= AtScene;
+  // Nothing before it in its block can be written, so a WRITE that has it begins with it.
+  assign draws = on_scene && first == AtDraw && request.odd;
+  assign update_o = on_scene && state_q == Execute;
+  lipp_register_access #(.Layers(Layers)) i_registers (
     .clk_i, .rst_ni, .start_i(register_start), .write_i(is_write),
     .first_i(is_hello ? AtBuild : first),
     .count_i(is_hello ? 9'd1 : is_write ? request.words : {1'b0, request.arguments[2]}),
@@ -157,7 +194,7 @@ module lipp_dispatcher #(
   // ---- rays ----
   logic ray_start, ray_done, ray_denied, exit_word_valid, exit_word_ready;
   logic ray_bus_start, ray_bus_write;
-  logic [9:0] ray_bus_at;
+  logic [10:0] ray_bus_at;
   logic [31:0] exit_word, ray_bus_word;
   reply_status_e ray_status;
   runs_e runs;
@@ -167,11 +204,12 @@ module lipp_dispatcher #(
       RequestTrace: op = OpTrace;
       RequestSign: op = repeated ? OpResult : OpSign;
       RequestAbort: op = OpAbort;
-      default: op = OpClaim;
+      default: op = draws ? OpDraw : OpClaim;
     endcase
   end
   lipp_ray_access i_rays (
-    .clk_i, .rst_ni, .clear_i(reset_o), .start_i(ray_start), .op_i(op), .count_i(request.words),
+    .clk_i, .rst_ni, .clear_i(reset_o), .drawn_i(Scene && drawn_i), .start_i(ray_start), .op_i(op),
+    .count_i(request.words),
     .done_o(ray_done), .status_o(ray_status), .runs_o(runs), .denied_o(ray_denied),
     .word_at_o(ray_word_at),
     .word_i(word), .word_valid_o(exit_word_valid), .word_ready_i(exit_word_ready),
@@ -189,12 +227,31 @@ module lipp_dispatcher #(
   // ---- the table of tiles ----
   logic table_start, table_valid, table_ready;
   logic [31:0] table_word;
+  logic is_blocks;
+  assign is_blocks = Scene && request.kind == RequestBlocks;
   lipp_table_reader i_table (
-    .clk_i, .rst_ni, .start_i(table_start), .first_i(table_first), .count_i(table_count[9:0]),
+    .clk_i, .rst_ni, .start_i(table_start),
+    .first_i(is_blocks ? {8'd0, request.arguments[1]} : table_first),
+    .count_i(is_blocks ? {2'd0, request.arguments[2]} : table_count[9:0]),
     .word_valid_o(table_valid), .word_ready_i(table_ready), .word_o(table_word), .table_at_o,
-    .table_crc_i
+    .table_crc_i(is_blocks ? blocks_crc_i : table_crc_i)
   );
   assign table_front_o = request.arguments[0][0];
+  assign {blocks_slot_o, blocks_at_o} = {request.arguments[0][3:0], table_at_o[7:0]};
+
+  // ---- blocks of the scene's slots ----
+  logic block_start, slot_there;
+  logic [8:0] slot_blocks, blocks_end;  // of the slot; behind the last that is asked for
+  assign {block_start_o, block_slot_o, block_o} =
+      {block_start, request.arguments[0][3:0], request.arguments[1]};
+  assign block_word_o = word;
+  assign blocks_busy = Scene && blocks_busy_i;
+  assign slot_there = request.arguments[0] < 8'(Slots) || request.arguments[0] == 8'd15;
+  assign slot_blocks = request.arguments[0][3:0] == 4'd15 ? 9'(CurveBlocks) : 9'(Blocks);
+  assign blocks_end = {1'b0, request.arguments[1]}
+      + (request.kind == RequestBlock ? 9'd1 : {1'b0, request.arguments[2]});
+  logic no_block;  // no such slot, or block of it
+  assign no_block = !slot_there || blocks_end > slot_blocks;
 
   // ---- other neighbours ----
   assign tile_o = second;
@@ -213,13 +270,17 @@ module lipp_dispatcher #(
   logic [5:0] head_bytes, head_bytes_q;
   logic [9:0] words, words_q;
   logic [31:0] common, build_q, reply_word;
+  runs_e runs_now;
+  assign runs_now = Scene && request.kind == RequestBlock ? RunsSlot : runs;
   assign common = {status_q, request.number, ReplyBit | request.kind};
   always_comb begin
     head = (8 * HeadBytes)'(common);
     head_bytes = 6'd4;
     words = '0;
     if (status_q == StatusBusy) begin
-      head = (8 * HeadBytes)'({runs == RunsFrame ? '0 : sign_rays_i, runs, common});
+      head = (8 * HeadBytes)'({
+        runs_now inside {RunsSign, RunsThis} ? sign_rays_i : '0, runs_now, common
+      });
       head_bytes = 6'd9;
     end else if (status_q == StatusOk) begin
       case (request.kind)
@@ -239,6 +300,15 @@ module lipp_dispatcher #(
         RequestSign: begin
           {head, head_bytes} = {(8 * HeadBytes)'({sign_crc_i, sign_rays_i, common}), 6'd12};
         end
+        RequestBlock: {head, head_bytes} = {
+          (8 * HeadBytes)'({request.arguments[1], request.arguments[0], common}), 6'd6
+        };
+        RequestBlocks: begin
+          {head, head_bytes} = {
+            (8 * HeadBytes)'({request.arguments[1], request.arguments[0], common}), 6'd6
+          };
+          words = {2'd0, request.arguments[2]};
+        end
         RequestRead: words = {2'd0, request.arguments[2]};
         RequestTrace: words = {request.words[8:2], 3'd0} + 10'(request.words[8:2]);  // 9 a ray
         default: ;
@@ -254,7 +324,7 @@ module lipp_dispatcher #(
   end
   always_comb begin
     case (request.kind)
-      RequestTiles: {word_valid, reply_word} = {table_valid, table_word};
+      RequestTiles, RequestBlocks: {word_valid, reply_word} = {table_valid, table_word};
       RequestTrace: {word_valid, reply_word} = {exit_word_valid, exit_word};
       default: {word_valid, reply_word} = {register_valid && !is_hello, register_word};
     endcase
@@ -277,10 +347,10 @@ module lipp_dispatcher #(
     if (!rst_ni) begin
       state_q <= Receive;
       status_q <= StatusOk;
-      {executed_q, reset_q, register_start, ray_start, table_start, hello} <= '0;
+      {executed_q, reset_q, register_start, ray_start, table_start, hello, block_start} <= '0;
       {present_start_o, stale_o, tile_bad_o} <= '0;
     end else begin
-      {register_start, ray_start, table_start, present_start_o, hello} <= '0;
+      {register_start, ray_start, table_start, present_start_o, hello, block_start} <= '0;
       stale_o <= answer && status_q == StatusStale;
       tile_bad_o <= answer && status_q == StatusTile;
       if (reset_q != '0) reset_q <= reset_q - 1'b1;
@@ -314,10 +384,22 @@ module lipp_dispatcher #(
                     || request.arguments[0] > 8'd1) status_q <= StatusNoTile;
                 else table_start <= 1'b1;
               end
+              RequestBlock: begin
+                if (no_block) begin
+                  status_q <= StatusNoTile;
+                end else if (slots_i[request.arguments[0][3:0]]) begin
+                  status_q <= StatusBusy;
+                end else begin
+                  block_start <= Scene;
+                  state_q <= Execute;
+                end
+              end
+              RequestBlocks: if (no_block) status_q <= StatusNoTile; else table_start <= 1'b1;
               default: begin
-                register_start <= request.kind == RequestRead || (is_write && first < AtOptics);
+                register_start <= request.kind == RequestRead
+                    || (is_write && !on_optics && !draws);
                 ray_start <= request.kind inside {RequestTrace, RequestSign, RequestAbort}
-                    || (is_write && first >= AtOptics);
+                    || on_optics || draws;
                 present_start_o <= request.kind == RequestPresent;
                 if (request.kind == RequestReset) reset_q <= '1;
                 state_q <= Execute;
@@ -333,7 +415,8 @@ module lipp_dispatcher #(
               {status_q, state_q} <= {tile_ok_q ? StatusOk : StatusTile, Reply};
             end
             RequestPresent: if (present_done_i) {status_q, state_q} <= {present_status_i, Reply};
-            RequestReset: if (reset_q == '0 && !table_busy_i) state_q <= Reply;
+            RequestReset: if (reset_q == '0 && !table_busy_i && !blocks_busy) state_q <= Reply;
+            RequestBlock: if (block_done_i) state_q <= Reply;
             default: begin  // WRITE, TRACE, SIGN, ABORT
               if (register_done) {status_q, state_q} <= {register_status, Reply};
               if (ray_done) begin

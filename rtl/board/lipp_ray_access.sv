@@ -12,9 +12,13 @@
 ///   OpResult of the last OpSign: StatusOk when its rays are signed, otherwise StatusBusy or
 ///            StatusOptics
 ///   OpAbort  ends the frame that runs; done when no ray is in the pipeline
+///   OpDraw   makes the stream the source, for the drawing of the panel
 ///
-/// While a frame runs, or its rays are being signed, OpClaim, OpTrace and OpSign give StatusBusy
-/// and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for
+/// While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign give StatusBusy and change nothing,
+/// and OpDraw and OpAbort have nothing to do.
+///
+/// While a frame runs, or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw give
+/// StatusBusy and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for
 /// their apply, which the pipeline takes when it is empty. So a signature has all rays of its own
 /// frame and no others, and a trace gets the rays that it asked for. All other exit rays are
 /// dropped at once: the pipeline never stands still, and each wait ends.
@@ -24,6 +28,7 @@ module lipp_ray_access (
   input  logic                         clk_i,
   input  logic                         rst_ni,
   input  logic                         clear_i,  // the optics block is being reset
+  input  logic                         drawn_i,  // the optics draw the panel
   input  logic                         start_i,
   input  lipp_link_pkg::ray_op_e       op_i,
   input  logic [8:0]                   count_i,  // words of the rays to trace, 4 each
@@ -40,7 +45,7 @@ module lipp_ray_access (
 
   output logic              bus_start_o,
   output logic              bus_write_o,
-  output logic [9:0]        bus_at_o,
+  output logic [10:0]       bus_at_o,
   output logic [31:0]       bus_word_o,
   input  logic              bus_done_i,
   input  logic [31:0]       bus_word_i,
@@ -58,7 +63,7 @@ module lipp_ray_access (
 );
   import lipp_link_pkg::*;
 
-  localparam logic [9:0] AtControl = 10'h20C, AtStatus = 10'h210, AtSource = 10'h214;
+  localparam logic [10:0] AtControl = 11'h20C, AtStatus = 11'h210, AtSource = 11'h214;
   localparam logic [31:0] Apply = 32'd1, Start = 32'd2, Abort = 32'd4;
 
   // Those of the first line access the bus.
@@ -88,7 +93,7 @@ module lipp_ray_access (
   always_comb begin
     {bus_at_o, bus_word_o} = {AtControl, Apply};
     case (state_q)
-      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpTrace && !restore_q)};
+      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpDraw || (op_i == OpTrace && !restore_q))};
       Begin: bus_word_o = Start;
       End: bus_word_o = Abort;
       Claim, TakenOver, Begun, Ended: bus_at_o = AtStatus;
@@ -131,7 +136,11 @@ module lipp_ray_access (
         Idle: if (start_i) begin
           {status_o, denied_o} <= {StatusOk, 1'b0};
           {left_q, at_q} <= {count_i, 8'd0};
-          case (op_i)
+          if (drawn_i && op_i != OpResult) begin
+            done_o <= 1'b1;
+            runs_o <= RunsScene;
+            if (!(op_i inside {OpDraw, OpAbort})) {status_o, denied_o} <= {StatusBusy, 1'b1};
+          end else case (op_i)
             OpAbort: state_q <= End;
             OpResult: begin
               {status_o, done_o} <= {result, 1'b1};
@@ -156,10 +165,11 @@ module lipp_ray_access (
         TakeOver: if (heard) state_q <= TakenOver;
         TakenOver: if (heard && !busy) begin
           restore_q <= 1'b0;
-          {done_o, trace_o} <= {2{op_i == OpTrace && !restore_q}};
+          trace_o <= op_i == OpTrace && !restore_q;
+          done_o <= op_i == OpDraw || (op_i == OpTrace && !restore_q);
           sign_start_o <= op_i == OpSign;
           if (op_i == OpSign) signing_q <= 1'b1;
-          state_q <= op_i != OpTrace ? Begin : restore_q ? Words : Place;
+          state_q <= op_i == OpDraw ? Idle : op_i != OpTrace ? Begin : restore_q ? Words : Place;
         end
         // ---- a frame ----
         Begin: if (heard) begin

@@ -5,11 +5,14 @@
 ///
 /// start_i begins; the request is held until done_o. A range is valid if it begins and ends in one
 /// block. All words of a WRITE are looked up before the first is written, so that either all are
-/// written or none.
+/// written or none. A board without a scene (Layers = 0) has no block at 0x400, one with a scene has
+/// the registers of its layers there.
 ///
 /// done_o is a pulse, valid with status_o: behind the last word of a WRITE, and before the first of
 /// a READ, whose words follow as a stream; 0 at an address without a register.
-module lipp_register_access (
+module lipp_register_access #(
+  parameter int Layers = 0
+) (
   input  logic                         clk_i,
   input  logic                         rst_ni,
   input  logic                         start_i,
@@ -27,7 +30,7 @@ module lipp_register_access (
 
   output logic              bus_start_o,
   output logic              bus_write_o,
-  output logic [9:0]        bus_at_o,
+  output logic [10:0]       bus_at_o,
   output logic [31:0]       bus_word_o,
   input  logic              bus_done_i,
   input  logic [31:0]       bus_word_i,
@@ -37,11 +40,13 @@ module lipp_register_access (
 
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Ask, Wait, Word} state_e;
   state_e state_q;
-  logic write_q, board_q, optics_q;  // the range is in this block
+  logic write_q, board_q, optics_q, scene_q;  // the range is in this block
   logic [8:0] left_q;                // words not yet checked, then not yet accessed
   logic [7:0] at_q;                  // word of a WRITE
-  logic [7:0] register_q;            // the register for it, counted in words
-  logic [9:0] address;
+  logic [8:0] register_q;            // the register for it, counted in words
+  logic [10:0] address;
+  // Behind the registers of the last layer; all blocks of a board without a scene end before it.
+  localparam logic [10:0] End = 11'(Layers > 0 ? 'h600 + 32 * Layers : 'h400);
   assign address = {register_q, 2'd0};
   assign word_at_o = at_q;
   assign bus_start_o = state_q == Ask;
@@ -50,13 +55,15 @@ module lipp_register_access (
 
   // The range stands still from two clocks before the start.
   logic [16:0] behind_q;
-  logic whole_q, high_q;
+  logic whole_q, high_q, top_q;
   always_ff @(posedge clk_i) begin
     behind_q <= {1'b0, first_i} + {6'd0, count_i, 2'd0};
     whole_q <= first_i[1:0] == '0;
     high_q <= first_i >= 16'h200;
+    top_q <= Layers > 0 && first_i >= 16'h400;
     board_q <= whole_q && behind_q <= 17'h100;
     optics_q <= whole_q && high_q && behind_q <= 17'h400;
+    scene_q <= whole_q && top_q && behind_q <= 17'h800;
     if (bus_done_i) word_o <= bus_error_i ? '0 : bus_word_i;
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -70,13 +77,13 @@ module lipp_register_access (
         Idle: if (start_i) begin
           status_o <= StatusOk;
           write_q <= write_i;
-          {left_q, at_q, register_q} <= {count_i, 8'd0, first_i[9:2]};
+          {left_q, at_q, register_q} <= {count_i, 8'd0, first_i[10:2]};
           state_q <= Range;
         end
         Range: begin
           state_q <= write_q ? Check : Ask;
           done_o <= !write_q;
-          if (!board_q && !optics_q) begin
+          if (!board_q && !optics_q && !scene_q) begin
             status_o <= StatusAddress;
             done_o <= 1'b1;
             state_q <= Idle;
@@ -85,12 +92,12 @@ module lipp_register_access (
         Check: begin
           register_q <= register_q + 1'b1;
           left_q <= left_q - 1'b1;
-          if (!lipp_board_map_pkg::writable(address)) begin
+          if (!lipp_board_map_pkg::writable(address) || address >= End) begin
             status_o <= StatusAddress;
             done_o <= 1'b1;
             state_q <= Idle;
           end else if (left_q == 9'd1) begin
-            {left_q, register_q} <= {count_i, first_i[9:2]};
+            {left_q, register_q} <= {count_i, first_i[10:2]};
             state_q <= Fetch;
           end
         end

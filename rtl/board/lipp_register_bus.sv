@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Access to the registers of the board and of the optics block, one at a time.
+/// Access to the registers of the board, of the optics block and of the scene, one at a time.
 ///
 /// start_i requests an access with write_i, at_i (byte address, a multiple of 4) and word_i. done_o
 /// is a pulse three or more clocks later, valid with word_o of a read, and with error_o if no
@@ -9,16 +9,19 @@
 ///
 ///   0x000 to 0x07f   board_registers
 ///   0x200 to 0x3ff   optics_block, from its address 0 on
+///   0x400 to 0x7ff   scene_block, from its address 0 on, if there is a scene
 ///
-/// Other addresses are empty. Both blocks are on one APB4 bus, with a select each; all writes are
-/// of whole words.
-module lipp_register_bus (
+/// Other addresses are empty. The blocks are on one APB4 bus, with a select each; all writes are of
+/// whole words.
+module lipp_register_bus #(
+  parameter bit Scene = 1'b0  // there is a scene_block
+) (
   input  logic        clk_i,
   input  logic        rst_ni,
 
   input  logic        start_i,
   input  logic        write_i,
-  input  logic [9:0]  at_i,
+  input  logic [10:0] at_i,
   input  logic [31:0] word_i,
   output logic        done_o,
   output logic [31:0] word_o,
@@ -26,10 +29,11 @@ module lipp_register_bus (
 
   output logic        m_apb_psel_board,
   output logic        m_apb_psel_optics,
+  output logic        m_apb_psel_scene,
   output logic        m_apb_penable,
   output logic        m_apb_pwrite,
   output logic [2:0]  m_apb_pprot,
-  output logic [8:0]  m_apb_paddr,
+  output logic [9:0]  m_apb_paddr,
   output logic [31:0] m_apb_pwdata,
   output logic [3:0]  m_apb_pstrb,
   input  logic        m_apb_pready_board,
@@ -37,35 +41,49 @@ module lipp_register_bus (
   input  logic        m_apb_pslverr_board,
   input  logic        m_apb_pready_optics,
   input  logic [31:0] m_apb_prdata_optics,
-  input  logic        m_apb_pslverr_optics
+  input  logic        m_apb_pslverr_optics,
+  input  logic        m_apb_pready_scene,
+  input  logic [31:0] m_apb_prdata_scene,
+  input  logic        m_apb_pslverr_scene
 );
 
-  logic optics_q, nowhere_q, nowhere_q2, ack, ack_q;
+  logic to_scene, to_optics, to_board;
+  assign to_scene = Scene && at_i[10];
+  assign to_optics = !at_i[10] && at_i[9];
+  assign to_board = at_i[10:7] == '0;
+
+  logic scene_q, optics_q, nowhere_q, nowhere_q2, ack, ack_q;
   // The answers have a register before one is chosen.
-  logic [31:0] board_word_q, optics_word_q;
-  logic board_error_q, optics_error_q;
+  logic [31:0] board_word_q, optics_word_q, scene_word_q;
+  logic board_error_q, optics_error_q, scene_error_q;
   assign m_apb_pprot = '0;
   assign m_apb_pstrb = {4{m_apb_pwrite}};
   assign ack = m_apb_penable && ((m_apb_psel_board && m_apb_pready_board) ||
-                                 (m_apb_psel_optics && m_apb_pready_optics));
+                                 (m_apb_psel_optics && m_apb_pready_optics) ||
+                                 (m_apb_psel_scene && m_apb_pready_scene));
 
   always_ff @(posedge clk_i) begin
     if (start_i) begin
-      {m_apb_pwrite, optics_q, m_apb_paddr, m_apb_pwdata} <= {write_i, at_i[9], at_i[8:0], word_i};
+      {m_apb_pwrite, m_apb_pwdata} <= {write_i, word_i};
+      {scene_q, optics_q} <= {to_scene, to_optics};
+      m_apb_paddr <= {at_i[9] && Scene && at_i[10], at_i[8:0]};
     end
     {board_word_q, board_error_q} <= {m_apb_prdata_board, m_apb_pslverr_board};
     {optics_word_q, optics_error_q} <= {m_apb_prdata_optics, m_apb_pslverr_optics};
-    word_o <= optics_q ? optics_word_q : board_word_q;
-    error_o <= nowhere_q2 || (optics_q ? optics_error_q : board_error_q);
+    {scene_word_q, scene_error_q} <= Scene ? {m_apb_prdata_scene, m_apb_pslverr_scene} : '0;
+    word_o <= scene_q ? scene_word_q : optics_q ? optics_word_q : board_word_q;
+    error_o <= nowhere_q2 || (scene_q ? scene_error_q : optics_q ? optics_error_q : board_error_q);
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {m_apb_psel_board, m_apb_psel_optics, m_apb_penable, nowhere_q, nowhere_q2, ack_q, done_o} <= '0;
+      {m_apb_psel_board, m_apb_psel_optics, m_apb_psel_scene, m_apb_penable} <= '0;
+      {nowhere_q, nowhere_q2, ack_q, done_o} <= '0;
     end else begin
-      m_apb_psel_board <= (start_i && at_i[9:7] == '0) || (m_apb_psel_board && !ack);
-      m_apb_psel_optics <= (start_i && at_i[9]) || (m_apb_psel_optics && !ack);
-      m_apb_penable <= (m_apb_psel_board || m_apb_psel_optics) && !ack;
-      nowhere_q <= start_i && !at_i[9] && at_i[8:7] != '0;
+      m_apb_psel_board <= (start_i && to_board) || (m_apb_psel_board && !ack);
+      m_apb_psel_optics <= (start_i && to_optics) || (m_apb_psel_optics && !ack);
+      m_apb_psel_scene <= (start_i && to_scene) || (m_apb_psel_scene && !ack);
+      m_apb_penable <= (m_apb_psel_board || m_apb_psel_optics || m_apb_psel_scene) && !ack;
+      nowhere_q <= start_i && !(to_board || to_optics || to_scene);
       {ack_q, nowhere_q2} <= {ack, nowhere_q};
       done_o <= ack_q || nowhere_q2;
     end

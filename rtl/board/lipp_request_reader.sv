@@ -3,8 +3,8 @@
 
 /// Reads a request from a stream of bytes: type, number and arguments.
 ///
-/// The words of a WRITE and of a TRACE are collected in a memory. The data of a TILE go to the tile
-/// writer as they come, a register later, since they are more than a memory holds. A request that
+/// The words of a WRITE, a TRACE and a BLOCK are collected in a memory. The data of a TILE go to the
+/// tile writer as they come, a register later, since they are more than a memory holds. A request that
 /// is refused is read to its end, and so is a TRACE of a pixel (u, v) that PixelBits do not hold:
 /// StatusLength.
 ///
@@ -12,7 +12,8 @@
 /// then. No byte is taken meanwhile. A request has 3 bytes or more: packet_fifo sees to it.
 module lipp_request_reader #(
   parameter int Width = 640,  // of the panel, in pixels
-  parameter int Height = 480
+  parameter int Height = 480,
+  parameter bit Scene = 1'b0  // BLOCK and BLOCKS are known
 ) (
   input  logic               clk_i,
   input  logic               rst_ni,
@@ -62,8 +63,8 @@ module lipp_request_reader #(
   function automatic logic [2:0] arguments_of(request_e kind);
     case (kind)
       RequestHello, RequestTile, RequestTiles: return 3'd5;
-      RequestRead: return 3'd3;
-      RequestWrite: return 3'd2;
+      RequestRead, RequestBlocks: return 3'd3;
+      RequestWrite, RequestBlock: return 3'd2;
       RequestPresent: return 3'd6;
       default: return 3'd0;
     endcase
@@ -94,6 +95,8 @@ module lipp_request_reader #(
       RequestRead:
         length_ok = request_q.arguments[2] != '0 && request_q.arguments[2] <= 8'd64;
       RequestWrite: length_ok = request_q.words != '0 && request_q.words <= 9'd64;
+      RequestBlock: length_ok = request_q.words == 9'(BlockWords);
+      RequestBlocks: length_ok = request_q.arguments[2] != '0;
       RequestTiles: length_ok = table_count != '0 && table_count <= 16'd512;
       RequestTrace: length_ok = request_q.words != '0 && request_q.words[1:0] == '0 && !wide_q;
       default: length_ok = 1'b1;
@@ -117,7 +120,7 @@ module lipp_request_reader #(
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= Kind;
-      request_q <= '{kind: RequestHello, number: '0, arguments: '0, words: '0};
+      request_q <= '{kind: RequestHello, number: '0, arguments: '0, words: '0, odd: 1'b0};
       status_q <= StatusOk;
       {argument_q, byte_q, wide_q, tile_start_o, tile_empty_o} <= '0;
     end else begin
@@ -136,7 +139,8 @@ module lipp_request_reader #(
         end
         NumberHigh: if (take) begin
           request_q.number[15:8] <= in_data_i;
-          if (!(request_q.kind inside {[RequestHello:RequestReset]})) begin
+          if (!(request_q.kind inside {[RequestHello:RequestReset]} || (Scene
+              && request_q.kind inside {RequestBlock, RequestBlocks}))) begin
             status_q <= StatusUnknown;
             state_q <= refused;
           end else if (in_last_i != (request_q.kind inside {[RequestSign:RequestReset]})) begin
@@ -168,7 +172,7 @@ module lipp_request_reader #(
               tile_start_o <= 1'b1;
               state_q <= in_last_i ? Done : Tile;
             end
-          end else if (in_last_i == (request_q.kind == RequestWrite)) begin
+          end else if (in_last_i == (request_q.kind inside {RequestWrite, RequestBlock})) begin
             status_q <= StatusLength;
             state_q <= refused;
           end else begin
@@ -179,6 +183,7 @@ module lipp_request_reader #(
           byte_q <= byte_q + 1'b1;
           if (collect_word) begin
             request_q.words <= request_q.words + 1'b1;
+            if (request_q.words == '0) request_q.odd <= word[0];
             if (!request_q.words[1]) wide_q <= wide_q || beyond_bits(word, PixelBits);
           end
           if (full || (in_last_i && byte_q != 2'd3)) begin  // no room, or an incomplete word

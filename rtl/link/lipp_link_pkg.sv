@@ -14,6 +14,9 @@ package lipp_link_pkg;
   localparam int MaxPacket = 3200;
   localparam int LengthBits = $clog2(MaxPacket + 2);  // MaxPacket + 1 fits too
 
+  /// Words of a block of a scene's texels: 1024 bytes.
+  localparam int BlockWords = 256;
+
   localparam logic [31:0] CrcStart = '1;
   /// The state after any bytes followed by their own CRC.
   localparam logic [31:0] CrcResidue = 32'hdebb_20e3;
@@ -28,7 +31,9 @@ package lipp_link_pkg;
     RequestTrace = 8'h07,
     RequestSign = 8'h08,
     RequestAbort = 8'h09,
-    RequestReset = 8'h0a
+    RequestReset = 8'h0a,
+    RequestBlock = 8'h0b,  // these two: of boards with a scene
+    RequestBlocks = 8'h0c
   } request_e;
 
   /// A reply's type is the request's with this bit set.
@@ -43,7 +48,7 @@ package lipp_link_pkg;
     StatusStale = 8'd4,     // epoch
     StatusTile = 8'd5,      // bad data
     StatusFrameCrc = 8'd6,  // differs from the back buffer's
-    StatusNoTile = 8'd7,
+    StatusNoTile = 8'd7,    // nor such a slot or block
     StatusVersion = 8'd8,   // of the protocol
     StatusOptics = 8'd9,    // refused by the optics block
     StatusBusy = 8'd10      // something else runs
@@ -54,11 +59,13 @@ package lipp_link_pkg;
     RunsNothing = 8'd0,
     RunsFrame = 8'd1,  // started by a WRITE
     RunsSign = 8'd2,   // of another request
-    RunsThis = 8'd3    // the SIGN that is answered
+    RunsThis = 8'd3,   // the SIGN that is answered
+    RunsScene = 8'd4,  // the optics draw the panel
+    RunsSlot = 8'd5    // the slot is shown
   } runs_e;
 
   /// What a request wants of the optics block (ray_access).
-  typedef enum logic [2:0] {OpClaim, OpTrace, OpSign, OpResult, OpAbort} ray_op_e;
+  typedef enum logic [2:0] {OpClaim, OpTrace, OpSign, OpResult, OpAbort, OpDraw} ray_op_e;
 
   /// A request without its words or its data.
   typedef struct packed {
@@ -66,6 +73,7 @@ package lipp_link_pkg;
     logic [15:0] number;
     logic [5:0][7:0] arguments;  // bytes of the body
     logic [8:0] words;           // number of words collected
+    logic odd;                   // bit 0 of the first of them
   } request_t;
   /* verilator lint_on UNUSEDPARAM */
 

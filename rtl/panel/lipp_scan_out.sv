@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video output: the front buffer, or a test pattern, one pixel a clock, without end.
+/// Video output: the front buffer, the drawn scene, or a test pattern, without end. A pixel lasts
+/// ClocksPerPixel clocks, pixel_o marks the first of them.
 ///
 /// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
 /// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
@@ -10,6 +11,12 @@
 /// changes), and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset
 /// starts a frame of buffer 0. Pixels are black until the first swap, since the store holds no
 /// frame before.
+///
+/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is on
+/// its way. scene_i may change in the next clock: 1 shows the scene in place of the front buffer.
+/// Then scene_take_o is a pulse for each pixel of the frame, and scene_rgb_i that pixel, in the same
+/// clock. The first pulse comes (VSync + VBack) lines and HSync + HBack pixels, in clocks, plus
+/// ReadLatency, after frame_end_o.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
 /// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
@@ -29,6 +36,7 @@ module lipp_scan_out #(
   parameter int F = 23,                          // of the test patterns' optics
   parameter int Grid = lipp_optics_pkg::GridSquare,
   parameter int ReadLatency = 2,                 // 1 or more
+  parameter int ClocksPerPixel = 1,              // a power of two
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                       clk_i,
@@ -44,6 +52,12 @@ module lipp_scan_out #(
   output logic [PlaceBits-1:0]       read_at_o,  // in buffer front_o
   input  logic [23:0]                read_rgb_i, // ReadLatency clocks after its address
 
+  output logic                       frame_end_o,
+  input  logic                       scene_i,
+  output logic                       scene_take_o,
+  input  logic [23:0]                scene_rgb_i,
+
+  output logic                       pixel_o,
   output logic                       de_o,
   output logic                       hsync_o,
   output logic                       vsync_o,
@@ -68,9 +82,32 @@ module lipp_scan_out #(
   if (ReadLatency < 1 || Read < 1) begin : gen_illegal_latency
     $fatal(1, "lipp_scan_out: ReadLatency must be 1 or more, and below %0d", Pattern);
   end
-  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks < Pattern + 2) begin : gen_illegal
+  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks * ClocksPerPixel < Pattern + 2) begin : gen_illegal
     $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks");
   end
+  if (ClocksPerPixel < 1 || (ClocksPerPixel & (ClocksPerPixel - 1)) != 0) begin : gen_illegal_clocks
+    $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");
+  end
+
+  // ---- the clocks of a pixel: begin_q[k] is high k clocks after its first one, and so
+  // begin_q[k-1] k clocks after its last one ----
+  logic [Latency:0] begin_q;
+  logic pixel_end;
+  if (ClocksPerPixel == 1) begin : gen_clock
+    assign begin_q = '1;
+    assign pixel_end = 1'b1;
+  end else begin : gen_clocks
+    localparam int PhaseBits = $clog2(ClocksPerPixel);
+    logic [PhaseBits-1:0] phase_q;
+    logic [Latency:1] late_q;
+    assign pixel_end = phase_q == '1;
+    assign begin_q = {late_q, phase_q == '0};
+    always_ff @(posedge clk_i or negedge rst_ni) begin
+      if (!rst_ni) {phase_q, late_q} <= '0;
+      else {phase_q, late_q} <= {PhaseBits'(phase_q + 1'b1), late_q[Latency-1:1], phase_q == '0};
+    end
+  end
+  assign pixel_o = begin_q[Latency];
 
   // ---- the position, counted from the start of both syncs ----
   logic [XBits-1:0] x_q;
@@ -82,6 +119,8 @@ module lipp_scan_out #(
     if (!rst_ni) begin
       x_q <= '0;
       y_q <= '0;
+    end else if (!pixel_end) begin
+      x_q <= x_q;
     end else if (x_q != XBits'(LineClocks - 1)) begin
       x_q <= x_q + 1'b1;
     end else begin
@@ -111,6 +150,8 @@ module lipp_scan_out #(
   pattern_t pattern_q;
   lipp_optics_pkg::optics_config_t optics_q;
   assign frame_end = vsync_q[Read] && !vsync_q[Read+1];
+  assign frame_end_o = frame_end;
+  assign scene_take_o = scene_i && active_q[Pattern] && begin_q[Pattern];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {front_o, swapped_o, shown_q} <= '0;
@@ -129,7 +170,7 @@ module lipp_scan_out #(
 
   always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
 
-  // ---- the pixel: from the store, or from the test pattern ----
+  // ---- the pixel: from the store, from the scene, or from the test pattern ----
   logic [23:0] pattern_rgb, rgb_q;
   lipp_test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
     .clk_i, .pattern_i(pattern_q), .optics_i(optics_q),
@@ -138,9 +179,10 @@ module lipp_scan_out #(
   );
   always_ff @(posedge clk_i) begin
     if (frame_end) read_at_o <= '0;
-    else if (active_q[Read]) read_at_o <= read_at_o + 1'b1;
+    else if (active_q[Read] && begin_q[Read-1]) read_at_o <= read_at_o + 1'b1;
     if (pattern_q.kind != PatternOff) rgb_q <= pattern_rgb;
-    else rgb_q <= shown_q ? read_rgb_i : '0;
+    else if (!scene_i) rgb_q <= shown_q ? read_rgb_i : '0;
+    else if (begin_q[Pattern]) rgb_q <= scene_rgb_i;
   end
 
   // p (brightness + 1) in two steps: the products of the brightness' halves, and their sum.
@@ -167,8 +209,11 @@ module lipp_scan_out #(
       frames_o <= '0;
       shown_crc_o <= '0;
     end else begin
-      first_q <= {first_q[Shown-1:1], active_q[Read] && read_at_o == '0};
-      last_q <= {last_q[Shown-1:1], active_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)};
+      first_q <= {first_q[Shown-1:1], active_q[Read] && begin_q[Read] && read_at_o == '0};
+      last_q <= {
+        last_q[Shown-1:1],
+        active_q[Read] && begin_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)
+      };
       ended_q <= last_q[Shown];
       if (ended_q) begin
         frames_o <= frames_o + 1'b1;
@@ -177,7 +222,7 @@ module lipp_scan_out #(
     end
   end
   always_ff @(posedge clk_i) begin
-    if (de_o) begin
+    if (de_o && pixel_o) begin
       crc_q <= lipp_link_pkg::crc32_pixel(frame_start_o ? lipp_link_pkg::CrcStart : crc_q, rgb_o);
     end
   end

@@ -193,7 +193,7 @@ class Board {
       const int byte = uart_.take(top_.tx_o);
       if (byte >= 0) send(static_cast<uint8_t>(byte));
     }
-    screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
+    if (top_.pixel_o) screen_.clock(top_.de_o, top_.vsync_o == LIPPMANN_VSYNC, top_.rgb_o);
   }
 
   // Random pauses at both ends of a byte line: three clocks of four for some thousand clocks, then none for as many.

@@ -12,7 +12,7 @@ class Screen {
   // std::system_error.
   Screen(int width, int height, std::string folder);
 
-  // One clock of video; true when it ended a frame.
+  // The first clock of a pixel of video; true when it ended a frame.
   bool clock(bool de, bool vsync, uint32_t rgb) {
     if (de) {
       if (at_ + 3 <= pixels_.size()) {

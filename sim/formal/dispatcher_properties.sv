@@ -40,7 +40,7 @@ module dispatcher_properties #(
   logic in_ready, out_valid, out_last, reset, bus_start, bus_write, tile_start, tile_empty;
   logic tile_valid, tile_last, present_start, ray_valid, trace, exit_ready, sign, sign_start;
   logic [7:0] out_data;
-  logic [9:0] bus_at;
+  logic [10:0] bus_at;
   logic [31:0] bus_word;
   lipp_dispatcher #(.Width(64), .Height(64)) i_dut (
     .clk_i, .rst_ni, .identity_i(64'd0), .epoch_i, .reset_o(reset), .in_valid_i,
@@ -54,7 +54,10 @@ module dispatcher_properties #(
     .present_epoch_o(), .present_crc_o(), .present_done_i,
     .present_status_i(reply_status_e'(present_status_i)), .ray_valid_o(ray_valid), .ray_ready_i,
     .ray_o(), .trace_o(trace), .exit_valid_i, .exit_ready_o(exit_ready), .exit_i, .sign_o(sign),
-    .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i
+    .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i, .drawn_i(1'b0), .update_o(),
+    .slots_i(16'd0), .block_start_o(), .block_slot_o(), .block_o(), .block_word_at_i(8'd0),
+    .block_word_o(), .block_done_i(1'b0), .blocks_busy_i(1'b0), .blocks_slot_o(), .blocks_at_o(),
+    .blocks_crc_i(32'd0)
   );
 
   logic started_q = 1'b0;
@@ -88,10 +91,10 @@ module dispatcher_properties #(
       // the bus
       bus_q <= bus_start || (bus_q && !bus_done_i);
       bus_for_q <= bus_start ? 3'd0 : bus_for_q + 3'd1;
-      if (bus_start) look_q <= !bus_write && bus_at == 10'h210;
+      if (bus_start) look_q <= !bus_write && bus_at == 11'h210;
       if (bus_start && bus_write) looks_q <= '0;
-      else if (bus_start && bus_at == 10'h210 && looks_q != 2'd3) looks_q <= looks_q + 2'd1;
-      if (bus_start && bus_write && bus_at == 10'h20c) begin
+      else if (bus_start && bus_at == 11'h210 && looks_q != 2'd3) looks_q <= looks_q + 2'd1;
+      if (bus_start && bus_write && bus_at == 11'h20c) begin
         running_q <= bus_word[1] || (running_q && !bus_word[2]);
       end else if (bus_done_i && look_q && !bus_word_i[1]) begin
         running_q <= 1'b0;
@@ -338,6 +341,7 @@ module dispatcher_properties #(
           (state == Reply && i_dut.table_start && table_left == '0 && !i_dut.table_valid)
           || (!i_dut.table_start && table_left == (state == Words ? reply_left : i_dut.words)) : table_idle));
       in_words: assert (state != Words || (ok && kind inside {RequestRead, RequestTrace, RequestTiles}));
+      in_kind: assert (!(state inside {Reply, Words}) || !ok || kind inside {[RequestHello:RequestReset]});
       in_list_few: assert (!ray_list || ray_left <= 9'd256);
       in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
       in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);

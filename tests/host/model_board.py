@@ -23,10 +23,13 @@ from serial.urlhandler import protocol_socket
 protocol_socket.time = SimpleNamespace(sleep=lambda seconds: None)
 
 OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, CRC_DIFFERS, NO_TILE, VERSION, OPTICS, BUSY = range(11)
-HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = range(1, 11)
-#: What keeps others from the optics, in a reply of status BUSY.
-FRAME_RUNS, SIGN_RUNS, THIS_RUNS = 1, 2, 3
+HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET, BLOCK, BLOCKS = range(1, 13)
+#: What keeps others from the optics, or from a slot, in a reply of status BUSY.
+FRAME_RUNS, SIGN_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 2, 3, 4, 5
 CONTROL, STATUS, SOURCE = 0x20C, 0x210, 0x214
+#: Of the scene: the register that has it drawn, and the look of layer 0; bytes of a block, the curve's slot and blocks.
+SCENE, DRAW, LOOK = 0x400, 0x40C, 0x61C
+BLOCK_BYTES, CURVE, CURVE_BLOCKS = 1024, 15, 8
 #: Of STATUS.
 RUNNING = 2
 APPLY, START, END = 1, 2, 4
@@ -83,13 +86,19 @@ def _pixels_fit(body):
 
 
 class ModelBoard:
-    """Serves TCP (`url`), or a pty; the state outlives connections, and ends with `power_cycle`."""
+    """Serves TCP (`url`), or a pty; the state outlives connections, and ends with `power_cycle`.
 
-    def __init__(self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, latency_s=0.0, delay_s=0.0):
+    `scene` is that of a board that draws: its layers, slots, and a slot's columns as a power of two and rows.
+    """
+
+    def __init__(
+        self, width=96, height=72, identity=0x79EE8471D40B2533, pty=False, latency_s=0.0, delay_s=0.0, scene=None
+    ):
+        self.scene = scene
         self.width, self.height, self.identity = width, height, identity
         self.columns = -(-width // 32)
         self.tiles = self.columns * -(-height // 32)
-        self.version = 2
+        self.version = 3 if scene else 2
         #: Requests that are answered while a frame runs.
         self.frame_requests = 2
         #: Work on each request, and how long replies are on their way, s.
@@ -99,6 +108,7 @@ class ModelBoard:
         self.shown = []
         #: Good TILE packets by tile, requests carried out by type, and by status.
         self.tile_writes = Counter()
+        self.block_writes = Counter()
         self.executed = Counter()
         self.statuses = Counter()
         self.writes = []
@@ -151,6 +161,12 @@ class ModelBoard:
             self.epoch = 0
             self.last_crc = None
             self.registers = dict.fromkeys([*range(0, 0x40, 4), *range(0x200, 0x300, 4)], 0)
+            self.blocks = {}
+            if self.scene:
+                layers, slots, width_bits, height = self.scene
+                self.registers |= dict.fromkeys([*range(SCENE, 0x434, 4), *range(0x600, 0x600 + 32 * layers, 4)], 0)
+                self.registers |= {SCENE: 0x4C495053, SCENE + 4: 0x10000}
+                self.registers[SCENE + 8] = layers | slots << 4 | width_bits << 8 | height << 12
             #: What runs, whether it waits for the raster as its source, and the last sign's result.
             self.runs, self.stream, self.signed = 0, False, None
 
@@ -233,6 +249,8 @@ class ModelBoard:
         }  # fmt: skip
         if self.version > 1:
             known |= {ABORT: self._abort, RESET: self._reset}
+        if self.version > 2:
+            known |= {BLOCK: self._block, BLOCKS: self._blocks}
         try:
             if kind not in known:
                 raise RefusedError(UNKNOWN)
@@ -282,6 +300,8 @@ class ModelBoard:
             TILE: size >= 5,
             PRESENT: size == 6,
             TILES: size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512,
+            BLOCK: size == 2 + BLOCK_BYTES,
+            BLOCKS: size == 3 and body[2] > 0,
             TRACE: size % 16 == 0 and 1 <= size // 16 <= 64 and _pixels_fit(body),
         }.get(kind, size == 0)
         if not right:
@@ -340,8 +360,46 @@ class ModelBoard:
     def what_runs(self, runs):
         return struct.pack("<BI", runs, self.rays_so_far() if self.runs == SIGN_RUNS else 0)
 
+    def is_drawn(self):
+        """Whether the optics draw the panel."""
+        return bool(self.scene) and bool(self.registers[DRAW] & 1)
+
+    def may_be_drawn(self):
+        return self.is_drawn()
+
+    def named(self):
+        """Slots that the scene needs, as its registers are written."""
+        looks = [self.registers[LOOK + 32 * layer] for layer in range(self.scene[0])]
+        return {look >> 4 & 15 for look in looks if look & 1} | {CURVE}
+
+    def slot_is_shown(self, slot):
+        return self.is_drawn() and slot in self.named()
+
+    def blocks_of(self, slot):
+        _, slots, width_bits, height = self.scene
+        return CURVE_BLOCKS if slot == CURVE else ((height << width_bits) // BLOCK_BYTES + 1) * (slot < slots)
+
+    def _block(self, body):
+        slot, block = body[:2]
+        if block >= self.blocks_of(slot):
+            raise RefusedError(NO_TILE)
+        if self.slot_is_shown(slot):
+            raise RefusedError(BUSY, struct.pack("<BI", SLOT_SHOWN, 0))
+        self.blocks[slot, block] = body[2:]
+        self.block_writes[slot, block] += 1
+        return body[:2]
+
+    def _blocks(self, body):
+        slot, first, count = body
+        if first + count > self.blocks_of(slot):
+            raise RefusedError(NO_TILE)
+        held = [self.blocks.get((slot, first + k)) for k in range(count)]
+        return body[:2] + struct.pack(f"<{count}I", *(0 if one is None else zlib.crc32(one) for one in held))
+
     def _must_be_free(self):
-        """Refuse while a frame runs."""
+        """Refuse while a frame runs, or the panel is drawn."""
+        if self.is_drawn():
+            raise RefusedError(BUSY, struct.pack("<BI", SCENE_RUNS, 0))
         if self.runs and not self.stream and self.frame_is_over():
             self.runs = 0
         if self.runs:
@@ -360,7 +418,12 @@ class ModelBoard:
 
     def _write(self, body):
         first, *words = struct.unpack(f"<H{len(body) // 4}I", body)
-        if first >= 0x200 and self.version > 1:
+        if self.scene and first >= SCENE:
+            if first == DRAW and words[0] & 1:
+                if not self.may_be_drawn():
+                    self._must_be_free()
+                self.registers[SOURCE], self.stream = 1, True
+        elif first >= 0x200 and self.version > 1:
             self._must_be_free()
         addresses = self.addresses(first, len(words))
         if not all(map(self.can_write, addresses)):

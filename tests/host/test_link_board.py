@@ -313,8 +313,8 @@ def test_an_image_is_shown_and_verified():
 
 def test_wrong_version():
     with ModelBoard() as model:
-        model.version = 3
-        with pytest.raises(DeviceError, match=r"version 2 or 1.*update") as error:
+        model.version = 4
+        with pytest.raises(DeviceError, match=r"version 3 or 2 or 1.*update") as error:
             Board.open(model.url, FAST_BAUD)
         one_line(error)
 
@@ -563,13 +563,13 @@ def test_tables_of_two_frames_are_not_mixed(monkeypatch):
     """Of 560 tiles, asked for in two requests: another program shows a frame between them."""
     with ModelBoard(width=640, height=896) as model, Board.open(model.url, FAST_BAUD, 2.0) as board:
         assert len(board.tiles(FRONT).crcs) == 560
-        ask, epochs = board._ask, iter((4, 5))
+        ask, epochs = board.ask, iter((4, 5))
 
         def of_another_frame(*request):
             body = ask(*request)
             return TILES_REPLY.pack(next(epochs), TILES_REPLY.unpack_from(body)[1]) + body[TILES_REPLY.size :]
 
-        monkeypatch.setattr(board, "_ask", of_another_frame)
+        monkeypatch.setattr(board, "ask", of_another_frame)
         with pytest.raises(DeviceError, match=r"buffers were swapped.*one program at a time"):
             board.tiles(FRONT)
 

@@ -26,6 +26,10 @@ PROOFS = [
     "axil_to_apb cover",
     "dispatcher prove",
     "dispatcher cover",
+    "draw_frame prove_1",
+    "draw_frame prove_2",
+    "draw_frame prove_4",
+    "draw_frame cover_1",
     "fifo prove_4",
     "fifo prove_128",
     "fifo prove_256",
@@ -92,6 +96,23 @@ FAULTS = {
     "a request is not read while the reply to the one before it is sent": (
         "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
         "answered|todo|one_at_a_time|unsent"),
+    "a late pixel is shown at the next one's place": (
+        "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q != '0;", "assign drop = !draws_q;",
+        "pixel_in_place|late"),
+    "a late frame goes on in the next one": (
+        "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q", "assign drop = late_q",
+        "pixel_in_place|late|whole"),
+    "registers are taken while they are written": (
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && owed_none",
+        "taken_between|one_set"),
+    "registers are taken within a late frame": (
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && !hold_i",
+        "taken_between|one_set"),
+    "a black pixel is not counted": (
+        "draw_frame bmc_1", "draw_frame.sv", "want_i && shown_q && !hit", "want_i && draws_q && !hit",
+        "in_time_or_counted"),
+    "a row has a ray too few": (
+        "draw_frame bmc_1", "draw_frame.sv", "PanelBits'(Width - 1)", "PanelBits'(Width - 2)", "rays|walk|place"),
     "word asked for without a place": (
         "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
     "read pointer stands still": (
@@ -168,6 +189,8 @@ SANITY = {
     "a cycle is done twice",
     "binary count brought over",
     "an abort waits for rays for ever",
+    "a late pixel is shown at the next one's place",
+    "registers are taken while they are written",
     "read pointer stands still",
     "memory answers a clock early",
     "no credit: rays enter while there is no room",

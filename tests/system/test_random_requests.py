@@ -23,6 +23,7 @@ from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.link.packets import packed
 from lippmann.link.port import Line
 from lippmann.sim import virtual_board
@@ -30,14 +31,23 @@ from model_board import (
     ABORT,
     ADDRESS,
     BAD_TILE,
+    BLOCK,
+    BLOCK_BYTES,
+    BLOCKS,
     BUSY,
     CONTROL,
     CRC_DIFFERS,
+    CURVE,
+    DRAW,
     HELLO,
+    LOOK,
+    NO_TILE,
     OK,
     PRESENT,
     READ,
     RESET,
+    SCENE,
+    SCENE_RUNS,
     SIGN,
     SIGN_RUNS,
     SOURCE,
@@ -60,7 +70,11 @@ WINDOW, PATIENCE_S = 6_000, 60.0
 WIDTH, HEIGHT = 112, 80
 STATUS, TABLE, WHOLE = 0x210, 0x300, 0xFFFF_FFFF
 #: Registers whose words depend on the clock: they are only read.
-TIMED = (0x24, 0x28, 0x2C, 0x40)
+TIMED = (0x24, 0x28, 0x2C, 0x40, 0x42C)
+#: Of the scene: its state, and its pixels that were late. None ever is, whatever is asked for.
+SCENE_STATUS, UNDERFLOWS = 0x428, 0x430
+#: The build of a board that draws; a few blocks.
+USUAL = SceneBuild(layers=3, slots=4, width=64, height=48)
 COUNTERS = dict(zip(("stale", "tile_bad", "frame_bad"), (0x5C, 0x60, 0x64), strict=True))
 
 
@@ -70,10 +84,10 @@ def display_of(grid):
     return dataclasses.replace(display, name=f"small {grid}", panel=panel)
 
 
-def register_map():
+def register_map(*pages):
     """By address the bits that can be read, that can be written, and that are set at reset, as documented."""
     found = {}
-    for page, base in (("board-registers", 0), ("registers", 0x200)):
+    for page, base in pages:
         text = (ROOT / f"docs/reference/{page}.md").read_text()
         row = r"^\| `0x(\w+)` \| `(\w+)` \| (\d+)(?::(\d+))? \| `\w+` \| ([\w, ]+) \| (?:`(\w+)`)?"
         for at, _, high, lowest, access, reset in re.findall(row, text, re.M):
@@ -86,19 +100,27 @@ def register_map():
     return found
 
 
-REGISTERS = register_map()
+REGISTERS = register_map(("board-registers", 0), ("registers", 0x200))
+SCENE_REGISTERS = register_map(("scene-registers", SCENE))
 
 
 class Judge(ModelBoard):
     """The model of one board; `reply` takes each request with the reply that came, and says what must have come."""
 
-    def __init__(self, display, configurations, pool):
+    def __init__(self, display, configurations, pool, build=None):
+        self.map = REGISTERS
+        scene = None
+        if build:
+            self.build_of_scene = build
+            scene = build.layers, build.slots_built, build.width_bits, build.height
+            behind = 0x600 + 32 * build.layers
+            self.map = REGISTERS | {at: one for at, one in SCENE_REGISTERS.items() if at < behind}
         self.build_of_optics = virtual_board.board_build(display)
         self.configurations, self.pool = configurations, pool
         self.clock_hz = virtual_board.CLOCK_HZ
         self.table = {}
         self.known = {}
-        super().__init__(WIDTH, HEIGHT, int(display.identity, 16))
+        super().__init__(WIDTH, HEIGHT, int(display.identity, 16), scene=scene)
         self._ended.set()  # it listens to nobody
         self._thread.join()
 
@@ -108,7 +130,11 @@ class Judge(ModelBoard):
         super().power_up()
         self.buffers = kept or self.buffers
         self.unsure = getattr(self, "unsure", (set(), set()))
-        self.registers = {at: one["reset"] for at, one in REGISTERS.items()}
+        self.registers = {at: one["reset"] for at, one in self.map.items()}
+        if self.scene:
+            self.registers[SCENE + 8] = self.build_of_scene.word
+        #: Whether the panel may still be drawn, after that was ended, and slots that may still be shown.
+        self.lingers, self.past = False, set()
         self.registers[0x8], self.registers[0xC] = self.identity & WHOLE, self.identity >> 32
         self.registers[0x10], self.registers[0x14] = HEIGHT << 16 | WIDTH, self.clock_hz
         self.counts = Counter()
@@ -155,24 +181,27 @@ class Judge(ModelBoard):
 
     def addresses(self, first, count):
         behind = first + 4 * count
-        if first % 4 or not (behind <= 0x100 or 0x200 <= first < behind <= 0x400):
+        there = behind <= 0x100 or 0x200 <= first < behind <= 0x400
+        if first % 4 or not (there or (self.scene and SCENE <= first < behind <= 0x800)):
             raise RefusedError(ADDRESS)
         return range(first, behind, 4)
 
     def can_write(self, at):
-        return at >= TABLE or bool(REGISTERS.get(at, {}).get("write"))
+        return TABLE <= at < SCENE or bool(self.map.get(at, {}).get("write"))
 
     def load(self, at):
         (came,) = self.came_word
-        if at >= TABLE or at not in REGISTERS or not REGISTERS[at]["read"]:
+        if TABLE <= at < SCENE or at not in self.map or not self.map[at]["read"]:
             return 0
         if at in TIMED:
             return came
+        if at == SCENE_STATUS:
+            return self._scene_status(came)
         if at == STATUS:
             return self._status(came)
         if at in COUNTERS.values():
             return self.counts[next(name for name, address in COUNTERS.items() if address == at)]
-        return {0x20: self.epoch, 0x208: self.build}.get(at, self.registers[at])
+        return {0x20: self.epoch, 0x208: self.build, UNDERFLOWS: 0}.get(at, self.registers[at])
 
     def _read(self, body):
         first, count = struct.unpack("<HB", body)
@@ -181,6 +210,33 @@ class Judge(ModelBoard):
             self.came_word = struct.unpack("<I", self.came[4 + 4 * k : 8 + 4 * k].ljust(4, b"\0"))
             found.append(self.load(at))
         return struct.pack(f"<{count}I", *found)
+
+    def _scene_status(self, came):
+        """What the panel shows comes a frame after it was written, or later; slots that it needs are kept till then."""
+        must = self.named() if self.registers[DRAW] & 1 else set()
+        may = must | (self.past if self.registers[DRAW] & 1 or self.lingers else set())
+        if not came & 1 and not self.registers[DRAW] & 1:
+            self.lingers = False
+        shown = came & 1 if may else 0
+        return (came & sum(1 << 16 + slot for slot in may)) | sum(1 << 16 + slot for slot in must) | came & 2 | shown
+
+    # --- the scene ------------------------------------------------------------------------------------
+
+    def is_drawn(self):
+        """For sure while that is written; behind it until a reply tells otherwise."""
+        if not self.scene:
+            return False
+        if not self.registers[DRAW] & 1 and self.lingers:
+            self.lingers = self.came[3:5] == bytes([BUSY, SCENE_RUNS])
+        return bool(self.registers[DRAW] & 1) or self.lingers
+
+    def may_be_drawn(self):
+        return bool(self.registers[DRAW] & 1) or self.lingers
+
+    def slot_is_shown(self, slot):
+        if self.registers[DRAW] & 1:
+            return slot in self.named() or (slot in self.past and self.came[3] == BUSY)
+        return self.lingers and slot in self.past and self.came[3] == BUSY
 
     def _status(self, came):
         """An apply and rays may be left over; a frame may run if one began, and one that waits does."""
@@ -191,10 +247,19 @@ class Judge(ModelBoard):
         return (came & (0b1001 | may_run)) | must_run | self.refused_window << 2
 
     def store(self, at, word):
-        if at >= TABLE:
+        if TABLE <= at < SCENE:
             self.table[(at - TABLE) // 4] = word
         elif at != CONTROL:
-            self.registers[at] = word & REGISTERS[at]["write"]
+            if self.scene and at >= SCENE:
+                if at == DRAW and self.registers[DRAW] & ~word & 1:
+                    self.lingers = True
+                if self.registers[DRAW] & 1 or self.lingers:
+                    self.past |= self.named()
+                else:
+                    self.past = set()
+            self.registers[at] = word & self.map[at]["write"]
+            if self.scene and at >= SCENE and self.registers[DRAW] & 1:
+                self.past |= self.named()
         elif word & 4:
             self.runs = 0
 
@@ -254,9 +319,7 @@ class Judge(ModelBoard):
 
     def _optics(self):
         """The written optics, where they are those of a display; others the twin need not know."""
-        words = tuple(
-            self.registers[at] for at in range(0x240, 0x300, 4) if at in REGISTERS and not 0x2C0 <= at < 0x2E0
-        )
+        words = tuple(self.registers[at] for at in range(0x240, 0x300, 4) if at in self.map and not 0x2C0 <= at < 0x2E0)
         return self.configurations.get(words)
 
     def signature(self):
@@ -310,10 +373,14 @@ class Traffic:
             return rng.choice(self.sent)
         else:
             kind = rng.choice([HELLO, READ, READ, WRITE, WRITE, WRITE, TILE, TILES, TRACE, TRACE, SIGN, SIGN, ABORT])
-            kind = rng.choices([kind, PRESENT, RESET, 0, rng.randrange(11, 256)], [97, 1, 0.5, 0.5, 1])[0]
+            if self.judge.scene and rng.random() < 0.2:
+                kind = rng.choice([BLOCK, BLOCK, BLOCKS])
+            unknown = rng.randrange(BLOCKS + 1 if self.judge.scene else BLOCK, 256)
+            kind = rng.choices([kind, PRESENT, RESET, 0, unknown], [97, 1, 0.5, 0.5, 1])[0]
             body = {
                 HELLO: self.hello, READ: self.read, WRITE: self.write, TILE: self.tile, PRESENT: self.present,
                 TILES: self.tiles, TRACE: self.trace,
+                BLOCK: self.block, BLOCKS: self.blocks,
             }.get(kind, bytes)()  # fmt: skip
             if rng.random() < 0.05:
                 body = rng.choice(
@@ -324,16 +391,21 @@ class Traffic:
         return self.sent[-1]
 
     def hello(self):
-        return struct.pack("<BI", self.rng.choice([2, 2, 2, 1]), self.rng.choice([1, 2, self.rng.getrandbits(32)]))
+        version = self.rng.choice([self.judge.version] * 4 + [1, 2, 3])
+        return struct.pack("<BI", version, self.rng.choice([1, 2, self.rng.getrandbits(32)]))
 
     def read(self):
         count = self.rng.choice([1, 1, 2, 5, 64])
-        first = self.rng.choice([STATUS, STATUS, 4 * self.rng.randrange(257), self.rng.getrandbits(16)])
+        first = self.rng.choice([STATUS, STATUS, 4 * self.rng.randrange(self.words), self.rng.getrandbits(16)])
+        if self.judge.scene and self.rng.random() < 0.2:
+            first, count = self.rng.choice([(SCENE_STATUS, 1), (SCENE_STATUS, 3), (SCENE, 16)])
         return struct.pack("<HB", first, count)
 
     def write(self):
         rng = self.rng
         chance = rng.random()
+        if self.judge.scene and rng.random() < 0.3:
+            return self.scene_write()
         if chance < 0.45:
             at, word = rng.choice(
                 [(CONTROL, START), (CONTROL, START), (CONTROL, rng.randrange(8)), (SOURCE, 0), (SOURCE, 1)]
@@ -360,7 +432,40 @@ class Traffic:
                 f"<H{count}I", TABLE + 4 * rng.randrange(65 - count), *(rng.getrandbits(32) for _ in range(count))
             )
         count = rng.choice([1, 2, 16, 64])
-        return struct.pack(f"<H{count}I", 4 * rng.randrange(257), *(rng.getrandbits(32) for _ in range(count)))
+        return struct.pack(f"<H{count}I", 4 * rng.randrange(self.words), *(rng.getrandbits(32) for _ in range(count)))
+
+    @property
+    def words(self):
+        """Words of the blocks of registers, and one more."""
+        return 513 if self.judge.scene else 257
+
+    def scene_write(self):
+        """The picture, alone or with lattice and background; a layer's place, its look, or all layers; any words."""
+        rng = self.rng
+        layers = self.judge.scene[0]
+        looks = [rng.choice([0, 1, 1, 3]) | rng.randrange(4) << 4 | 256 << 8 for _ in range(layers)]
+        places = [[rng.getrandbits(32) for _ in range(7)] for _ in range(layers)]
+        layer = rng.randrange(layers)
+        first, words = rng.choice([
+            (DRAW, [rng.choice([0, 0, 1])]),
+            (DRAW, [rng.choice([0, 1, 2, 3]), *(rng.getrandbits(32) for _ in range(rng.choice([3, 6, 7])))]),
+            (LOOK + 32 * layer, looks[:1]),
+            (LOOK - 28 + 32 * layer, places[0]),
+            (LOOK - 28, [word for one, look in zip(places, looks, strict=True) for word in (*one, look)]),
+            (LOOK, [rng.getrandbits(32)]),
+        ])  # fmt: skip
+        return struct.pack(f"<H{len(words)}I", first, *words)
+
+    def place(self):
+        slot = self.rng.choice([0, 1, 2, 3, 4, CURVE, self.rng.randrange(256)])
+        return slot, self.rng.choice([0, 1, 2, 3, 4, 7, 8, self.rng.randrange(256)])
+
+    def block(self):
+        return bytes(self.place()) + self.rng.randbytes(BLOCK_BYTES)
+
+    def blocks(self):
+        slot, first = self.place()
+        return bytes([slot, first, self.rng.choice([0, 1, 1, 2, 4, 8, self.rng.randrange(256)])])
 
     def tile(self):
         rng = self.rng
@@ -390,29 +495,31 @@ class Traffic:
 
 
 @pytest.mark.parametrize(
-    ("grid", "line"),
+    ("grid", "line", "scene"),
     [
-        ("square", "bytes"),
-        pytest.param("square", "bits", marks=pytest.mark.full),
-        pytest.param("hex", "bytes", marks=pytest.mark.full),
+        ("square", "bytes", None),
+        ("square", "bytes", USUAL),
+        pytest.param("square", "bits", None, marks=pytest.mark.full),
+        pytest.param("hex", "bytes", None, marks=pytest.mark.full),
     ],
+    ids=["square", "square-scene", "square-bits", "hex"],
 )
-def test_each_request_has_the_models_reply(grid, line):
+def test_each_request_has_the_models_reply(grid, line, scene):
     count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 1)
     print(f"seed {SEED}, {count} requests")
-    rng = random.Random(f"{SEED} {grid} {line}")
+    rng = random.Random(f"{SEED} {grid} {line}{' scene' * bool(scene)}")
     display = display_of(grid)
     build = virtual_board.board_build(display)
     lens = dataclasses.replace(display.array, index=display.array.index + 0.05)
     displays = [configuration(one, build, "exact") for one in (display, dataclasses.replace(display, array=lens))]
     places = [(rng.randrange(-8 * WIDTH, 8 * WIDTH), rng.randrange(-8 * HEIGHT, 8 * HEIGHT)) for _ in range(4000)]
     pool = {id(one): traced(places, one, build) for one in displays}
-    judge = Judge(display, {words_of(one): one for one in displays}, pool)
+    judge = Judge(display, {words_of(one): one for one in displays}, pool, scene)
     judge.places = places
     traffic = Traffic(rng, judge, displays)
     seen = Counter()
     baud = 18_000_000 if line == "bits" else None
-    with virtual_board.running(display, baud=baud, stalls=rng.randrange(1, 1 << 31)) as virtual:
+    with virtual_board.running(display, baud=baud, stalls=rng.randrange(1, 1 << 31), scene=scene) as virtual:
         wire = Line(virtual.url)
         under_way, size = deque(), 0
         while sum(seen.values()) < count:
@@ -431,7 +538,7 @@ def test_each_request_has_the_models_reply(grid, line):
                 came = struct.pack("<BH", came.kind, came.seq) + came.body
                 wanted = judge.reply(packet, came)
                 assert came == wanted, f"{packet[:40].hex()}: {came[:60].hex()}, not {wanted[:60].hex()}, {after}"
-                seen[packet[0] if packet[0] in range(1, 11) else 0, came[3]] += 1
+                seen[packet[0] if packet[0] in range(1, 13) else 0, came[3]] += 1
         wire.close()
         assert virtual.stop()["bytes_lost"] == 0
     print(sorted(seen.items()))
@@ -446,6 +553,8 @@ def test_each_request_has_the_models_reply(grid, line):
             (RESET, OK),
             (SIGN, 9),
         }
+        if scene:
+            common |= {(BLOCK, OK), (BLOCK, BUSY), (BLOCK, NO_TILE), (BLOCKS, OK), (BLOCKS, NO_TILE)}
         assert common <= set(seen)
 
 

@@ -20,7 +20,7 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
 from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
@@ -42,12 +42,15 @@ QUERY_S = 0.02
 SIGN_CLOCKS = 10
 #: Clocks for each tile of a RESET: two entries are cleared, in a table of a power of two.
 RESET_CLOCKS = 8
-#: What runs, in the reply of a busy board: a frame that a write started, or the SIGN that is answered.
-FRAME_RUNS, THIS_RUNS = 1, 3
+#: What runs, in the reply of a busy board: a frame that a write started, the SIGN that is answered, the drawing of
+#: the panel; or the slot of a BLOCK is shown.
+FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 #: Most rays in a TRACE, words in a READ or WRITE, tiles in a TILES request.
 MAX_RAYS, MAX_WORDS, MAX_TILES = 64, 64, 512
 #: Address of the optics block's first register.
 OPTICS_BASE = 0x200
+#: Address of the scene's first register.
+SCENE_BASE = 0x400
 
 HELLO_REQUEST = struct.Struct("<BI")
 HELLO_REPLY = struct.Struct("<BIQHHBHIHI")
@@ -74,7 +77,7 @@ REFUSALS = {
     ReplyStatus.FRAME_CRC_DIFFERS: ("its frame differs from the one sent", "stream the frame again"),
     ReplyStatus.NO_SUCH_TILE: ("it has no such tile", "render the image for this panel"),
     ReplyStatus.WRONG_VERSION: (
-        f"it does not support version {' or '.join(map(str, VERSIONS))} of the protocol",
+        f"it does not support version {' or '.join(map(str, sorted(VERSIONS, reverse=True)))} of the protocol",
         UPDATE,
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
@@ -163,8 +166,8 @@ class Board:
     def hello(self) -> Hello:
         """Begin a session: send HELLO, check the reply, and keep it in `info`.
 
-        The newest version of the protocol that both speak is used. Raises DeviceError when there is none, and for
-        limits that this host does not support.
+        Raises DeviceError when the board speaks no version of the protocol that this host knows, and for limits that
+        this host does not support.
         """
         nonce = secrets.randbits(32)
         for asked in VERSIONS:
@@ -196,7 +199,7 @@ class Board:
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             some = min(MAX_WORDS, count - first)
-            body = self._ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), some), 4 * some)
+            body = self.ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), some), 4 * some)
             words += struct.unpack(f"<{some}I", body)
         return words
 
@@ -209,7 +212,7 @@ class Board:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
         if not all(0 <= word < 1 << 32 for word in words):
             raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
-        self._ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
+        self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
     def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
         """Write registers in order, neighbours in one request; addresses count from `base`."""
@@ -234,7 +237,7 @@ class Board:
         epochs = set()
         for first in range(0, count, MAX_TILES):
             some = min(MAX_TILES, count - first)
-            body = self._ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, some), TILES_REPLY.size + 4 * some)
+            body = self.ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, some), TILES_REPLY.size + 4 * some)
             epoch, echo = TILES_REPLY.unpack(body[: TILES_REPLY.size])
             if echo != first:
                 raise self._error(f"the board replies for tile {echo}, not tile {first}", "update the board")
@@ -261,7 +264,7 @@ class Board:
         out = np.empty((len(rays), len(FixedRays._fields)), np.int64)
         for first in range(0, len(rays), MAX_RAYS):
             some = rays[first : first + MAX_RAYS]
-            body = self._ask(Kind.TRACE, some.tobytes(), 4 * out.shape[1] * len(some))
+            body = self.ask(Kind.TRACE, some.tobytes(), 4 * out.shape[1] * len(some))
             out[first : first + MAX_RAYS] = np.frombuffer(body, "<i4").reshape(len(some), -1)
         return FixedRays(*out.T)
 
@@ -297,16 +300,16 @@ class Board:
     def abort(self) -> None:
         """End the frame that the board's optics trace, drop a start that waits, and wait for an empty pipeline."""
         self._needs_version_2(Kind.ABORT)
-        self._ask(Kind.ABORT, b"", 0)
+        self.ask(Kind.ABORT, b"", 0)
 
     def reset(self) -> None:
         """Reset the board to its state after power-up, the line excepted: it forgets frames, tiles and registers."""
         self._needs_version_2(Kind.RESET)
-        self._ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
+        self.ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
         self.hello()
 
     def _needs_version_2(self, kind: Kind) -> None:
-        if self.info.version < VERSIONS[0]:
+        if self.info.version < RESET_VERSION:
             what = f"the board speaks version {self.info.version} of the protocol, which has no {kind.name}"
             raise self._error(what, "update the board, or press its reset button")
 
@@ -396,6 +399,12 @@ class Board:
         name = Kind(kind).name
         if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
             runs, rays = BUSY_REPLY.unpack(body)
+            if runs == SCENE_RUNS:
+                remedy = "end the scene first: lippmann board write scene.source scene=0"
+                return self._error(f"the board refuses {name} while its optics draw a scene", remedy)
+            if runs == SLOT_SHOWN:
+                what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
+                return self._error(what, "load another slot, or hide the layer first")
             by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
             remedy = "wait, or end it with lippmann board abort"
             if runs == FRAME_RUNS:
@@ -412,7 +421,7 @@ class Board:
     def _error(self, what: str, remedy: str) -> DeviceError:
         return DeviceError.at(self.line.url, what, remedy)
 
-    def _ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
+    def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
         """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
         status, answer = self._request(kind, body, work_s)
         return self._good(kind, status, answer, size)

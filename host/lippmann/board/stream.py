@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import struct
 import time
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import takewhile
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from lippmann.board.tiles import Coded, Coding, Crcs, Pixels, code_tile, frame_crc, raw_tile
+from lippmann.board.window import Flight, Window
 from lippmann.errors import InputError, device_error
-from lippmann.link.packets import BACK, FRONT, REPLY, Kind, Packet, ReplyStatus, packed
-from lippmann.link.port import SEND_S
-from lippmann.link.round_trip import RoundTrip
+from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.toml import documented, key
 
 if TYPE_CHECKING:
@@ -140,7 +137,13 @@ def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progres
             missing = np.arange(sent.tiles)
             in_front[:] = False
         sender = _Sender(board, frame, front.epoch, in_front, sent, window_bytes)
-        status = sender.run(missing.tolist(), progress)
+        held = sent.tiles - len(missing)
+
+        def arrived(count: int, held: int = held) -> None:
+            if progress:
+                progress(held + count, sent.tiles)
+
+        status = sender.run(missing.tolist(), arrived, ends=ReplyStatus.STALE_EPOCH)
         if status == ReplyStatus.OK:
             status, sent.epoch = board.present(front.epoch, sent.crc)
         if status == ReplyStatus.OK:
@@ -152,132 +155,48 @@ def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progres
     )
 
 
-class _Flight(NamedTuple):
-    """A TILE packet without a reply yet: its tile, data, length on the line, and time of sending."""
+class _Sender(Window[Coded]):
+    """Sends tiles of one frame in one epoch."""
 
-    tile: int
-    coded: Coded
-    length: int
-    time: float
-
-
-@dataclass
-class _Sender:
-    """Sends tiles of one frame in one epoch.
-
-    Each TILE packet has its own sequence number, a repeated tile too, so a reply identifies its packet. The line keeps
-    the order: earlier packets that are still unanswered are lost, or their replies are.
-    """
-
-    board: Board
-    frame: Pixels
-    epoch: int
-    in_front: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    sent: Sent
-    window_bytes: int
-
-    def __post_init__(self) -> None:
-        self._queue: deque[int] = deque()
-        self._arrived: set[int] = set()
+    def __init__(
+        self,
+        board: Board,
+        frame: Pixels,
+        epoch: int,
+        in_front: np.ndarray[tuple[int], np.dtype[np.bool_]],
+        sent: Sent,
+        window_bytes: int,
+    ) -> None:
+        super().__init__(board, Kind.TILE, window_bytes)
+        self.frame, self.epoch, self.in_front, self.sent = frame, epoch, in_front, sent
         self._refused: set[int] = set()
-        # By sequence number, in the order of sending: unanswered, and given up (a late reply may come).
-        self._flights: dict[int, _Flight] = {}
-        self._lost: dict[int, _Flight] = {}
-        self._bytes = 0
-        self._round_trip = RoundTrip()
 
-    def run(self, tiles: Iterable[int], progress: Progress | None) -> ReplyStatus:
-        """Send tiles until the board has them; return OK, or STALE_EPOCH when the board is in another epoch."""
-        self._queue.extend(tiles)
-        held = self.sent.tiles - len(self._queue)
-        line = self.board.line
-        last_gain = last_reply = time.monotonic()
-        while self._queue or self._flights:
-            # Read replies before more is sent: they decide what to send.
-            while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
-                if not self._send(self._queue.popleft()):
-                    break
-            if not self._flights:
-                # The queue held only tiles that had arrived meanwhile.
-                continue
-            oldest = next(iter(self._flights.values()))
-            due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
-            end = last_gain + self.board.patience_s
-            reply = line.receive(min(due, end) - time.monotonic())
-            gains = len(self._arrived)
-            status = self._take(reply) if reply else None
-            if status == ReplyStatus.STALE_EPOCH:
-                return status
-            now = time.monotonic()
-            if status is not None:
-                last_reply = now
-            if len(self._arrived) > gains:
-                last_gain = now
-                if progress:
-                    progress(held + len(self._arrived), self.sent.tiles)
-            elif now >= end:
-                raise self.board.silence()
-            elif status is None and now >= due:
-                # Send one packet again; its reply shows which of the others are lost.
-                self._round_trip.back_off()
-                self._give_up([next(iter(self._flights))])
-        return ReplyStatus.OK
-
-    def _send(self, tile: int) -> bool:
-        """Send a tile in its shortest coding, unless it has arrived; return False when the line accepts no more."""
-        if tile in self._arrived:
-            return True
-        pixels = self.board.info.grid.cut(self.frame, tile)
-        if self.in_front[tile] and tile not in self._refused:
+    def request(self, item: int) -> tuple[bytes, Coded]:
+        """Return the request of a tile in its shortest coding."""
+        pixels = self.board.info.grid.cut(self.frame, item)
+        if self.in_front[item] and item not in self._refused:
             coded = Coded(Coding.COPY, b"")
         else:
-            coded = raw_tile(pixels) if tile in self._refused else code_tile(pixels)
-        seq = self.board.next_seq()
-        packet = packed(Kind.TILE, seq, TILE_REQUEST.pack(self.epoch, tile, coded.coding) + coded.data)
-        # A sequence number that is used again belongs to the new packet.
-        self._lost.pop(seq, None)
+            coded = raw_tile(pixels) if item in self._refused else code_tile(pixels)
         self.sent.sends += 1
-        self.sent.resends += tile in self.sent.known
-        self.sent.known.add(tile)
-        taken = self.board.line.send(packet, min(SEND_S, self.board.patience_s))
-        self._flights[seq] = _Flight(tile, coded, len(packet), time.monotonic())
-        self._bytes += len(packet)
-        return taken
+        self.sent.resends += item in self.sent.known
+        self.sent.known.add(item)
+        return TILE_REQUEST.pack(self.epoch, item, coded.coding) + coded.data, coded
 
-    def _take(self, reply: Packet) -> ReplyStatus | None:
-        """Process a reply; return OK, STALE_EPOCH or BAD_TILE_DATA, or None for a reply to another request."""
-        if reply.kind != Kind.TILE | REPLY or not reply.body:
-            return None
-        if reply.seq in self._flights:
-            self._give_up(list(takewhile(lambda seq: seq != reply.seq, self._flights)))
-            flight = self._flights.pop(reply.seq)
-            self._bytes -= flight.length
-        elif reply.seq in self._lost:
-            flight = self._lost.pop(reply.seq)
-        else:
-            return None
-        # Late replies are timed too: the first one shows that the line is slower than expected.
-        self._round_trip.sample(time.monotonic() - flight.time)
-        status = reply.body[0]
-        if status == ReplyStatus.OK and reply.body[1:] == TILE_REPLY.pack(flight.tile):
-            if flight.tile not in self._arrived:
-                self._arrived.add(flight.tile)
-                self.sent.arrived.add(flight.tile)
-                self.sent.payload_bytes += len(flight.coded.data)
-                count = "copied" if flight.coded.coding == Coding.COPY else flight.coded.coding.name.lower()
+    def answered(self, flight: Flight[Coded], status: ReplyStatus, body: bytes) -> bool:
+        """Count a tile that has arrived; send one raw whose data the board refuses."""
+        tile, coded = flight.item, flight.note
+        if status == ReplyStatus.OK and body == TILE_REPLY.pack(tile):
+            if tile not in self.arrived:
+                self.sent.arrived.add(tile)
+                self.sent.payload_bytes += len(coded.data)
+                count = "copied" if coded.coding == Coding.COPY else coded.coding.name.lower()
                 setattr(self.sent, count, getattr(self.sent, count) + 1)
-        elif status == ReplyStatus.BAD_TILE_DATA and flight.coded.coding != Coding.RAW:
+            return True
+        if status == ReplyStatus.BAD_TILE_DATA and coded.coding != Coding.RAW:
             # Sent raw next: raw pixels need no decoder.
-            self._refused.add(flight.tile)
-            self._queue.appendleft(flight.tile)
+            self._refused.add(tile)
+            self.again(tile)
         elif status != ReplyStatus.STALE_EPOCH:
             raise self.board.refusal(Kind.TILE, status)
-        return ReplyStatus(status)
-
-    def _give_up(self, numbers: list[int]) -> None:
-        """Treat packets as lost: their tiles are sent next."""
-        for seq in reversed(numbers):
-            flight = self._flights.pop(seq)
-            self._bytes -= flight.length
-            self._lost[seq] = flight
-            self._queue.appendleft(flight.tile)
+        return False

@@ -18,7 +18,7 @@ from lippmann.errors import InputError, LippmannError, MissingLibraryError, to_i
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
-    "pattern", "export", "board", "stream", "display", "demo", "bench", "report", "doctor",
+    "pattern", "export", "board", "stream", "play", "display", "demo", "bench", "report", "doctor",
 )  # fmt: skip
 
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import click
 
-from lippmann.board.board import OPTICS_BASE
+from lippmann.board.board import OPTICS_BASE, SCENE_BASE
 from lippmann.board.check_rays import check_rays
+from lippmann.board.scene import SceneBoard
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY, Vector
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
@@ -18,7 +19,8 @@ from lippmann.display import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field, Register
+from lippmann.link.packets import SCENE_VERSION
+from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Field, Register
 
 #: A whole register.
 WORD = Field(0, 32)
@@ -52,6 +54,7 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
             "clock_hz": hello.clock_hz,
             "epoch": hello.epoch,
             "optics": vars(board.optics_build()),
+            **({} if hello.version < SCENE_VERSION else {"scene": vars(SceneBoard(board).build)}),
             "shown_crc": f"{registers['shown_crc']:08x}",
             "frames": registers["frames"],
             "counters": {
@@ -167,7 +170,8 @@ def read_command(
 ) -> None:
     """Read registers, by name or address.
 
-    COUNT words are read. Names of the optics block begin with `optics.` (address 0x200).
+    COUNT words are read. Names of the optics block begin with `optics.` (address 0x200), those of a board's scene with
+    `scene.` (address 0x400).
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
@@ -191,7 +195,8 @@ def _lines(address: int, word: int) -> Iterator[str]:
 
 def _names() -> list[str]:
     """Return the names of all registers."""
-    return [*BOARD_REGISTERS, *(f"optics.{name}" for name in OPTICS_REGISTERS)]
+    blocks = {"optics": OPTICS_REGISTERS, "scene": SCENE_REGISTERS}
+    return [*BOARD_REGISTERS, *(f"{block}.{name}" for block, registers in blocks.items() for name in registers)]
 
 
 @make_command("write", command)
@@ -231,9 +236,10 @@ def _register(name: str) -> Register:
     """Return a register by its name, or one without fields by its address."""
     if name in BOARD_REGISTERS:
         return BOARD_REGISTERS[name]
-    optics = OPTICS_REGISTERS.get(name.removeprefix("optics."))
-    if optics is not None and name.startswith("optics."):
-        return replace(optics, address=OPTICS_BASE + optics.address)
+    for block, registers, base in (("optics", OPTICS_REGISTERS, OPTICS_BASE), ("scene", SCENE_REGISTERS, SCENE_BASE)):
+        found = registers.get(name.removeprefix(f"{block}."))
+        if found is not None and name.startswith(f"{block}."):
+            return replace(found, address=base + found.address)
     try:
         return Register(int(name, 0))
     except ValueError:

@@ -37,6 +37,7 @@ FILES = {
     "display": ("lippmann.display", "DisplayFile"),
     "setup": ("lippmann.capturing.setup", "SetupFile"),
     "film": ("lippmann.film.film", "FilmFile"),
+    "layer_film": ("lippmann.film.layer_film", "LayerFilmFile"),
     "placement": ("lippmann.rendering.placement", "PlacementFile"),
     "layers": ("lippmann.layers.folder", "LayersFile"),
     "pictures": ("lippmann.layers.pictures", "PicturesFile"),

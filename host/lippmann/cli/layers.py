@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import click
 
 from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
@@ -31,25 +30,6 @@ from lippmann.rendering.scene import check_scene_file
 
 #: Numbers of layers that --costs measures, up to --count.
 MEASURED = (1, 2, 3, 4, 6, 8)
-
-
-class Slot(click.ParamType[tuple[int, int]]):
-    """Texels across and down of a slot, such as 256x192."""
-
-    name = "slot"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """Parse the numbers."""
-        if isinstance(value, tuple):
-            return value
-        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", str(value))
-        if found is None:
-            self.fail(f"'{value}' is not WIDTHxHEIGHT; give texels across and down, such as 256x192", param, ctx)
-        return int(found[1]), int(found[2])
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """Return the form for help texts."""
-        return "WIDTHxHEIGHT"
 
 
 @make_command("layers")

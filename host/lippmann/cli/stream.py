@@ -15,7 +15,7 @@ from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import TransferName, load_display
 from lippmann.errors import NoBoardError
-from lippmann.link.packets import VERSIONS
+from lippmann.link.packets import RESET_VERSION
 
 #: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5
@@ -81,7 +81,7 @@ def command(
                             raise
                         # Without a new tile since the last loss, another attempt would fail the same way.
                         stuck = len(sent.arrived) == arrived
-                        if stuck and (was_reset or hello.version < VERSIONS[0]):
+                        if stuck and (was_reset or hello.version < RESET_VERSION):
                             after = ", also after a reset" if was_reset else ""
                             raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
                         arrived = len(sent.arrived)

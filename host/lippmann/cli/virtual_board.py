@@ -16,10 +16,11 @@ import click
 
 from lippmann import interrupts
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DISPLAY, word_length
+from lippmann.cli.options.common import DISPLAY, Slot, word_length
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
@@ -47,6 +48,11 @@ def start_command(
         "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
     ),
     trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
+    layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
+    slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
+    slot: tuple[int, int] = option("Texels of a slot.", (256, 192), Slot()),
+    bilinear: bool = option("Interpolate its texels.", False),
+    samples: int = option("Rays for each pixel: 1, 2 or 4.", 1, click.Choice([1, 2, 4])),
     background: bool = option("Return when the board is ready, and let it run; needs --ready.", False),
     trace_clocks: tuple[int, int] = option(
         None, (0, 1_000_000), (click.IntRange(0), click.IntRange(1)), show_default=True
@@ -65,6 +71,7 @@ def start_command(
             "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
         )
     display = load_display(display_path)
+    scene = None if layers is None else SceneBuild(layers, slots, *slot, bilinear, samples)
     _check_places(capture, ready, trace)
     if background and not ready:
         raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
@@ -77,7 +84,7 @@ def start_command(
         return
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
-        trace=trace, trace_clocks=trace_clocks,
+        trace=trace, trace_clocks=trace_clocks, scene=scene,
     )  # fmt: skip
     result = {
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,

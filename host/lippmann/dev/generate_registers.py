@@ -43,6 +43,7 @@ class _Map(NamedTuple):
 _MAPS = (
     _Map("optics_block", "optics_registers", "optics.json", "registers.md", 0x200),
     _Map("board_registers", "board_registers", "board.json", "board-registers.md", 0x000),
+    _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
 )
 
 #: A register or a field, as lippmann.registers reads it; items with their default values are left out.
@@ -173,11 +174,11 @@ def _board_map(writable: set[int]) -> str:
     """Return the package that tells which words can be written, as ranges of addresses."""
     firsts = sorted(at for at in writable if at - 4 not in writable)
     lasts = sorted(at for at in writable if at + 4 not in writable)
-    ranges = ",\n      ".join(f"[10'h{first:03X}:10'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
+    ranges = ",\n      ".join(f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
     return (
-        f"{_SPDX}// {_BY}\n/// Which words of the board can be written, byte addresses.\n"
+        f"{_SPDX}// {_BY}\n/// Which words of a board with every block and layer can be written, byte addresses.\n"
         f"package {PREFIX}board_map_pkg;\n"
-        f"  function automatic logic writable(logic [9:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
+        f"  function automatic logic writable(logic [10:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
         "  endfunction\nendpackage\n"
     )
 

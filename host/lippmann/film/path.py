@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+import numpy.typing as npt
 from msgspec import Meta
 
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
@@ -13,6 +14,19 @@ from lippmann.toml import documented, key
 
 #: Interpolation of a path between keys.
 Motion = Literal["smooth", "linear"]
+
+
+def interpolated(
+    frames: npt.NDArray[np.float64], numbers: npt.NDArray[np.float64], motion: Motion | None, frame: float
+) -> npt.NDArray[np.float64]:
+    """Return the numbers (N,) at a frame, from those (K, N) at the frames (K,) of keys; beyond them nothing moves."""
+    from scipy.interpolate import PchipInterpolator
+
+    place = np.clip(frame, frames[0], frames[-1])
+    if motion != "linear" and len(frames) > 1:
+        now: npt.NDArray[np.float64] = PchipInterpolator(frames, numbers)(place)
+        return now
+    return np.array([np.interp(place, frames, column) for column in numbers.T])
 
 
 @documented
@@ -42,15 +56,9 @@ class Path:
 
     def at(self, frame: int) -> Placement:
         """Return the motion at a frame, relative to the position at rest, in the display's coordinates."""
-        from scipy.interpolate import PchipInterpolator
-
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
-        place = np.clip(frame, frames[0], frames[-1])
-        if self.motion != "linear" and len(frames) > 1:
-            now = PchipInterpolator(frames, numbers)(place)
-        else:
-            now = np.array([np.interp(place, frames, column) for column in numbers.T])
+        now = interpolated(frames, numbers, self.motion, frame)
         turned = Placement(float(now[6]), (float(now[3]), float(now[4]), float(now[5])))
         pivot = np.array(self.pivot_mm)
         offset = now[:3] + pivot - turned.display_from_scene[:3, :3] @ pivot

@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Versions of the protocol that this host speaks, the newest first.
-VERSIONS = (2, 1)
+#: Versions of the protocol that this host speaks, in the order in which it asks a board; a board speaks one of them.
+VERSIONS = (2, 3, 1)
+#: First version with ABORT and RESET; that of boards that draw scenes.
+RESET_VERSION, SCENE_VERSION = 2, 3
 #: Longest packet with its CRC, bytes before COBS.
 MAX_PACKET = 3200
 #: Longest packet after COBS, which adds one byte for each 254 or fewer.
@@ -44,6 +46,8 @@ class Kind(IntEnum):
     SIGN = 8
     ABORT = 9
     RESET = 10
+    BLOCK = 11
+    BLOCKS = 12
 
 
 class ReplyStatus(IntEnum):

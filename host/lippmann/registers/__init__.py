@@ -1,6 +1,7 @@
-"""The registers of the optics block and of the board, read from the data that `make registers` writes.
+"""The registers of the optics block, of the board and of its scene, read from the data that `make registers` writes.
 
-`optics.json` and `board.json` are generated from rtl/registers.rdl; an item with its default value is left out of them.
+`optics.json`, `board.json` and `scene.json` are generated from rtl/registers.rdl; an item with its default value is
+left out of them.
 """
 
 from __future__ import annotations
@@ -79,3 +80,4 @@ def _load(name: str) -> dict[str, Register]:
 #: Registers by name, those of a group with the group's name in front; byte addresses from the block's own base on.
 OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
+SCENE_REGISTERS = _load("scene.json")

@@ -25,6 +25,7 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error
 from lippmann.fixed.build import Build
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
 from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
@@ -132,6 +133,7 @@ def start(
     trace: Path | None = None,
     trace_clocks: tuple[int, int] = (0, 1_000_000),
     stalls: int = 0,
+    scene: SceneBuild | None = None,
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
@@ -154,9 +156,12 @@ def start(
         File for waveforms (.fst), and its first and last clock.
     stalls
         Seed of random pauses at both ends of a byte line; 0: none.
+    scene
+        The build of a board that draws; None: a board that shows stored frames only.
     """
     step = 0 if baud is None else step_of(baud, clock_hz)
-    program = compiled(display, board_build(display, fraction_bits), baud is None, clock_hz, trace is not None)
+    build = board_build(display, fraction_bits)
+    program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
@@ -228,20 +233,28 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
     return made
 
 
-def compiled(display: Display, build: Build, byte_link: bool, clock_hz: int = CLOCK_HZ, trace: bool = False) -> Path:
+def compiled(
+    display: Display,
+    build: Build,
+    byte_link: bool,
+    clock_hz: int = CLOCK_HZ,
+    trace: bool = False,
+    scene: SceneBuild | None = None,
+) -> Path:
     """Return the program of a board, compiled at first use. Raises as `verilated`."""
     top = hardware()
     files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board_with_store", rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
-    numbers = {
+    numbers: dict[str, int | str] = {
         **parameters(build),
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
         "Width": panel.width_px,
         "Height": panel.height_px,
         **dict(zip(TIMING, timing, strict=True)),
+        **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
     }
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",

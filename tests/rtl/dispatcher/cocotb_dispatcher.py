@@ -8,7 +8,23 @@ import rules
 from cocotb.clock import Clock
 from neighbours import Neighbours
 from packets import marked
-from protocol import ABORT, HELLO, KINDS, PRESENT, READ, RESET, SIGN, TILE, TILES, TRACE, WRITE, Reference, request
+from protocol import (
+    ABORT,
+    BLOCK,
+    BLOCKS,
+    HELLO,
+    KINDS,
+    PRESENT,
+    READ,
+    RESET,
+    SIGN,
+    TILE,
+    TILES,
+    TRACE,
+    WRITE,
+    Reference,
+    request,
+)  # fmt: skip
 from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
@@ -56,6 +72,8 @@ async def converse(monitor, reference, requests, wanted, idle="always", pressure
     assert monitor.log == reference.log
     assert monitor.registers == reference.registers
     assert vars(monitor.optics) == vars(reference.optics)
+    assert vars(monitor.drawing) == vars(reference.drawing)
+    assert [words for words in monitor.updates if words] == reference.updates
     told = ("stale", "tile_bad", "epoch")
     assert [getattr(monitor, name) for name in told] == [getattr(reference, name) for name in told]
 
@@ -83,6 +101,9 @@ async def replies_by_hand(dut):
     # What is said is written out here, and the reference must say it too.
     build = rules.at_reset()[rules.BUILD]
     size = struct.pack("<HH", WIDTH, HEIGHT).hex()
+    version = f"{rules.VERSION:02x}"
+    older = f"{rules.VERSION - 1:02x}"
+    unknown = f"{KINDS[-1] + 1:02x}"
     zero = next(at for at in range(0, 0x100, 4) if not rules.can_read(at))
     fixed = next(at for at in range(0, 0x100, 4) if not rules.can_write(at))
     good = next(bytes([k]) for k in range(256) if rules.tile_is_good(1, 0, bytes([k])))
@@ -92,11 +113,11 @@ async def replies_by_hand(dut):
     edge = next(at for _, at in rules.WRITABLE if rules.can_read(at) and at not in (rules.SOURCE, 0x3FC))
     edge = edge.to_bytes(2, "little").hex()
     by_hand = [
-        ("01 0201 02 0d0c0b0a", f"81 0201 00 02 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
+        (f"01 0201 {version} 0d0c0b0a", f"81 0201 00 {version} 0d0c0b0a efcdab8967452301 {size} 20 800c 20eed908 3412"
          + build.to_bytes(4, "little").hex()),
-        ("01 0201 01 0d0c0b0a", "81 0201 08"),
-        ("01 0201 02 0d0c0b", "81 0201 02"),
-        ("0b ffff", "8b ffff 01"),
+        (f"01 0201 {older} 0d0c0b0a", "81 0201 08"),
+        (f"01 0201 {version} 0d0c0b", "81 0201 02"),
+        (f"{unknown} ffff", f"{0x80 | KINDS[-1] + 1:02x} ffff 01"),
         ("00 0000 01", "80 0000 01"),
         ("03 0500 2003 78563412 44332211", "83 0500 00"),
         ("03 0500 2003 00000000", "83 0500 00"),
@@ -110,7 +131,7 @@ async def replies_by_hand(dut):
         ("02 0600 0001 01", "82 0600 03"),
         ("02 0600 fc01 02", "82 0600 03"),
         ("02 0600 fc03 02", "82 0600 03"),
-        ("02 0600 0004 01", "82 0600 03"),
+        ("02 0600 0008 01" if rules.LAYERS else "02 0600 0004 01", "82 0600 03"),
         ("02 0600 fc03 41", "82 0600 02"),
         (f"04 0700 3412 0100 00 {good.hex()}", "84 0700 00 0100"),
         (f"04 0700 3412 0100 00 {bad.hex()}", "84 0700 05"),
@@ -169,11 +190,91 @@ async def replies_by_hand(dut):
         (f"02 2102 {edge} 01", "82 2102 00 0d000000"),
         ("0a 1401", "8a 1401 04"),
     ]  # fmt: skip
+    await by_hand_and_board(monitor, reference, by_hand)
+
+
+async def by_hand_and_board(monitor, reference, by_hand):
     requests = [bytes.fromhex(asked) for asked, _ in by_hand]
     wanted = [bytes.fromhex(said) for _, said in by_hand]
     for packet, said in zip(requests, wanted, strict=True):
         assert reference.reply(packet) == said, packet.hex()
     await converse(monitor, reference, requests, wanted)
+
+
+@cocotb.test()
+async def the_scene_by_hand(dut):
+    if not rules.LAYERS:
+        return
+    monitor, reference = await start(dut, slow=3)
+    data = random.randbytes(1024).hex()
+    last, count = rules.BLOCKS - 1, rules.BLOCKS
+    # A register of the last layer, and the one behind it.
+    there, beyond = (struct.pack("<H", 0x600 + 32 * layers - 4 * part).hex()
+                     for layers, part in ((rules.LAYERS, 1), (rules.LAYERS, 0)))  # fmt: skip
+    free, shown = (next(word for word in range(1000) if rules.slots(word, True) & 1 == bit) for bit in (0, 1))
+    ray = "01000000 02000000 03000000 04000000"
+    crcs = struct.pack(f"<{count}I", *(rules.block_crc(0, k) for k in range(count))).hex()
+    scene_runs, slot_runs = "0a 04 00000000", "0a 05 00000000"
+    await by_hand_and_board(monitor, reference, [
+        ("01 0101 03 0d0c0b0a", f"81 0101 00 03 0d0c0b0a efcdab8967452301 {struct.pack('<HH', WIDTH, HEIGHT).hex()} "
+         "20 800c 20eed908 0000" + rules.at_reset()[rules.BUILD].to_bytes(4, "little").hex()),
+        # Blocks: the last of a slot and of the curve, and those behind them.
+        (f"0b 0200 00 {last:02x} {data}", f"8b 0200 00 00 {last:02x}"),
+        (f"0b 0200 00 {last + 1:02x} {data}", "8b 0200 07"),
+        (f"0b 0200 0f 07 {data}", "8b 0200 00 0f 07"),
+        (f"0b 0200 0f 08 {data}", "8b 0200 07"),
+        (f"0b 0200 {rules.SLOTS:02x} 00 {data}", "8b 0200 07"),
+        (f"0b 0200 10 00 {data}", "8b 0200 07"),
+        (f"0b 0200 00 00 {data[:-2]}", "8b 0200 02"),
+        (f"0b 0200 00 00 {data} 00", "8b 0200 02"),
+        (f"0b 0200 00 00 {data} 00000000", "8b 0200 02"),
+        ("0b 0200 00 00", "8b 0200 02"),
+        ("0b 0200 00", "8b 0200 02"),
+        (f"0c 0200 00 00 {count:02x}", f"8c 0200 00 00 00 {crcs}"),
+        (f"0c 0200 00 01 {count:02x}", "8c 0200 07"),
+        ("0c 0200 0f 07 01", "8c 0200 00 0f 07" + struct.pack("<I", rules.block_crc(15, 7)).hex()),
+        ("0c 0200 0f 07 02", "8c 0200 07"),
+        ("0c 0200 00 00 00", "8c 0200 02"),
+        ("0c 0200 00 00 01 00", "8c 0200 02"),
+        # Registers end with the last layer's.
+        (f"03 0300 {there} 01000000", "83 0300 00"),
+        (f"03 0400 {there} 01000000 02000000", "83 0400 03"),
+        (f"03 0500 {beyond} 02000000", "83 0500 03"),
+        (f"02 0600 {beyond} 01", "82 0600 00" + (rules.at_reset()[0x600 + 32 * rules.LAYERS] if
+         rules.can_read(0x600 + 32 * rules.LAYERS) else 0).to_bytes(4, "little").hex()),
+        ("02 0600 fc07 02", "82 0600 03"),
+        ("02 0600 fc03 02", "82 0600 03"),
+        # Drawn: the optics are taken, and their stream is the source; its slots are shown.
+        (f"03 0700 1c06 {struct.pack('<I', free).hex()}", "83 0700 00"),
+        ("03 0800 0c04 01000000", "83 0800 00"),
+        ("02 0900 1402 01", "82 0900 00 01000000"),
+        (f"07 0900 {ray}", f"87 0900 {scene_runs}"),
+        ("08 0900", f"88 0900 {scene_runs}"),
+        ("03 0900 1402 00000000", f"83 0900 {scene_runs}"),
+        ("03 0900 0c02 02000000", f"83 0900 {scene_runs}"),
+        ("03 0900 1800 ff000000", "83 0900 00"),
+        (f"0b 0900 00 00 {data}", "8b 0900 00 00 00"),
+        (f"0b 0900 0f 00 {data}", f"8b 0900 {slot_runs}"),
+        (f"03 0a00 1c06 {struct.pack('<I', shown).hex()}", "83 0a00 00"),
+        (f"0b 0b00 00 00 {data}", f"8b 0b00 {slot_runs}"),
+        ("0c 0b00 00 00 01", "8c 0b00 00 00 00" + struct.pack("<I", rules.block_crc(0, 0)).hex()),
+        # An abort has nothing to end; a write of 1 again finds it done.
+        ("09 0c00", "89 0c00 00"),
+        ("03 0d00 0c04 03000000 04000000", "83 0d00 00"),
+        ("03 0e00 0c04 00000000", "83 0e00 00"),
+        *[("0c 0f00 00 00 00", "8c 0f00 02")] * 3,
+        # Its source is the stream still; a sign takes the raster.
+        ("02 0f00 1402 01", "82 0f00 00 01000000"),
+        ("08 0f00", "88 0f00 0a 03" + struct.pack("<I", rules.so_far(1)).hex()),
+        *[("03 1000 0c04 01000000", "83 1000 0a 02" + struct.pack("<I", rules.so_far(1)).hex())]
+        * (rules.lasts(1) and 1),
+        ("03 1100 0c04 02000000", "83 1100 00"),
+        ("09 1200", "89 1200 00"),
+        ("03 1300 0c04 01000000", "83 1300 00"),
+        (f"07 1300 {ray}", f"87 1300 {scene_runs}"),
+        ("0a 1400", "8a 1400 00"),
+        (f"07 1400 {ray}", "87 1400 00" + struct.pack("<9I", *rules.exit_ray((1, 2, 3, 4))).hex()),
+    ])  # fmt: skip
 
 
 @cocotb.test()
@@ -203,7 +304,7 @@ async def executes_once(dut):
     def write(number, word=1):
         return request(WRITE, number, struct.pack("<HI", 0x304, word))
 
-    def hello(nonce, version=2):
+    def hello(nonce, version=rules.VERSION):
         return request(HELLO, 9, struct.pack("<BI", version, nonce))
 
     def read(number):
@@ -309,7 +410,7 @@ async def forgets_all_at_reset(dut):
             await monitor.clock(None, random.random() < 0.5)
         monitor, reference = await start(dut)
         write = request(WRITE, 1, struct.pack("<HI", 0x304, cut))
-        await ask(monitor, reference, request(HELLO, 1, bytes([2, 0, 0, 0, 0])), write)
+        await ask(monitor, reference, request(HELLO, 1, bytes([rules.VERSION, 0, 0, 0, 0])), write)
         monitor, reference = await start(dut)
         await ask(monitor, reference, write, request(READ, 1, struct.pack("<HB", 0x304, 1)))
 
@@ -325,11 +426,13 @@ async def refuses_wrong_lengths(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("dispatcher", f"{WIDTH}x{HEIGHT}")
+    seen = Coverage("dispatcher", f"{WIDTH}x{HEIGHT}, {rules.LAYERS} layers")
     statuses = {
         HELLO: (0, 2, 8), READ: (0, 2, 3), WRITE: (0, 2, 3, 4, 10), TILE: (0, 2, 4, 5, 7), PRESENT: (0, 2, 4, 6),
         TILES: (0, 2, 7), TRACE: (0, 2, 10), SIGN: (0, 2, 4, 9, 10), ABORT: (0, 2, 4), RESET: (0, 2, 4), 0x33: (1,),
     }  # fmt: skip
+    if rules.LAYERS:
+        statuses |= {BLOCK: (0, 2, 7, 10), BLOCKS: (0, 2, 7)}
     for kind, which in statuses.items():
         for status in which:
             seen.point(f"type {kind}, status {status}", SEEN.count((kind, status)))

@@ -17,16 +17,21 @@ class Neighbours(Monitor):
         super().__init__(dut.clk_i, *streams, out, put, through=True)
         self.dut, self.epoch, self.slow = dut, epoch, slow
         self.stale = self.tile_bad = 0
+        #: The scene's words written while `update_o` was high, each time that it was.
+        self.updates: list[list[tuple[int, int]]] = []
+        self._updating = False
         #: What was done, in order.
         self.log: list[tuple] = []
         self._first = True  # byte of a request
-        self._clearing = 0
+        self._clearing: list[int] = []
         self._start()
         self.idle()
 
     def _start(self) -> None:
         """As after power-up."""
-        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self.registers, self.optics, self.drawing = rules.at_reset(), rules.Optics(), rules.Drawing()
+        self._block = None
+        self._asked_block = [0, 0, 0]
         self._bus = self._tile = self._present = self._ray = None
         self._signing = self._signed = False
         self._asked = [0, 0, 0]
@@ -37,6 +42,7 @@ class Neighbours(Monitor):
         for handle in (
             dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_last_i, dut.bus_done_i, dut.tile_ready_i,
             dut.tile_done_i, dut.table_busy_i, dut.present_done_i, dut.ray_ready_i, dut.exit_valid_i, dut.sign_done_i,
+            dut.block_done_i, dut.blocks_busy_i, dut.drawn_i, dut.slots_i,
         ):  # fmt: skip
             handle.value = 0
         dut.epoch_i.value = self.epoch
@@ -50,12 +56,15 @@ class Neighbours(Monitor):
         self._tiles()
         self._frames()
         self._rays()
+        self._scene()
         self.stale += int(self.dut.stale_o.value)
         self.tile_bad += int(self.dut.tile_bad_o.value)
         into = await super().clock(word, take)
         if into:
             if self._first and self.optics.next_request() and self._signing:
                 self._signing, self._signed = False, True
+            if self._first:
+                self.drawing.next_request()
             self._first = bool(word & 0x100)
         return into
 
@@ -64,16 +73,19 @@ class Neighbours(Monitor):
         dut = self.dut
         if dut.reset_o.value:
             if not self._clearing:
-                assert (self._bus, self._tile, self._present, self._ray) == (None, None, None, None)
+                assert (self._bus, self._tile, self._present, self._ray, self._block) == (None,) * 5
                 self.log.append(("reset",))
             self._start()
             self.epoch = 0
             self.idle()
-            self._clearing = self.wait(2)
-            dut.table_busy_i.value = 1
+            self._clearing = [self.wait(2), self.wait(2)]
+            dut.table_busy_i.value = dut.blocks_busy_i.value = 1
         elif self._clearing:
-            self._clearing -= 1
-            dut.table_busy_i.value = self._clearing > 0
+            self._clearing = [left - 1 for left in self._clearing]
+            for left, handle in zip(self._clearing, (dut.table_busy_i, dut.blocks_busy_i), strict=True):
+                handle.value = left > 0
+            if max(self._clearing) <= 0:
+                self._clearing = []
 
     def settled(self) -> None:
         dut = self.dut
@@ -116,6 +128,11 @@ class Neighbours(Monitor):
             self.registers[at] = word
             if at == rules.SOURCE:
                 self.optics.source = bool(word & 1)
+            if at == rules.DRAW:
+                self.drawing.write(word)
+            if at >= 0x400:
+                assert self._updating, "a word of the scene came without a word of warning"
+                self.updates[-1].append((at, word))
         return rules.can_write(at)
 
     def _tiles(self) -> None:
@@ -140,6 +157,47 @@ class Neighbours(Monitor):
             dut.tile_ready_i.value = open_ and (self.slow == 0 or random.random() < 0.7)
             return
         dut.tile_ready_i.value = 0
+
+    def _scene(self) -> None:
+        """Of the drawing whether it has the optics and slots; of the loader a block, read word by word."""
+        dut = self.dut
+        if not rules.LAYERS:
+            assert not dut.update_o.value
+            assert not dut.block_start_o.value
+            return
+        updating = bool(dut.update_o.value)
+        if updating and not self._updating:
+            self.updates.append([])
+        elif self._updating and not updating and not self.updates[-1]:
+            self.updates.pop()  # refused
+        self._updating = updating
+        dut.drawn_i.value = self.drawing.on
+        dut.slots_i.value = rules.slots(self.registers[rules.LOOK], self.drawing.on)
+        dut.blocks_crc_i.value = self._asked_block.pop(0)
+        self._asked_block.append(rules.block_crc(int(dut.blocks_slot_o.value), int(dut.blocks_at_o.value)))
+        dut.block_done_i.value = 0
+        if dut.block_start_o.value:
+            assert self._block is None
+            self._block = {"place": (int(dut.block_slot_o.value), int(dut.block_o.value)), "words": []}
+            self._word_at = None
+        elif self._block:
+            words = self._block["words"]
+            if self._word_at is not None:
+                words.append(int(dut.block_word_o.value))
+            if len(words) < 256:
+                self._word_at = len(words) if self.slow == 0 or random.random() < 0.9 else None
+            else:
+                self._word_at = None
+                self._block.setdefault("left", self.wait(1))
+                self._block["left"] -= 1
+                if self._block["left"] == 0:
+                    data = b"".join(word.to_bytes(4, "little") for word in words)
+                    self.log.append(("block", *self._block["place"], data))
+                    self._block = None
+                    dut.block_done_i.value = 1
+        dut.block_word_at_i.value = (
+            random.getrandbits(8) if self._block is None or self._word_at is None else self._word_at
+        )
 
     def _frames(self) -> None:
         """Of the table an answer three clocks old; of the presenter a status, and an epoch with it."""

@@ -4,11 +4,13 @@ import struct
 
 import rules
 
-HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET = KINDS = range(1, 11)
+HELLO, READ, WRITE, TILE, PRESENT, TILES, TRACE, SIGN, ABORT, RESET, BLOCK, BLOCKS = range(1, 13)
+KINDS = range(1, 13 if rules.LAYERS else 11)
 (OK, UNKNOWN, LENGTH, ADDRESS, STALE, BAD_TILE, FRAME_CRC, NO_TILE, VERSION, OPTICS, BUSY) = range(11)
 #: Kinds that are executed once.
 ONCE = (WRITE, SIGN, ABORT, RESET)
-RUNS_FRAME, RUNS_SIGN, RUNS_THIS = 1, 2, 3
+RUNS_FRAME, RUNS_SIGN, RUNS_THIS, RUNS_SCENE, RUNS_SLOT = 1, 2, 3, 4, 5
+BLOCK_BYTES = 1024
 
 
 def request(kind: int, number: int, body: bytes = b"") -> bytes:
@@ -21,8 +23,10 @@ class Reference:
     def __init__(self, width: int, height: int, clock_hz: int, identity: int, epoch: int):
         self.width, self.height, self.clock_hz, self.identity, self.epoch = width, height, clock_hz, identity, epoch
         self.tiles = -(-width // 32) * -(-height // 32)
-        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self.registers, self.optics, self.drawing = rules.at_reset(), rules.Optics(), rules.Drawing()
         self.stale = self.tile_bad = 0
+        #: The words of each update of the scene's registers.
+        self.updates: list[list[tuple[int, int]]] = []
         #: The last sign's frame, while it runs, and what became of it.
         self.signing = False
         self.signed = OK
@@ -36,6 +40,7 @@ class Reference:
         kind, number = struct.unpack("<BH", packet[:3])
         if self.optics.next_request():
             self.signing = False
+        self.drawing.next_request()
         status, rest = self._execute(kind, number, packet[3:])
         if (number - self.newest) % (1 << 16) <= 1 << 15:
             self.newest = number
@@ -54,6 +59,7 @@ class Reference:
             return self._hello(number, body)
         return {
             READ: self._read, TILE: self._tile, PRESENT: self._present, TILES: self._tiles, TRACE: self._trace,
+            BLOCK: self._block, BLOCKS: self._blocks,
         }[kind](body)  # fmt: skip
 
     def _execute_once(self, kind: int, number: int, body: bytes) -> tuple[int, bytes]:
@@ -62,9 +68,15 @@ class Reference:
         if self.executed and not 0 < (number - self.executed[1]) % (1 << 16) <= 1 << 15:
             self.stale += 1
             return STALE, b""
-        optics = kind == SIGN or (kind == WRITE and int.from_bytes(body[:2], "little") >= 0x200)
-        if optics and self._is_busy():
+        at = int.from_bytes(body[:2], "little") if kind == WRITE else 0
+        optics = kind == SIGN or 0x200 <= at < (0x400 if rules.LAYERS else 0x10000)
+        if optics and self.drawing.on:
             return self._busy()
+        draws = rules.LAYERS and at == rules.DRAW and body[2] & 1 and not self.drawing.on
+        if (optics or draws) and self._is_busy():
+            return self._busy()
+        if draws:
+            self._have(stream=1)
         self.executed = (kind, number)
         if kind == SIGN:
             return self._sign()
@@ -81,6 +93,8 @@ class Reference:
                 return False
 
     def _busy(self, sign: int = RUNS_SIGN) -> tuple[int, bytes]:
+        if self.drawing.on:
+            return BUSY, struct.pack("<BI", RUNS_SCENE, 0)
         if self.signing:
             return BUSY, struct.pack("<BI", sign, rules.so_far(self.optics.frames))
         return BUSY, struct.pack("<BI", RUNS_FRAME, 0)
@@ -93,22 +107,35 @@ class Reference:
             return size % 4 == 2 and 1 <= size // 4 <= 64
         if kind == TILES:
             return size == 5 and 1 <= int.from_bytes(body[3:], "little") <= 512
+        if kind == BLOCKS:
+            return size == 3 and body[2] > 0
         if kind == TRACE:
             pixels = (word for k, (word,) in enumerate(struct.iter_unpack("<i", body[: size & ~3])) if k % 4 < 2)
             return size % 16 == 0 and 1 <= size // 16 <= 64 and all(-(1 << 17) <= one < 1 << 17 for one in pixels)
-        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6}.get(kind, 0)
+        return size >= 5 if kind == TILE else size == {HELLO: 5, PRESENT: 6, BLOCK: 2 + BLOCK_BYTES}.get(kind, 0)
 
     def _hello(self, number: int, body: bytes) -> tuple[int, bytes]:
         version, nonce = struct.unpack("<BI", body)
-        if version == 2 and nonce != self.nonce:
+        if version == rules.VERSION and nonce != self.nonce:
             self.nonce, self.newest, self.executed = nonce, number, None
         build = self.registers[rules.BUILD]
-        told = (2, nonce, self.identity, self.width, self.height, 32, 3200, self.clock_hz, self.epoch, build)
-        return (OK if version == 2 else VERSION), struct.pack("<BIQHHBHIHI", *told)
+        told = (
+            rules.VERSION,
+            nonce,
+            self.identity,
+            self.width,
+            self.height,
+            32,
+            3200,
+            self.clock_hz,
+            self.epoch,
+            build,
+        )
+        return (OK if version == rules.VERSION else VERSION), struct.pack("<BIQHHBHIHI", *told)
 
     def _range_is_there(self, first: int, count: int) -> bool:
         wanted = range(first, first + 4 * count, 4)
-        return first % 4 == 0 and any(set(wanted) <= set(block) for block in (range(0x100), range(0x200, 0x400)))
+        return first % 4 == 0 and any(set(wanted) <= set(range(*block)) for block in rules.RANGES)
 
     def _read(self, body: bytes) -> tuple[int, bytes]:
         first, count = struct.unpack("<HB", body)
@@ -128,6 +155,8 @@ class Reference:
             return ADDRESS
         if not all(rules.can_write(first + 4 * k) for k in range(len(words))):
             return ADDRESS
+        if first >= 0x400:
+            self.updates.append([(first + 4 * k, word) for k, word in enumerate(words)])
         for k, word in enumerate(words):
             self._write_one(first + 4 * k, word)
         return OK
@@ -140,6 +169,8 @@ class Reference:
         self.registers[at] = word
         if at == rules.SOURCE:
             self.optics.source = bool(word & 1)
+        if at == rules.DRAW:
+            self.drawing.write(word)
 
     def _tile(self, body: bytes) -> tuple[int, bytes]:
         epoch, tile, coding = struct.unpack("<HHB", body[:5])
@@ -169,6 +200,21 @@ class Reference:
         crcs = [rules.table_crc(bool(buffer), first + k) for k in range(count)]
         return OK, struct.pack(f"<HH{count}I", self.epoch, first, *crcs)
 
+    def _block(self, body: bytes) -> tuple[int, bytes]:
+        slot, block = body[:2]
+        if block >= rules.blocks_of(slot):
+            return NO_TILE, b""
+        if rules.slots(self.registers[rules.LOOK], self.drawing.on) >> slot & 1:
+            return BUSY, struct.pack("<BI", RUNS_SLOT, 0)
+        self.log.append(("block", slot, block, body[2:]))
+        return OK, body[:2]
+
+    def _blocks(self, body: bytes) -> tuple[int, bytes]:
+        slot, first, count = body
+        if first + count > rules.blocks_of(slot):
+            return NO_TILE, b""
+        return OK, body[:2] + struct.pack(f"<{count}I", *(rules.block_crc(slot, first + k) for k in range(count)))
+
     def _have(self, stream: int) -> None:
         """Take the optics, with the stream or the raster as the source, once they are empty."""
         self._write_one(rules.SOURCE, stream)
@@ -177,7 +223,7 @@ class Reference:
             pass
 
     def _trace(self, body: bytes) -> tuple[int, bytes]:
-        if self._is_busy():
+        if self.drawing.on or self._is_busy():
             return self._busy()
         self._have(stream=1)
         rays = list(struct.iter_unpack("<4I", body))
@@ -199,6 +245,8 @@ class Reference:
         return self.signed, struct.pack("<II", *rules.signature(self.optics.frames))
 
     def _abort(self, _: bytes) -> int:
+        if self.drawing.on:
+            return OK
         self._write_one(rules.CONTROL, rules.ABORT)
         while self.optics.status() & (rules.OCCUPIED | rules.RUNNING | rules.BUSY):
             pass
@@ -207,6 +255,6 @@ class Reference:
 
     def _reset(self, _: bytes) -> int:
         self.log.append(("reset",))
-        self.registers, self.optics = rules.at_reset(), rules.Optics()
+        self.registers, self.optics, self.drawing = rules.at_reset(), rules.Optics(), rules.Drawing()
         self.signing, self.epoch = False, 0
         return OK

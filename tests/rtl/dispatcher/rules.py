@@ -6,12 +6,20 @@ The reference (protocol.py) and the neighbours at the RTL's ports (neighbours.py
 import struct
 import zlib
 
+import cocotb
+
 BUILD, CONTROL, STATUS, SOURCE = 0x208, 0x20C, 0x210, 0x214
 #: A frame of the raster is refused while its lowest bit is set.
 WINDOW = 0x300
 APPLY, START, ABORT = 1, 2, 4
 BUSY, RUNNING, REFUSED, OCCUPIED = 1, 2, 4, 8
 OK, STALE, FRAME_CRC = 0, 4, 6
+#: Of the scene, when the board has one: its layers, slots and blocks of a slot, and the register that has it drawn.
+LAYERS, SLOTS, BLOCKS = (int(cocotb.plusargs[name]) for name in ("Layers", "Slots", "Blocks"))
+DRAW, LOOK = 0x40C, 0x61C
+CURVE, CURVE_BLOCKS = 15, 8
+#: The version of the protocol.
+VERSION = 3 if LAYERS else 2
 
 
 def _hash(*words: int) -> int:
@@ -24,6 +32,10 @@ def can_read(at: int) -> bool:
 
 #: First and last of the words that can be written, from the tables in docs/reference.
 WRITABLE = ((0x018, 0x01C), (0x20C, 0x20C), (0x214, 0x214), (0x240, 0x2D0), (0x2E0, 0x3FC))
+if LAYERS:
+    WRITABLE += ((0x40C, 0x424), (0x600, 0x600 + 32 * LAYERS - 4))
+#: First of each block of registers, and behind its last.
+RANGES = ((0, 0x100), (0x200, 0x400)) + ((0x400, 0x800),) * bool(LAYERS)
 
 
 def can_write(at: int) -> bool:
@@ -32,8 +44,42 @@ def can_write(at: int) -> bool:
 
 def at_reset() -> dict[int, int]:
     """The registers."""
-    registers = {at: _hash(3, at) for at in (*range(0, 0x100, 4), *range(0x200, 0x400, 4))}
+    registers = {at: _hash(3, at) for first, behind in RANGES for at in range(first, behind, 4)}
     return registers | {CONTROL: 0, STATUS: 0, SOURCE: 0, WINDOW: 0}
+
+
+def slots(look: int, drawn: bool) -> int:
+    """A bit for each slot that cannot be written now: of some value of a register, while the panel is drawn."""
+    return drawn * (_hash(12, look) & 0x7FFF | 1 << CURVE)
+
+
+def blocks_of(slot: int) -> int:
+    """Blocks of a slot; 0 where there is none."""
+    return CURVE_BLOCKS if slot == CURVE else BLOCKS * (slot < SLOTS)
+
+
+def block_crc(slot: int, block: int) -> int:
+    return _hash(13, slot, block)
+
+
+class Drawing:
+    """Whether the optics draw the panel: once that is written, and for some requests after it was ended."""
+
+    def __init__(self) -> None:
+        self._source, self._left, self._ends = False, 0, 0
+
+    @property
+    def on(self) -> bool:
+        return self._source or self._left > 0
+
+    def write(self, word: int) -> None:
+        if self._source and not word & 1:
+            self._ends += 1
+            self._left = _hash(14, self._ends) % 3
+        self._source = bool(word & 1)
+
+    def next_request(self) -> None:
+        self._left = max(self._left - 1, 0)
 
 
 def tile_is_good(tile: int, coding: int, data: bytes) -> bool:

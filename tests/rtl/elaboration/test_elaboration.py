@@ -77,7 +77,10 @@ PARAMETERS = {
     "bit_sync": [{"Stages": s, "ResetValue": r} for s, r in ((2, 1), (5, 0))],
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
               {"F": 23, "Wx": 27, "Wa": 27}],
-    "board": [{"ByteLink": 1, "HPositive": 0, "VPositive": 0, "StoreLatency": 5, **built(Grid=1)}],
+    "board": [
+        {"ByteLink": 1, "HPositive": 0, "VPositive": 0, "StoreLatency": 5, **built(Grid=1)},
+        {**built(F=16), **drawn(2, 3, 5, 32, 1, 1)},
+    ],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
     "wide_product": [
@@ -89,7 +92,9 @@ PARAMETERS = {
         {"Width": w, "Cycles": c, "Block": b}
         for w, c, b in ((1, 0, 1), (3, 1, 1), (8, 2, 1), (1, 5, 1), (9, 17, 1), (40, 40, 1), (40, 40, 0), (1, 18, 0))
     ],
-    "dispatcher": PANELS,
+    "dispatcher": [
+        *PANELS, *({"Layers": a, "Slots": b, "Blocks": c} for a, b, c in ((1, 1, 2), (8, 15, 256)))
+    ],
     # Parts of ray_pipeline, in which every kind of ray is linted.
     "config_range": RAYS[:1],
     "exit_dome": [*F_SETS, *CELLS],
@@ -143,14 +148,20 @@ PARAMETERS = {
     "raster": F_SETS,
     "ray_lenslet": RAYS[-2:-1],
     "ray_pipeline": RAYS[:-2],
-    "request_reader": PANELS,
+    "draw_frame": [{**panel, "SamplesBits": k % 3} for k, panel in enumerate(PANELS)],
+    "register_access": [{"Layers": n} for n in (1, 8)],
+    "register_bus": [{"Scene": 1}],
+    "scene_block": [drawn(1, 1, 5, 32), drawn(8, 15, 10, 255, 0, 2)],
+    "slot_loader": [{"Slots": a, "Blocks": b} for a, b in ((1, 2), (15, 256))],
+    "request_reader": [*PANELS, {"Scene": 1}],
     "reply_builder": [{"HeadBytes": b} for b in (4, 34)],
     "reply_writer": [{"Bytes": b} for b in (1, 2, 34, 63)],
     "reset_sync": [{"Stages": s} for s in (2, 4)],
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],
     "rsqrt": F_SETS,
     "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
-    "scan_out": [{**panel, **grid} for panel, grid in zip(PANELS, GRID_SETS, strict=True)],
+    "scan_out": [{**panel, **grid, "ClocksPerPixel": n}
+                 for panel, grid, n in zip(PANELS, GRID_SETS, (1, 2, 4, 1), strict=True)],
     "shear": [*F_SETS, *CELLS, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
     "skid_buffer": [{"Width": w} for w in (1, 185)],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
@@ -268,6 +279,23 @@ REFUSED = [
     ("board", {"HFront": -1}, "board: porches must be 0 or more, and syncs 1 or more"),
     ("board", {"ClockHz": -1}, "board: ClockHz must be 1 or more"),
     ("board", {"StoreLatency": 0}, "board: StoreLatency must be 1 or more"),
+    ("board", drawn(4, 3, 8, 192), "board: Scene must be a legal build, or have no layers"),
+    (
+        "board",
+        {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
+        "board: the scene needs a longer blanking before the first pixel",
+    ),
+    *(
+        ("draw_frame", {side: n}, "draw_frame: Width and Height must be 1 to")
+        for side in ("Width", "Height")
+        for n in (0, 16384)
+    ),
+    *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
+    *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
+    *(
+        ("slot_loader", {name: n}, "slot_loader: Slots must be 1 to 15, and Blocks 1 to 256")
+        for name, n in (("Slots", 0), ("Slots", 16), ("Blocks", 0), ("Blocks", 257))
+    ),
     ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
     ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
     ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks"),

@@ -1,4 +1,4 @@
-"""register_bus in the simulator, between the two kinds of registers."""
+"""register_bus in the simulator, between the kinds of registers."""
 
 import random
 
@@ -8,10 +8,14 @@ from cocotb.triggers import FallingEdge
 from rtl_coverage import Coverage
 
 SEEN: list[str] = []
+SCENE = bool(int(cocotb.plusargs["Scene"]))
+BLOCKS = ["board", "optics"] + ["scene"] * SCENE
 
 
 def block(at):
     """Where an address is, and its address there."""
+    if at >= 0x400:
+        return ("scene", at - 0x400) if SCENE else ("nowhere", at)
     return ("board", at) if at < 0x80 else ("optics", at - 0x200) if at >= 0x200 else ("nowhere", at)
 
 
@@ -28,11 +32,15 @@ class Bench:
     async def reset(self):
         dut = self.dut
         Clock(dut.clk_i, 2, unit="ns").start()
-        dut.start_i.value = dut.m_apb_pready_board.value = dut.m_apb_pready_optics.value = 0
+        dut.start_i.value = 0
+        for name in ("board", "optics", "scene"):
+            getattr(dut, f"m_apb_pready_{name}").value = 0
         dut.rst_ni.value = 0
         for _ in range(3):
             await self.edge
-        for handle in (dut.done_o, dut.m_apb_psel_board, dut.m_apb_psel_optics, dut.m_apb_penable):
+        for handle in (
+            dut.done_o, dut.m_apb_psel_board, dut.m_apb_psel_optics, dut.m_apb_psel_scene, dut.m_apb_penable,
+        ):  # fmt: skip
             assert not handle.value, handle._name
         dut.rst_ni.value = 1
         self.access = None
@@ -42,26 +50,27 @@ class Bench:
         await self.edge
         dut = self.dut
         dut.start_i.value = 0
-        dut.write_i.value, dut.at_i.value = random.getrandbits(1), random.getrandbits(8) << 2
+        dut.write_i.value, dut.at_i.value = random.getrandbits(1), random.getrandbits(9) << 2
         dut.word_i.value = random.getrandbits(32)
-        board, optics, enable = (
-            bool(handle.value) for handle in (dut.m_apb_psel_board, dut.m_apb_psel_optics, dut.m_apb_penable)
-        )
+        enable = bool(dut.m_apb_penable.value)
+        selects = {name: bool(getattr(dut, f"m_apb_psel_{name}").value) for name in ("board", "optics", "scene")}
+        assert SCENE or not selects["scene"]
         # Of a block that is not selected, and without an enable, ready means nothing.
-        for name, select in (("board", board), ("optics", optics)):
+        for name, select in selects.items():
             getattr(dut, f"m_apb_prdata_{name}").value = random.getrandbits(32)
             getattr(dut, f"m_apb_pslverr_{name}").value = random.getrandbits(1)
             getattr(dut, f"m_apb_pready_{name}").value = not (select and enable) and random.getrandbits(1)
-        assert not (board and optics), "both blocks were asked"
-        assert board or optics or not enable
-        name = "board" if board else "optics"
+        selected = [name for name, select in selects.items() if select]
+        assert len(selected) <= 1, "two blocks were asked"
+        assert selected or not enable
+        name = selected[0] if selected else "none"
         asked = (name, *(int(h.value) for h in (dut.m_apb_pwrite, dut.m_apb_paddr, dut.m_apb_pwdata, dut.m_apb_pstrb)))
-        if (board or optics) and self.access is None:
+        if selected and self.access is None:
             assert not enable, "APB: no setup clock"
             assert int(dut.m_apb_pstrb.value) == (0xF if dut.m_apb_pwrite.value else 0), "APB: strobes"
             assert int(dut.m_apb_pprot.value) == 0
             self.access, self.left, self.asked = asked, self.left + 1, self.asked + 1
-        elif board or optics:
+        elif selected:
             assert enable, "APB: two setup clocks"
             assert asked == self.access, "APB: the access changed"
         else:
@@ -114,7 +123,7 @@ async def access(bench, write, at):
 async def every_address_both_ways(dut):
     bench = Bench(dut)
     await bench.reset()
-    accesses = [(write, at) for write in (0, 1) for at in range(0, 0x400, 4)] * 4
+    accesses = [(write, at) for write in (0, 1) for at in range(0, 0x800, 4)] * 4
     random.shuffle(accesses)
     for write, at in accesses:
         await access(bench, write, at)
@@ -129,7 +138,7 @@ async def every_address_both_ways(dut):
 async def reset_ends_an_access(dut):
     bench = Bench(dut)
     await bench.reset()
-    for at in (0x000, 0x100, 0x200):
+    for at in (0x000, 0x100, 0x200, 0x400):
         for clocks in (1, 2, 3):
             bench.left = 50
             dut.start_i.value, dut.write_i.value, dut.at_i.value = 1, 1, at
@@ -146,8 +155,8 @@ async def reset_ends_an_access(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("register_bus", "all")
-    for where in ("board", "optics", "nowhere"):
+    seen = Coverage("register_bus", f"scene {SCENE}")
+    for where in (*BLOCKS, "nowhere"):
         seen.values("access", SEEN, [f"{where} read", f"{where} write"])
     seen.values("answer", SEEN, ["error True", "error False"])
     seen.close()

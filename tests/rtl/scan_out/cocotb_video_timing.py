@@ -24,7 +24,7 @@ async def watch(signal, begins, ends, positive=1):
 
 @cocotb.test()
 async def a_whole_frame_with_the_panels_timing(dut):
-    dut.swap_i.value = dut.fill_i.value = dut.view_i.value = 0
+    dut.swap_i.value = dut.fill_i.value = dut.view_i.value = dut.scene_i.value = dut.key_i.value = 0
     dut.brightness_i.value, dut.kind_i.value = 255, 5
     dut.rst_ni.value = 0
     Clock(dut.clk_i, 2, unit="ns").start()

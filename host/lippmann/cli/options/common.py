@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import click
@@ -66,3 +67,22 @@ FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 def word_length(what: str, default: int = WIDEST) -> Any:
     """Declare the option --fraction-bits; `what` names the things whose word length it is."""
     return option(f"Word length of {what}.", default, FRACTION_BITS)
+
+
+class Slot(click.ParamType[tuple[int, int]]):
+    """Texels across and down of a slot, such as 256x192."""
+
+    name = "slot"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Parse the numbers."""
+        if isinstance(value, tuple):
+            return value
+        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", str(value))
+        if found is None:
+            self.fail(f"'{value}' is not WIDTHxHEIGHT; give texels across and down, such as 256x192", param, ctx)
+        return int(found[1]), int(found[2])
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return the form for help texts."""
+        return "WIDTHxHEIGHT"

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The registers of the scene: as written, for the scene to take between two frames.
+///
+/// take_i is the clock of that. Until then `status.waits` is set behind a write. slots_o has a bit
+/// for each slot that is shown or will be: a visible layer names it, in the registers taken last,
+/// while the scene is shown (shown_i), or in those written, while the scene is to be shown
+/// (source_o). Bit 15 is the panel's curve, which every scene needs.
+///
+/// The port is APB4; a write changes the bytes whose strobe is set. rtl/registers.rdl defines the
+/// registers. Those of layers that the build lacks are not there.
+module lipp_scene_block #(
+  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
+) (
+  input  logic                          clk_i,
+  input  logic                          rst_ni,
+
+  input  logic                          s_apb_psel,
+  input  logic                          s_apb_penable,
+  input  logic                          s_apb_pwrite,
+  input  logic [2:0]                    s_apb_pprot,
+  input  logic [9:0]                    s_apb_paddr,  // bytes
+  input  logic [31:0]                   s_apb_pwdata,
+  input  logic [3:0]                    s_apb_pstrb,
+  output logic                          s_apb_pready,
+  output logic [31:0]                   s_apb_prdata,
+  output logic                          s_apb_pslverr,  // no such register or access
+
+  output lipp_scene_pkg::scene_config_t config_o,  // as written
+  output logic                          source_o,  // the scene is to be shown
+  input  logic                          take_i,
+  input  logic                          shown_i,
+  output logic [15:0]                   slots_o,
+  input  logic                          drawn_i,   // pulse: a frame was drawn
+  input  logic                          underflow_i
+);
+  import lipp_scene_pkg::*;
+
+  localparam int Layers = int'(Scene.layers);
+  localparam int Words = 8 * Layers;
+  localparam logic [31:0] LookBits = 32'h0001_FFF3;
+
+  // ---- addresses: common registers, layers, nothing ----
+  logic common, layers, other_q, layers_q, write, ready, error;
+  logic [31:0] word;
+  assign common = s_apb_paddr[9:6] == '0;
+  assign layers = s_apb_paddr[9] && int'(s_apb_paddr[8:2]) < Words;
+
+  lipp_scene_registers_pkg::scene_registers__in_t told;
+  lipp_scene_registers_pkg::scene_registers__out_t set;
+  lipp_scene_registers i_registers (
+    .clk(clk_i), .arst_n(rst_ni),
+    .s_apb_psel(s_apb_psel && common), .s_apb_penable, .s_apb_pwrite, .s_apb_pprot,
+    .s_apb_paddr(s_apb_paddr[5:0]), .s_apb_pwdata, .s_apb_pstrb, .s_apb_pready(ready),
+    .s_apb_prdata(word), .s_apb_pslverr(error), .hwif_in(told), .hwif_out(set)
+  );
+
+  // ---- the layers ----
+  logic [Words-1:0][31:0] words_q;
+  logic [31:0] layer_word_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {other_q, layers_q} <= '0;
+      words_q <= '0;
+    end else begin
+      other_q <= s_apb_psel && !s_apb_penable && !common;
+      layers_q <= s_apb_psel && !s_apb_penable && layers;
+      for (int k = 0; k < Words; k++) begin
+        for (int part = 0; part < 4; part++) begin
+          if (write && int'(s_apb_paddr[8:2]) == k && s_apb_pstrb[part]) begin
+            words_q[k][8*part+:8] <=
+                s_apb_pwdata[8*part+:8] & (k % 8 == 7 ? LookBits[8*part+:8] : '1);
+          end
+        end
+      end
+    end
+  end
+  assign write = layers_q && s_apb_pwrite;
+  always_ff @(posedge clk_i) begin
+    layer_word_q <= '0;
+    for (int k = 0; k < Words; k++) begin
+      if (int'(s_apb_paddr[8:2]) == k) layer_word_q <= words_q[k];
+    end
+  end
+  assign s_apb_pready = ready || other_q;
+  assign s_apb_prdata = other_q ? layer_word_q : word;
+  assign s_apb_pslverr = (ready && error) || (other_q && !layers_q);
+
+  // ---- what was written ----
+  always_comb begin
+    config_o = '0;
+    config_o.lattice_xi = set.lattice.xi.value.value;
+    config_o.lattice_xj = set.lattice.xj.value.value;
+    config_o.lattice_yj = set.lattice.yj.value.value;
+    config_o.background = {
+      set.background.red.value.value, set.background.green.value.value,
+      set.background.blue.value.value
+    };
+    for (int layer = 0; layer < Layers; layer++) begin
+      config_o.layers[layer] = '{
+        s0: words_q[8*layer], t0: words_q[8*layer+1], depth: words_q[8*layer+2],
+        a: words_q[8*layer+3], b: words_q[8*layer+4], c: words_q[8*layer+5],
+        d: words_q[8*layer+6], look: words_q[8*layer+7]
+      };
+    end
+  end
+  assign source_o = set.source.scene.value;
+
+  // ---- slots ----
+  logic [15:0] named, taken_q;
+  always_comb begin
+    named = '0;
+    for (int layer = 0; layer < Layers; layer++) begin
+      if (config_o.layers[layer].look.visible) named[config_o.layers[layer].look.slot] = 1'b1;
+    end
+    named[CurveSlot] = 1'b1;
+  end
+  always_ff @(posedge clk_i) begin
+    if (take_i) taken_q <= named;
+    slots_o <= (source_o ? named : '0) | (shown_i ? taken_q : '0);
+  end
+
+  // ---- state ----
+  logic waits_q, accessed;
+  assign accessed = s_apb_psel && s_apb_penable && s_apb_pwrite && s_apb_pready;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) waits_q <= 1'b0;
+    else waits_q <= (accessed && !s_apb_pslverr) || (waits_q && !take_i);
+  end
+  assign {
+    told.build.samples_bits.next, told.build.bilinear.next, told.build.height.next,
+    told.build.width_bits.next, told.build.slots.next, told.build.layers.next
+  } = Scene;
+  assign told.status.shown.next = shown_i;
+  assign told.status.waits.next = waits_q;
+  assign told.status.slots.next = slots_o;
+  assign told.frames.count.incr = drawn_i;
+  assign told.underflows.count.incr = underflow_i;
+
+endmodule
+
+`default_nettype wire

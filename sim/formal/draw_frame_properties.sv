@@ -1,0 +1,137 @@
+/// `lipp_draw_frame` with any video, any optics and scene that keep the order of rays, and any software.
+///
+/// The optics and the scene give a pixel for every 2^SamplesBits rays, whenever they like. The n-th
+/// pixel of a frame carries n, so that a pixel at another place is seen. The video takes as many pixels
+/// as it likes between two beginnings. Proved: the rays of a frame are those of all its pixels in
+/// order, each once; a pixel that the video gets is that of its place, and any other is black and
+/// counted; each pixel that was asked for comes, is taken once or dropped once; registers are
+/// taken at the beginning of a frame only, never while they are being written, with no ray of another frame
+/// anywhere, and as soon as that can be.
+module draw_frame_properties #(
+  parameter int Width = 3,
+  parameter int Height = 2,
+  parameter int SamplesBits = 0
+) (
+  input logic clk_i,
+  input logic rst_ni,
+  input logic begin_i,
+  input logic source_i,
+  input logic hold_i,
+  input logic ray_ready_i,
+  input logic pixel_valid_i,
+  input logic want_i
+);
+
+  localparam int Pixels = Width * Height;
+  localparam int Rays = Pixels << SamplesBits;
+
+  logic started_q = 1'b0;
+  always_ff @(posedge clk_i) started_q <= 1'b1;
+  always_comb if (!started_q) assume (!rst_ni);
+
+  logic take, shown, owns, ray_valid, ray_first, ray_last, pixel_ready, underflow, drawn;
+  logic signed [17:0] ray_u, ray_v;
+  logic [23:0] rgb;
+  logic [7:0] come_q;  // pixels of the frame that have come
+  lipp_draw_frame #(.Width(Width), .Height(Height), .SamplesBits(SamplesBits)) i_dut (
+    .clk_i, .rst_ni, .begin_i, .source_i, .hold_i, .take_o(take), .shown_o(shown), .owns_o(owns),
+    .ray_valid_o(ray_valid), .ray_ready_i, .ray_u_o(ray_u), .ray_v_o(ray_v),
+    .ray_first_o(ray_first), .ray_last_o(ray_last), .pixel_valid_i, .pixel_ready_o(pixel_ready),
+    .pixel_rgb_i({16'habcd, come_q}), .want_i, .rgb_o(rgb), .underflow_o(underflow), .drawn_o(drawn)
+  );
+
+  // ---- the frame that is being drawn, and the frame of the video ----
+  logic [7:0] sent_q;    // its rays that went to the optics
+  logic [7:0] passed_q;  // places that the video has passed since its frame's beginning
+  logic missed_q, last_q;
+  logic [1:0] sets_q, drawn_sets_q;  // sets of registers taken, and the one of the frame
+  wire begins = i_dut.begins;
+  wire sends = ray_valid && ray_ready_i;
+  wire comes = pixel_valid_i && pixel_ready;
+  wire hit = i_dut.hit;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {sent_q, come_q, passed_q} <= {8'(Rays), 8'(Pixels), 8'd0};
+      {missed_q, last_q, sets_q, drawn_sets_q} <= '0;
+    end else begin
+      sent_q <= begins ? 8'd0 : sent_q + 8'(sends);
+      come_q <= begins ? 8'd0 : come_q + 8'(comes);
+      passed_q <= begin_i ? 8'd0 : passed_q + 8'(want_i);
+      missed_q <= want_i && shown && !hit;
+      last_q <= comes && come_q == 8'(Pixels - 1);
+      sets_q <= sets_q + 2'(take);
+      if (begins) drawn_sets_q <= sets_q + 2'(take);
+    end
+  end
+  always_comb begin
+    assume (!pixel_valid_i || come_q < 8'(sent_q >> SamplesBits));  // of rays that went in
+    assume (!want_i || passed_q < 8'(Pixels));
+    assume (!want_i || !begin_i);
+  end
+
+  // ---- what is proved ----
+  wire [7:0] pixel = 8'(sent_q >> SamplesBits);  // of the ray that is offered
+  wire [1:0] sample = 2'(sent_q) & 2'((1 << SamplesBits) - 1);
+  wire signed [17:0] column = 18'(pixel % 8'(Width)), row = 18'(pixel / 8'(Width));
+  wire signed [17:0] quarter_u = SamplesBits == 0 ? 18'sd0 : sample[0] ? 18'sd4 : -18'sd4;
+  wire signed [17:0] quarter_v = SamplesBits == 0 ? 18'sd0
+      : (SamplesBits == 1 ? sample[0] : sample[1]) ? -18'sd4 : 18'sd4;
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      rays_in_place: assert (!ray_valid || (ray_u == 8 * (2 * column + 1 - Width) + quarter_u
+          && ray_v == 8 * (Height - 2 * row - 1) + quarter_v));
+      rays_marked: assert (!ray_valid || (ray_first == (sent_q == '0) && ray_last == (sent_q == 8'(Rays - 1))));
+      rays_once: assert (!ray_valid || sent_q < 8'(Rays));
+      pixel_in_place: assert (!hit || (comes && come_q == passed_q && rgb == {16'habcd, passed_q}));
+      pixel_or_black: assert (hit || rgb == '0);
+      in_time_or_counted: assert (underflow == missed_q);
+      ended: assert (drawn == last_q);
+      whole: assert (!begins || (sent_q == 8'(Rays) && come_q == 8'(Pixels)));
+      taken_between: assert (!take || (begin_i && !hold_i && sent_q == 8'(Rays) && come_q == 8'(Pixels)));
+      taken_soon: assert (!begin_i || hold_i || come_q != 8'(Pixels) || take);
+      one_set: assert (come_q == 8'(Pixels) || sets_q == drawn_sets_q);
+      drawn_when_shown: assert (!begins || (hold_i ? shown : source_i));
+      owned: assert (owns || (!shown && !source_i && come_q == 8'(Pixels) && !ray_valid));
+    end
+  end
+
+  // ---- invariants ----
+  wire [7:0] owed = 8'(i_dut.owed_q), late = 8'(i_dut.late_q);
+  wire [7:0] placed = 8'((i_dut.row_q * Width + i_dut.column_q) << SamplesBits) + 8'(i_dut.sample_q);
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      in_owed: assert (owed == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
+      in_sent: assert (sent_q <= 8'(Rays) && come_q <= 8'(sent_q >> SamplesBits));
+      in_passed: assert (passed_q <= 8'(Pixels));
+      in_late: assert (!i_dut.draws_q || come_q + late == passed_q);
+      in_late_none: assert (i_dut.draws_q || late == '0);
+      in_place: assert (!i_dut.walk_q || (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
+          && i_dut.sample_q <= 2'((1 << SamplesBits) - 1)));
+      in_walk: assert (!i_dut.walk_q || placed == sent_q + 8'(ray_valid));
+      in_walked: assert (i_dut.walk_q || sent_q + 8'(ray_valid) == 8'(Rays));
+      in_shown: assert (!i_dut.draws_q || shown);
+      in_missing: assert (come_q == 8'(Pixels) || shown);
+      in_sets: assert (!i_dut.draws_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);
+    end
+  end
+
+  // ---- covers ----
+  logic dropped_q, black_q;  // a late pixel was dropped in this frame; a frame was black
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {dropped_q, black_q} <= '0;
+    end else begin
+      dropped_q <= !begin_i && (dropped_q || (comes && late != '0));
+      black_q <= black_q || (begin_i && shown && !begins);
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    if (rst_ni) begin
+      cover_whole: cover (drawn && passed_q == 8'(Pixels) && late == '0);
+      cover_late: cover (dropped_q && hit);
+      cover_after_black: cover (black_q && hit);
+      cover_held: cover (begin_i && hold_i && begins);
+    end
+  end
+
+endmodule

@@ -1,0 +1,235 @@
+"""Scenes on the model board: loading over good, bad and cut lines, and what moving a layer costs."""
+
+import dataclasses
+import math
+import zlib
+
+import numpy as np
+import pytest
+from fault_line import NO_FAULTS, Faults, Proxy
+from lippmann.board.board import Board
+from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.display import load_display
+from lippmann.errors import DeviceError, InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.register_file import build_word
+from lippmann.fixed.scene_configuration import scene_words
+from lippmann.layers.stack import Layer, LayerStack
+from model_board import DRAW, LOOK, ModelBoard
+from scene_cases import generator
+
+SEED = 2116
+FAST_BAUD = 12_000_000
+#: 4 layers, 5 slots of 64 x 48 texels: 3 blocks, and the palette's.
+SCENE = (4, 5, 6, 48)
+BLOCKS = 4
+DISPLAY = load_display("scenes/displays/paper-square.toml")
+
+
+@pytest.fixture
+def model():
+    with ModelBoard(scene=SCENE) as board:
+        word = build_word(Build.of(DISPLAY, "exact", 16, aims=False))
+        board.registers |= {0x200: 0x4C495050, 0x204: 3 << 16, 0x208: word}
+        yield board
+
+
+def layer(rng, **changes):
+    texels = rng.integers(0, 256, (48, 64), np.uint8)
+    palette = rng.integers(0, 256, (256, 4), np.uint8)
+    matrix = np.column_stack([rng.uniform(-2, 2, (2, 2)), rng.uniform(0, 60, 2)])
+    return dataclasses.replace(Layer(texels, palette, rng.uniform(-9, 9), matrix, rng.random()), **changes)
+
+
+def stored(model, slot):
+    return b"".join(model.blocks[slot, block] for block in range(model.blocks_of(slot)))
+
+
+def test_a_stack_is_loaded_whole(model):
+    rng = generator(SEED, "whole")
+    stack = LayerStack(tuple(layer(rng) for _ in range(3)))
+    with Board.open(model.url, FAST_BAUD) as board:
+        assert board.info.version == 3
+        scene = SceneBoard(board)
+        assert (scene.build.layers, scene.build.slots, scene.build.width, scene.build.height) == (4, 5, 64, 48)
+        seen = []
+        loaded = scene.load_stack(stack, [4, 0, 2], lambda done, total: seen.append((done, total)))
+        assert (loaded.blocks, loaded.skipped, loaded.sends) == (12, 0, 12)
+        assert seen == [(done, 12) for done in range(1, 13)]
+        for slot, one in zip([4, 0, 2], stack.layers, strict=True):
+            assert stored(model, slot) == one.texels.tobytes() + one.palette.tobytes()
+        assert scene.load_stack(stack, [4, 0, 2]).skipped == 12
+        assert scene.load_curve(DISPLAY).sends == 8
+        assert len(stored(model, 15)) == 8192
+        # A texture with a change in one place costs one block.
+        texels = stack.layers[1].texels.copy()
+        texels[20, 3] ^= 1
+        changed = dataclasses.replace(stack.layers[1], texels=texels)
+        stack = LayerStack((stack.layers[0], changed, stack.layers[2]))
+        assert scene.load_stack(stack, [4, 0, 2]).sends == 1
+    assert max(model.block_writes.values()) == 2
+    assert sum(model.block_writes.values()) == 12 + 8 + 1
+
+
+FAULTS = {
+    "flip": Faults(flip=1e-4),
+    "drop": Faults(drop=1e-4),
+    "insert": Faults(insert=1e-4),
+    "duplicate": Faults(duplicate=1e-4),
+    "garble": Faults(garble=1e-4),
+    "reorder": Faults(reorder=1e-4, run=32),
+    "cut": Faults(cut=3e-5, run=2000),
+    "lose": Faults(lose=0.1),
+    "repeat": Faults(repeat=0.3),
+    "swap": Faults(swap=0.2),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("window", [1100, 8000])
+def test_a_bad_line_loads_what_was_sent(model, fault, window):
+    rng = generator(SEED, fault, window)
+    contents = {slot: rng.bytes(4096) for slot in range(5)}
+    with (
+        Proxy(model.url, SEED, FAULTS[fault], FAULTS[fault]) as line,
+        Board.open(line.url, FAST_BAUD, 8.0) as board,
+    ):
+        SceneBoard(board).load(contents, window_bytes=window)
+        line.down = line.up = NO_FAULTS
+    assert {slot: stored(model, slot) for slot in contents} == contents
+
+
+@pytest.mark.parametrize("window", [1100, 2080, 8000])
+def test_a_cut_load_sends_nothing_twice_that_had_arrived(model, window):
+    rng = generator(SEED, "cut", window)
+    contents = {slot: rng.bytes(4096) for slot in range(5)}
+    loaded = Loaded()
+
+    class UnpluggedError(Exception):
+        pass
+
+    def progress(done, total):
+        if done == 7:
+            raise UnpluggedError
+
+    with Board.open(model.url, FAST_BAUD) as board, pytest.raises(UnpluggedError):
+        SceneBoard(board).load(contents, progress, window, loaded)
+    with Board.open(model.url, FAST_BAUD) as board:
+        SceneBoard(board).load(contents, None, window, loaded)
+    assert {slot: stored(model, slot) for slot in contents} == contents
+    assert max(model.block_writes.values()) == 1
+    # Sent again were those on their way at most.
+    assert loaded.sends - 20 <= math.ceil(window / 1041)
+
+
+def test_a_layer_moves_by_one_short_write(model):
+    rng = generator(SEED, "move")
+    stack = LayerStack(tuple(layer(rng) for _ in range(4)), rng.random(3))
+    with Board.open(model.url, FAST_BAUD) as board:
+        scene = SceneBoard(board)
+        scene.prepare(DISPLAY, stack)
+        words = scene_words(DISPLAY, stack, scene.build, (0, 1, 2, 3))
+        assert model.writes[-1] == (0x600, tuple(word for one in words.layers for word in one.words))
+        common = (words.lattice_xi, words.lattice_xj, words.lattice_yj, *words.background)
+        assert model.writes[-2] == (0x410, tuple(word % (1 << 32) for word in common))
+
+        def sent(*changes):
+            nonlocal stack
+            layers = list(stack.layers)
+            for number, change in changes:
+                layers[number] = dataclasses.replace(layers[number], **change)
+            stack = dataclasses.replace(stack, layers=tuple(layers))
+            before, count = board.line.written, len(model.writes)
+            scene.set_stack(DISPLAY, stack)
+            return board.line.written - before, model.writes[count:]
+
+        for number in range(4):
+            size, ((first, _),) = sent((number, {"matrix": rng.uniform(-2, 2, (2, 3)), "depth_mm": rng.uniform(-9, 9)}))
+            assert (first, size <= 40) == (0x600 + 32 * number, True)
+        assert sent() == (0, [])
+        _, ((first, new),) = sent((2, {"visible": False}))
+        assert (first, len(new), new[0] & 1) == (LOOK + 64, 1, 0)
+        # Two layers change in one write, or a frame would show one without the other.
+        _, ((first, new),) = sent((1, {"brightness": 0.25}), (3, {"brightness": 0.5}))
+        assert (first, len(new), new[0] >> 8, new[-1] >> 8) == (LOOK + 32, 17, 64, 128)
+        scene.set_layer(DISPLAY, stack.layers[0], 1, 4)
+        assert model.writes[-1][0] == 0x620
+        assert model.writes[-1][1][7] >> 4 & 15 == 4
+        scene.move_layer(DISPLAY, stack.layers[0], 1)
+        assert len(model.writes[-1][1]) == 7
+        # What others have written meanwhile is not relied on.
+        _, ((first, new),) = sent()
+        assert (first, len(new)) == (0x600, 32)
+
+
+def test_slots_are_chosen_by_what_they_hold_and_what_is_shown(model):
+    rng = generator(SEED, "slots")
+    contents = [rng.bytes(4096) for _ in range(4)]
+    with Board.open(model.url, FAST_BAUD) as board:
+        scene = SceneBoard(board)
+        scene.load({3: contents[0], 1: contents[2]})
+        # The rest of a cut load goes where its beginning is.
+        model.blocks[4, 0] = contents[3][:1024]
+        chosen = scene.free_slots(contents)
+        assert (chosen[0], chosen[2], chosen[3]) == (3, 1, 4)
+        assert chosen[1] in (0, 2)
+        board.write(LOOK, [1 | 0 << 4])
+        board.write(DRAW, [1])
+        model.registers[0x428] = 1 << 16 | 1 << 31 | 1
+        assert scene.free_slots(contents)[1] == 2
+        model.registers[0x428] = 0b11111 << 16
+        with pytest.raises(DeviceError, match=r"4 textures need slots, and the board shows 5 of its 5; end the scene"):
+            scene.free_slots(contents)
+        with pytest.raises(DeviceError, match="refuses BLOCK: the slot is shown"):
+            scene.load({0: contents[0]})
+        with pytest.raises(DeviceError, match="while its optics draw a scene"):
+            board.write(0x240, [0])
+
+
+@pytest.mark.parametrize(
+    ("contents", "says"),
+    [
+        ({5: bytes(4096)}, "no slot 5; give 0 to 4, or 15 for the curve"),
+        ({-1: bytes(4096)}, "no slot -1"),
+        ({0: bytes(4095)}, "slot 0 takes 4096 bytes, not 4095"),
+        ({15: bytes(4096)}, "slot 15 takes 8192 bytes, not 4096"),
+    ],
+)
+def test_contents_that_do_not_fit_are_refused(model, contents, says):
+    with Board.open(model.url, FAST_BAUD) as board, pytest.raises(InputError, match=says):
+        SceneBoard(board).load(contents)
+    assert not model.block_writes
+
+
+def test_more_layers_than_the_board_draws(model):
+    rng = generator(SEED, "more")
+    stack = LayerStack(tuple(layer(rng) for _ in range(5)))
+    with Board.open(model.url, FAST_BAUD) as board:
+        scene = SceneBoard(board)
+        for refused in (lambda: scene.load_stack(stack), lambda: scene.set_stack(DISPLAY, stack)):
+            with pytest.raises(InputError, match=r"5 layers do not fit the board, which draws 4.*--count 4"):
+                refused()
+        with pytest.raises(InputError, match="no layer 4"):
+            scene.move_layer(DISPLAY, stack.layers[0], 4)
+
+
+def test_boards_that_do_not_draw():
+    with ModelBoard() as model, Board.open(model.url, FAST_BAUD) as board:
+        assert board.info.version == 2
+        with pytest.raises(DeviceError, match="version 2 of the protocol and draws no scenes"):
+            SceneBoard(board)
+    with ModelBoard(scene=SCENE) as model, Board.open(model.url, FAST_BAUD) as board:
+        model.registers[0x400] ^= 1
+        with pytest.raises(DeviceError, match="unknown to this host"):
+            SceneBoard(board)
+
+
+def test_crcs_are_those_of_the_blocks(model):
+    content = generator(SEED, "crc").bytes(4096)
+    with Board.open(model.url, FAST_BAUD) as board:
+        scene = SceneBoard(board)
+        assert scene.crcs(2) == [0] * BLOCKS
+        scene.load({2: content})
+        assert scene.crcs(2) == [zlib.crc32(content[k : k + 1024]) for k in range(0, 4096, 1024)]
+        assert scene.holds(2, content)
+        assert not scene.holds(2, content[::-1])

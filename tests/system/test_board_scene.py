@@ -1,0 +1,372 @@
+"""A virtual board that draws: what the panel shows is what the integer twin draws, whatever the line does."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import time
+import zlib
+
+import numpy as np
+import pytest
+from fault_line import NO_FAULTS, Faults, Proxy
+from lippmann.board.board import Board
+from lippmann.board.check_rays import check_rays
+from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.board.stream import send_frame
+from lippmann.display import load_display
+from lippmann.errors import DeviceError, InputError
+from lippmann.fixed.drawing import draw
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.scene_configuration import slot_bytes
+from lippmann.layers.stack import Layer, LayerStack
+from lippmann.link.packets import Kind
+from lippmann.sim import virtual_board
+
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+WIDTH, HEIGHT = 112, 80
+#: Few blocks: three of texels and the palette's.
+USUAL = SceneBuild(layers=3, slots=4, width=64, height=48)
+BUILDS = {
+    "square-nearest": ("square", USUAL),
+    "hex-bilinear-2": ("hex", SceneBuild(layers=2, width=64, height=32, bilinear=True, samples=2)),
+    "square-bilinear-4": ("square", SceneBuild(layers=1, slots=1, width=32, height=32, bilinear=True, samples=4)),
+    "hex-nearest-8": ("hex", SceneBuild(layers=8, width=32, height=32)),
+}
+
+
+def display_of(grid):
+    display = load_display(f"scenes/displays/paper-{grid}.toml")
+    panel = dataclasses.replace(display.panel, width_px=WIDTH, height_px=HEIGHT)
+    array = dataclasses.replace(display.array, rotation_deg=1.5)
+    return dataclasses.replace(display, name=f"small {grid}", panel=panel, array=array)
+
+
+def random_layer(rng, display, build, sky=False):
+    """A texture of noise that lies over the panel, turned, sheared and scaled by chance; one colour is clear."""
+    palette = rng.integers(0, 256, (256, 4), np.uint8)
+    palette[rng.integers(256), 3] = 0
+    texels = rng.integers(0, 256, (build.height, build.width), np.uint8)
+    size = np.array([display.panel.width_mm, display.panel.height_mm]) * rng.uniform(0.5, 1.5, 2)
+    if sky:
+        size = np.array([0.6, 0.6])
+    angle = rng.uniform(-math.pi, math.pi)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    linear = np.diag([build.width, -build.height] / size) @ turn @ np.array([[1.0, rng.uniform(-0.3, 0.3)], [0.0, 1.0]])
+    zero = np.array([build.width, build.height]) * rng.uniform(0.3, 0.7, 2)
+    depth = math.inf if sky else rng.uniform(-15.0, 15.0)
+    return Layer(texels, palette, depth, np.column_stack([linear, zero]), rng.uniform(0.2, 1.0), rng.random() < 0.9)
+
+
+def random_stack(rng, display, build):
+    count = int(rng.integers(1, build.layers + 1))
+    layers = [random_layer(rng, display, build, sky=k == count - 1 and rng.random() < 0.5) for k in range(count)]
+    return LayerStack(tuple(layers), rng.random(3))
+
+
+def moved(rng, display, build, stack):
+    """The same textures at other places; the background stays."""
+    layers = []
+    for layer in stack.layers:
+        other = random_layer(rng, display, build, layer.sky)
+        layers.append(
+            dataclasses.replace(
+                layer, depth_mm=other.depth_mm, matrix=other.matrix, brightness=other.brightness, visible=other.visible
+            )
+        )
+    return dataclasses.replace(stack, layers=tuple(layers))
+
+
+def twin(display, stack, build):
+    return draw(display, virtual_board.board_build(display), stack, build)
+
+
+def captured(folder):
+    return [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))]
+
+
+@pytest.fixture(
+    params=[name if name == "square-nearest" else pytest.param(name, marks=pytest.mark.full) for name in BUILDS]
+)
+def drawing(request, tmp_path):
+    """A board that draws, its display and build, and the folder of its frames."""
+    print(f"seed {SEED}")
+    grid, build = BUILDS[request.param]
+    display = display_of(grid)
+    with virtual_board.running(display, capture=tmp_path, scene=build) as board:
+        board.display, board.build, board.folder = display, build, tmp_path
+        yield board
+
+
+@pytest.fixture
+def usual(tmp_path):
+    """The same with the usual build."""
+    print(f"seed {SEED}")
+    display = display_of("square")
+    with virtual_board.running(display, capture=tmp_path, scene=USUAL) as board:
+        board.display, board.build, board.folder = display, USUAL, tmp_path
+        yield board
+
+
+def show(scene, display, stack, slots=None):
+    scene.load_curve(display)
+    scene.load_stack(stack, slots)
+    scene.prepare(display, stack, slots)
+    scene.draw(True)
+
+
+def test_drawn_frames_are_the_twins(drawing):
+    """Random scenes, and motions of each: 0 pixels differ, none comes late, and no other frame is ever shown."""
+    rng = np.random.default_rng([SEED, 1])
+    display, build = drawing.display, drawing.build
+    wanted = {bytes(3 * WIDTH * HEIGHT)}
+    with Board.open(drawing.url) as board:
+        scene = SceneBoard(board)
+        assert scene.build == build
+        for turn in range(3):
+            stack = random_stack(rng, display, build)
+            slots = rng.permutation(build.slots_built)[: len(stack.layers)].tolist()
+            if turn:
+                scene.draw(False)
+            show(scene, display, stack, slots)
+            for _ in range(8):
+                picture = twin(display, stack, build).tobytes()
+                wanted.add(picture)
+                assert board.panel_crc() == zlib.crc32(picture)
+                stack = moved(rng, display, build, stack)
+                wanted.add(twin(display, stack, build).tobytes())
+                assert scene.set_stack(display, stack, slots) <= 8 * build.layers
+                scene.wait(True)
+        assert scene.status().frames >= 24
+        assert scene.status().underflows == 0
+    frames = captured(drawing.folder)
+    assert len(frames) >= 24
+    assert set(frames) <= wanted
+
+
+def test_frames_and_scenes_take_turns(usual):
+    """The stored frame, a pattern before the scene, the scene, and the frame again; each is whole."""
+    rng = np.random.default_rng([SEED, 2])
+    display, build = usual.display, usual.build
+    frame = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    stack = random_stack(rng, display, build)
+    drawn = twin(display, stack, build)
+    ramp = np.repeat(np.broadcast_to(np.arange(WIDTH, dtype=np.uint8)[None, :, None], (HEIGHT, WIDTH, 1)), 3, 2)
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        send_frame(board, frame)
+        show(scene, display, stack)
+        assert board.panel_crc() == zlib.crc32(drawn.tobytes())
+        board.write(0x18, [5 << 8 | 0xFF])
+        assert board.panel_crc() == zlib.crc32(ramp.tobytes())
+        board.write(0x18, [0xFF])
+        # A frame that is presented while the scene is shown is there when the scene is ended.
+        other = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+        send_frame(board, other)
+        assert board.panel_crc() == zlib.crc32(drawn.tobytes())
+        scene.draw(False)
+        assert board.panel_crc() == zlib.crc32(other.tobytes())
+        assert scene.status().underflows == 0
+    black = bytes(frame.nbytes)
+    assert set(captured(usual.folder)) <= {black, *(one.tobytes() for one in (frame, drawn, ramp, other))}
+
+
+def test_what_the_drawing_keeps_from_others(usual):
+    rng = np.random.default_rng([SEED, 3])
+    display, build = usual.display, usual.build
+    stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
+    textures = slot_bytes(stack.layers[0], build).tobytes()
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        show(scene, display, stack, [2, 0, 1])
+        crc = board.panel_crc()
+        assert scene.status().slots == {0, 1, 2, 15}
+        zero = np.zeros(1, np.int64)
+        with pytest.raises(DeviceError, match="refuses TRACE while its optics draw a scene"):
+            board.trace(zero, zero, zero, zero)
+        with pytest.raises(DeviceError, match="refuses SIGN while its optics draw a scene"):
+            board.sign(1)
+        with pytest.raises(DeviceError, match="refuses WRITE while its optics draw a scene"):
+            board.write(0x214, [0])
+        board.abort()
+        with pytest.raises(DeviceError, match="refuses BLOCK: the slot is shown"):
+            scene.load({1: bytes(255 - byte for byte in textures)})
+        with pytest.raises(DeviceError, match="refuses BLOCK: the slot is shown"):
+            scene.load({15: bytes(8192)})
+        with pytest.raises(InputError, match=r"no slot 4; give 0 to 3"):
+            scene.load({4: textures})
+        with pytest.raises(InputError, match=r"4096 bytes, not 4095"):
+            scene.load({3: textures[1:]})
+        with pytest.raises(InputError, match="no layer 3"):
+            scene.set_layer(display, stack.layers[0], 3)
+        # A slot that is written to be shown is kept from then on; one that is no longer shown is free after a frame.
+        scene.load({3: textures})
+        scene.set_stack(display, stack, [3, 0, 1])
+        scene.wait(True)
+        assert scene.status().slots == {0, 1, 3, 15}
+        scene.load({2: textures})
+        assert scene.status().underflows == 0
+        scene.set_stack(display, stack, [2, 0, 1])
+        scene.wait(True)
+        assert board.panel_crc() == crc
+        scene.draw(False)
+        scene.load({15: bytes(8192)})
+        # The optics are free again, and have their raster.
+        assert check_rays(board, display, (3, 9), (5, 8)).equal
+
+
+def test_a_moving_layer_costs_40_bytes(usual):
+    rng = np.random.default_rng([SEED, 4])
+    display, build = usual.display, usual.build
+    stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        show(scene, display, stack)
+        for _ in range(20):
+            other = random_layer(rng, display, build)
+            layers = list(stack.layers)
+            layers[1] = dataclasses.replace(layers[1], depth_mm=other.depth_mm, matrix=other.matrix)
+            stack = dataclasses.replace(stack, layers=tuple(layers))
+            before = board.line.written
+            scene.set_stack(display, stack)
+            assert board.line.written - before <= 40
+        scene.wait(True)
+        assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
+
+
+def test_no_pixel_is_late_while_the_line_is_full(usual):
+    """Blocks of a slot that is not shown, tiles, reads and updates, as many as the board takes."""
+    rng = np.random.default_rng([SEED, 5])
+    display, build = usual.display, usual.build
+    stack = random_stack(rng, display, build)
+    wanted = {bytes(3 * WIDTH * HEIGHT)}
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        show(scene, display, stack)
+        until = scene.status().frames + 40
+        turn = 0
+        while scene.status().frames < until:
+            stack = moved(rng, display, build, stack)
+            wanted.add(twin(display, stack, build).tobytes())
+            scene.load({3: rng.bytes(build.slot_bytes)}, window_bytes=6000)
+            scene.set_stack(display, stack)
+            if turn % 8 == 0:
+                send_frame(board, rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8))
+            board.read(0, 64)
+            turn += 1
+        assert scene.status().underflows == 0
+        wanted.add(twin(display, stack, build).tobytes())
+    shown = captured(usual.folder)
+    assert sum(frame in wanted for frame in shown) >= len(shown) - 1  # the first scene's picture was not noted
+
+
+FAULTS = {
+    "flip": Faults(flip=1e-3),
+    "drop": Faults(drop=1e-3),
+    "insert": Faults(insert=1e-3),
+    "duplicate": Faults(duplicate=1e-3),
+    "garble": Faults(garble=1e-3),
+    "reorder": Faults(reorder=1e-3),
+    "cut": Faults(cut=2e-4, run=200),
+    "stall": Faults(stall=5e-4, stall_s=0.1),
+    "lose": Faults(lose=0.1),
+    "repeat": Faults(repeat=0.3),
+    "swap": Faults(swap=0.1),
+    "delay": Faults(delay_s=0.01),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_bad_line_never_tears_a_frame(usual, fault):
+    """Layers move over a line with faults: every frame that is shown is one of those that were asked for, whole."""
+    rng = np.random.default_rng([SEED, 6])
+    display, build = usual.display, usual.build
+    stack = LayerStack(tuple(dataclasses.replace(random_layer(rng, display, build), visible=True) for _ in range(3)))
+    wanted = {bytes(3 * WIDTH * HEIGHT), twin(display, stack, build).tobytes()}
+    with Board.open(usual.url) as board:
+        show(SceneBoard(board), display, stack)
+    with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=3.0) as board:
+        scene = SceneBoard(board)
+        line.down = line.up = FAULTS[fault]
+        for _ in range(20):
+            stack = moved(rng, display, build, stack)
+            wanted.add(twin(display, stack, build).tobytes())
+            try:
+                scene.set_stack(display, stack)
+            except DeviceError as error:
+                print(f"{fault}: {error}")
+                board.hello()
+        line.down = line.up = NO_FAULTS
+        board.hello()
+        scene.set_stack(display, stack)
+        scene.wait(True)
+        assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
+        assert scene.status().underflows == 0
+    frames = captured(usual.folder)
+    assert len(frames) > 3
+    assert set(frames) <= wanted
+
+
+@pytest.mark.parametrize("window", [1100, 8000])
+def test_a_cut_load_goes_on(usual, window):
+    """The line is cut in the middle: no block that has arrived is sent again."""
+    rng = np.random.default_rng([SEED, 7])
+    build = usual.build
+    contents = {slot: rng.bytes(build.slot_bytes) for slot in range(4)}
+    loaded = Loaded()
+    with Proxy(usual.url, SEED) as line:
+        cut = []
+
+        def progress(done, total):
+            assert total == 4 * build.blocks
+            if done == 5 and not cut:
+                cut.append(done)
+                line.unplug()
+                time.sleep(0.3)
+
+        with pytest.raises(DeviceError), Board.open(line.url, patience_s=2.0) as board:
+            SceneBoard(board).load(contents, progress, window, loaded)
+        with Board.open(line.url) as board:
+            scene = SceneBoard(board)
+            there = sum(crc != 0 for slot in contents for crc in scene.crcs(slot))
+            assert there >= 5
+            before = loaded.sends
+            scene.load(contents, progress, window, loaded)
+            assert loaded.sends - before == 4 * build.blocks - there
+            # Twice were sent those that were on their way.
+            assert loaded.sends - 4 * build.blocks <= max(1, window // 1024)
+            for slot, content in contents.items():
+                crcs = [zlib.crc32(content[k : k + 1024]) for k in range(0, len(content), 1024)]
+                assert scene.crcs(slot) == crcs
+            assert scene.load(contents).skipped == 4 * build.blocks
+
+
+def test_reset_and_a_stored_frame_end_the_scene(usual):
+    rng = np.random.default_rng([SEED, 8])
+    display, build = usual.display, usual.build
+    stack = random_stack(rng, display, build)
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        show(scene, display, stack)
+        board.reset()
+        assert board.panel_crc() == zlib.crc32(bytes(3 * WIDTH * HEIGHT))
+        assert not any(scene.crcs(slot)[0] for slot in range(build.slots_built))
+        status = scene.status()
+        assert (status.shown, status.waits, status.slots, status.frames) == (False, False, frozenset(), 0)
+        scene = SceneBoard(board)
+        show(scene, display, stack)
+        assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
+
+
+def test_a_board_without_a_scene_says_so(tmp_path):
+    display = display_of("square")
+    with virtual_board.running(display) as running, Board.open(running.url) as board:
+        assert board.info.version == 2
+        with pytest.raises(DeviceError, match="draws no scenes"):
+            SceneBoard(board)
+        with pytest.raises(InputError, match="no block of registers"):
+            board.read(0x400)
+        for kind in (Kind.BLOCK, Kind.BLOCKS):
+            with pytest.raises(DeviceError, match="does not know this request"):
+                board.ask(kind, bytes(3), 0)
