@@ -125,57 +125,59 @@ module lipp_scene_registers (
     logic [31:0] decoded_wr_data;
     logic [31:0] decoded_wr_biten;
 
-    always_comb begin
+    always_ff @(posedge clk) begin
         automatic logic is_valid_addr;
         automatic logic is_valid_rw;
         is_valid_addr = '0;
         is_valid_rw = '0;
-        decoded_reg_strb.identity = cpuif_req_masked & (cpuif_addr == 6'h0) & !cpuif_req_is_wr;
+        decoded_reg_strb.identity <= cpuif_req_masked & (cpuif_addr == 6'h0) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h0) & !cpuif_req_is_wr;
-        decoded_reg_strb.version = cpuif_req_masked & (cpuif_addr == 6'h4) & !cpuif_req_is_wr;
+        decoded_reg_strb.version <= cpuif_req_masked & (cpuif_addr == 6'h4) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h4) & !cpuif_req_is_wr;
-        decoded_reg_strb.build = cpuif_req_masked & (cpuif_addr == 6'h8) & !cpuif_req_is_wr;
+        decoded_reg_strb.build <= cpuif_req_masked & (cpuif_addr == 6'h8) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h8) & !cpuif_req_is_wr;
-        decoded_reg_strb.source = cpuif_req_masked & (cpuif_addr == 6'hc);
+        decoded_reg_strb.source <= cpuif_req_masked & (cpuif_addr == 6'hc);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'hc);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'hc);
-        decoded_reg_strb.lattice.xi = cpuif_req_masked & (cpuif_addr == 6'h10);
+        decoded_reg_strb.lattice.xi <= cpuif_req_masked & (cpuif_addr == 6'h10);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h10);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h10);
-        decoded_reg_strb.lattice.xj = cpuif_req_masked & (cpuif_addr == 6'h14);
+        decoded_reg_strb.lattice.xj <= cpuif_req_masked & (cpuif_addr == 6'h14);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h14);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h14);
-        decoded_reg_strb.lattice.yj = cpuif_req_masked & (cpuif_addr == 6'h18);
+        decoded_reg_strb.lattice.yj <= cpuif_req_masked & (cpuif_addr == 6'h18);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h18);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h18);
-        decoded_reg_strb.background.red = cpuif_req_masked & (cpuif_addr == 6'h1c);
+        decoded_reg_strb.background.red <= cpuif_req_masked & (cpuif_addr == 6'h1c);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h1c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h1c);
-        decoded_reg_strb.background.green = cpuif_req_masked & (cpuif_addr == 6'h20);
+        decoded_reg_strb.background.green <= cpuif_req_masked & (cpuif_addr == 6'h20);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h20);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h20);
-        decoded_reg_strb.background.blue = cpuif_req_masked & (cpuif_addr == 6'h24);
+        decoded_reg_strb.background.blue <= cpuif_req_masked & (cpuif_addr == 6'h24);
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h24);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h24);
-        decoded_reg_strb.status = cpuif_req_masked & (cpuif_addr == 6'h28) & !cpuif_req_is_wr;
+        decoded_reg_strb.status <= cpuif_req_masked & (cpuif_addr == 6'h28) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h28);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h28) & !cpuif_req_is_wr;
-        decoded_reg_strb.frames = cpuif_req_masked & (cpuif_addr == 6'h2c) & !cpuif_req_is_wr;
+        decoded_reg_strb.frames <= cpuif_req_masked & (cpuif_addr == 6'h2c) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h2c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h2c) & !cpuif_req_is_wr;
-        decoded_reg_strb.underflows = cpuif_req_masked & (cpuif_addr == 6'h30) & !cpuif_req_is_wr;
+        decoded_reg_strb.underflows <= cpuif_req_masked & (cpuif_addr == 6'h30) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h30);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h30) & !cpuif_req_is_wr;
-        decoded_err = (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & decoded_req;
+        decoded_err <= (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & cpuif_req_masked;
     end
 
     // Pass down signals to next stage
     assign decoded_addr = cpuif_addr;
-    assign decoded_req = cpuif_req_masked;
-    assign decoded_req_is_wr = cpuif_req_is_wr;
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;
+        else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};
+    end
     assign decoded_wr_data = cpuif_wr_data;
     assign decoded_wr_biten = cpuif_wr_biten;
 

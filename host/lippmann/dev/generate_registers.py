@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -107,9 +108,36 @@ def _rtl(root: Any) -> dict[Path, str]:
             err_if_bad_addr=True,
             err_if_bad_rw=True,
         )
-        return {
-            RTL / made.name: f"{_SPDX}// {_BY}\n{made.read_text().rstrip()}\n" for made in sorted(Path(work).iterdir())
-        }
+        texts = {made.name: made.read_text().rstrip() for made in sorted(Path(work).iterdir())}
+    block = f"{PREFIX}{root.top.inst_name}.sv"
+    texts[block] = _registered_decode(texts[block])
+    return {RTL / name: f"{_SPDX}// {_BY}\n{text}\n" for name, text in texts.items()}
+
+
+def _registered_decode(block: str) -> str:
+    """Return PeakRDL's register block with a register behind its address decoder.
+
+    The enables of all the fields hang on the decoder, across the whole device: without the register this way limits
+    the clock. An access takes a clock more; address and data stand still until it is answered.
+    """
+    before, rest = block.split("    // Address Decode\n")
+    decode, after = rest.split("    // Field logic\n")
+    decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
+    for old, new in (
+        ("always_comb begin", "always_ff @(posedge clk) begin"),
+        (" & decoded_req;", " & cpuif_req_masked;"),
+        (
+            "    assign decoded_req = cpuif_req_masked;\n    assign decoded_req_is_wr = cpuif_req_is_wr;\n",
+            "    always_ff @(posedge clk or negedge arst_n) begin\n"
+            "        if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;\n"
+            "        else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};\n"
+            "    end\n",
+        ),
+    ):
+        if not counts or decode.count(old) != 1:
+            raise InputError(f"PeakRDL-regblock's address decoder has another form: no {old.strip()!r}")
+        decode = decode.replace(old, new)
+    return f"{before}    // Address Decode\n{decode}    // Field logic\n{after}"
 
 
 def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[str, _Entry]]:

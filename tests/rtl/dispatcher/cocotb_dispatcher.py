@@ -223,7 +223,7 @@ async def the_scene_by_hand(dut):
         (f"0b 0200 00 {last + 1:02x} {data}", "8b 0200 07"),
         (f"0b 0200 0f 07 {data}", "8b 0200 00 0f 07"),
         (f"0b 0200 0f 08 {data}", "8b 0200 07"),
-        (f"0b 0200 {rules.SLOTS:02x} 00 {data}", "8b 0200 07"),
+        (f"0b 0200 {rules.SLOTS if rules.SLOTS < 15 else 17:02x} 00 {data}", "8b 0200 07"),
         (f"0b 0200 10 00 {data}", "8b 0200 07"),
         (f"0b 0200 00 00 {data[:-2]}", "8b 0200 02"),
         (f"0b 0200 00 00 {data} 00", "8b 0200 02"),
