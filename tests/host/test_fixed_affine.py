@@ -56,7 +56,8 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
     """As is promised of regular lattices: max(1, 0.5 / cos) microradian and 2 nm.
 
     The domes of a skewed lattice have walls between them, at which golden loses rays and the RTL does not look: of rays
-    that aim at any point of domes towards the panel, up to 22 in 1000 of a display.
+    that aim at any point of domes towards the panel, up to 11 in 1000 of a display have another fate. A ray that is lost
+    behind the wall too, where the array has ended, is lost at a neighbour.
     """
     print(f"seed {SEED}")
     rng = np.random.default_rng([SEED, *f"{grid}{side}{aperture}{eye}".encode()])
@@ -64,10 +65,11 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
         extent = tuple(rng.uniform(30.0, 150.0, 2).tolist()) if number % 2 else None
         display = skewed(rng, grid, side, eye=eye, extent=extent)
         twin, golden = compared(rng, display, aperture)
-        lost = (twin.status == Status.MISSED) | (golden.lenslet == twin.lenslet).all(axis=1)
-        same = (twin.status == golden.status) & lost
-        # At most 170 in 8000 were found.
-        assert same.mean() > (0.97 if (side, aperture) == ("viewer", "full") else 0.998)
+        away = np.abs(golden.lenslet - twin.lenslet).max(axis=1)
+        at_wall = (twin.status == Status.BLOCKED) & (away == 1) & ((side, aperture) == ("viewer", "full"))
+        same = (twin.status == golden.status) & ((twin.status == Status.MISSED) | (away == 0) | at_wall)
+        # At most 83 in 8000 were found, in 3,600 displays.
+        assert same.mean() > (0.985 if (side, aperture) == ("viewer", "full") else 0.998)
         active = same & gets_through(golden.status)
         assert active.mean() > (0.05 if extent else 0.95)
         blocked = (golden.status == Status.BLOCKED).mean()

@@ -198,7 +198,7 @@ def test_sources_of_the_probe():
 def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
     """In a checkout below the system's temporary folder, which yosys does not see, too."""
     said = elaboration(DESIGNS[name], TOP)
-    heart = "optics/lipp_ray_lenslet.sv" if DESIGNS[name].scene is None else "scene/lipp_scene.sv"
+    heart = "optics/lipp_ray_lenslet.sv" if DESIGNS[name].top != "probe_scene" else "scene/lipp_scene.sv"
     assert f" rtl/{heart} " in said
     assert str(TOP) not in said
 

@@ -59,7 +59,7 @@ PROBE = ("reset_q", "config_q", "ray_q", "apply_q", "valid_q", "ready_q", "in_q"
 class Design:
     """What is placed: a configuration in a probe of sim/synth; `panel` is the board's, in pixels.
 
-    `scene` is a build of the drawing, which is placed for the configuration's F.
+    `scene` is a build of the drawing: of a board that draws, or placed alone, for the configuration's F.
     """
 
     named: Named
@@ -77,15 +77,16 @@ class Design:
     @property
     def parameters(self) -> dict[str, str | int]:
         """The parameters of its top."""
-        if self.scene is not None:
-            drawing = scene_parameters(self.scene, self.named.build.fraction_bits)
+        drawing = {} if self.scene is None else scene_parameters(self.scene, self.named.build.fraction_bits)
+        if self.top == "probe_scene":
             return {name: value for name, value in drawing.items() if name != "CrossCells"}
         build: dict[str, str | int] = {**parameters(self.named.build)}
         if self.panel is None:
             return build
         size = dict(zip(("Width", "Height"), self.panel, strict=True))
         timing = dict(zip(TIMING, KNOWN_TIMINGS[self.panel], strict=True))
-        return build | size | timing
+        scene = {name: value for name, value in drawing.items() if name == "Scene"}
+        return build | size | timing | scene
 
 
 #: Panels and configurations of the boards that are placed; the configurations are also placed as a block, bare and
@@ -93,8 +94,12 @@ class Design:
 PANELS = ((640, 480), (1280, 720))
 WHOLE = [CONFIGURATIONS[name] for name in ("compact-square", "widest-square")]
 BOARDS = [Design(named, "probe_board", panel) for panel in PANELS for named in WHOLE]
-#: The drawing alone, with four layers of 256 x 192 texels.
-SCENES = [Design(WHOLE[0], "probe_scene", scene=SceneBuild(4, bilinear=bilinear)) for bilinear in (False, True)]
+#: The drawing with four layers of 256 x 192 texels, alone and on a board.
+SCENES = [
+    Design(WHOLE[0], top, panel, SceneBuild(4, bilinear=bilinear))
+    for top, panel in (("probe_scene", None), ("probe_board", PANELS[1]))
+    for bilinear in (False, True)
+]
 DESIGNS = {
     design.name: design
     for design in (
