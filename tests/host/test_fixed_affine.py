@@ -56,8 +56,8 @@ def test_exact_rays_against_golden(grid, side, aperture, eye):
     """As is promised of regular lattices: max(1, 0.5 / cos) microradian and 2 nm.
 
     The domes of a skewed lattice have walls between them, at which golden loses rays and the RTL does not look: of rays
-    that aim at any point of domes towards the panel, up to 11 in 1000 of a display have another fate. A ray that is lost
-    behind the wall too, where the array has ended, is lost at a neighbour.
+    that aim at any point of domes towards the panel, up to 11 in 1000 of a display have another fate. A ray that is
+    lost behind the wall too, where the array has ended, is lost at a neighbour.
     """
     print(f"seed {SEED}")
     rng = np.random.default_rng([SEED, *f"{grid}{side}{aperture}{eye}".encode()])
