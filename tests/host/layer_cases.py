@@ -58,6 +58,9 @@ def random_layer(rng: np.random.Generator, display: Display, build: SceneBuild, 
     # What is seen of the plane: the panel, and more the farther it is.
     seen = 1.2 if sky else size + 0.6 * abs(depth)
     side = seen * float(np.exp(rng.uniform(-1.5, 0.7)))
+    if smooth:  # as a cut is: no texel is finer than what a pixel sees there
+        pixel = panel.pitches_mm[0] * (display.array.index - 1.0) / radius
+        side = max(side, max(width, height) * pixel * (1.0 if sky else abs(depth)))
     angle = float(rng.choice([0.0, 0.0, math.pi / 2, rng.uniform(0.0, 6.3)]))
     turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     skew = np.array([[1.0, rng.uniform(-0.4, 0.4)], [0.0, -rng.choice([1.0, -1.0])]])
@@ -68,7 +71,7 @@ def random_layer(rng: np.random.Generator, display: Display, build: SceneBuild, 
         palette[0, 3] = 0
     return Layer(
         random_texels(rng, width, height, smooth), palette, depth, np.column_stack([linear, middle]),
-        float(rng.choice([1.0, 1.0, rng.uniform(0.0, 1.0)])), bool(rng.random() < 0.9),
+        float(rng.choice([256, 256, rng.integers(0, 257)])) / 256.0, bool(rng.random() < 0.9),
     )  # fmt: skip
 
 

@@ -205,7 +205,7 @@ def test_pixels_are_those_of_golden_rays(rng, name, f, samples, bilinear):
     rays = trace(display, pixels_of_words(display, u, v))
     draws = np.asarray(gets_through(rays.status)) & (rays.direction[:, 2] >= 0.25)
     within, squares, values = 0, 0.0, 0
-    for _ in range(4):
+    for _ in range(16):
         stack = random_stack(rng, display, scene_build, smooth=True)
         words = scene_words(display, stack, scene_build)
         slots = {k: slot_bytes(layer, scene_build) for k, layer in enumerate(stack.layers)}
