@@ -21,8 +21,8 @@
 /// is that pixel, or black if it has not come: underflow_o is high in the next clock then, and the
 /// pixel is dropped when it comes. So each pixel is shown at its own place or not at all. If pixels
 /// are still missing at begin_i, they are dropped, and the frame that would begin is black: all its
-/// pixels are underflows. owns_o: the optics belong to the drawing, since the scene is to be shown,
-/// or is shown, or pixels are missing.
+/// pixels are underflows. owns_o: the optics belong to the drawing, since in the clock before the
+/// scene was to be shown, or was shown, or pixels were missing.
 module lipp_draw_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -67,13 +67,11 @@ module lipp_draw_frame #(
   end
 
   // ---- frames ----
-  logic shown_q, begins, owed_none;
+  logic shown_q, begins, owed_none_q;
   logic [CountBits-1:0] owed_q;  // pixels of the frame that have not come
-  assign owed_none = owed_q == '0;
-  assign take_o = begin_i && owed_none && !hold_i;
-  assign begins = begin_i && owed_none && (hold_i ? shown_q : source_i);
+  assign take_o = begin_i && owed_none_q && !hold_i;
+  assign begins = begin_i && owed_none_q && (hold_i ? shown_q : source_i);
   assign shown_o = shown_q;
-  assign owns_o = source_i || shown_q || !owed_none;
 
   // ---- the rays ----
   localparam logic [PanelBits-1:0] LastColumn = PanelBits'(Width - 1);
@@ -130,9 +128,11 @@ module lipp_draw_frame #(
   assign rgb_o = hit ? pixel_rgb_i : '0;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {shown_q, draws_q, underflow_o, drawn_o} <= '0;
-      {owed_q, late_q} <= '0;
+      {shown_q, owns_o, draws_q, underflow_o, drawn_o} <= '0;
+      {owed_q, late_q, owed_none_q} <= {{(2 * CountBits){1'b0}}, 1'b1};
     end else begin
+      owns_o <= source_i || shown_q || !owed_none_q;
+      owed_none_q <= !begins && (owed_none_q || (come && owed_q == CountBits'(1)));
       underflow_o <= miss;
       drawn_o <= come && owed_q == CountBits'(1);
       if (take_o) shown_q <= source_i;

@@ -43,7 +43,7 @@ module draw_frame_properties #(
   // ---- the frame that is being drawn, and the frame of the video ----
   logic [7:0] sent_q;    // its rays that went to the optics
   logic [7:0] passed_q;  // places that the video has passed since its frame's beginning
-  logic missed_q, last_q;
+  logic missed_q, last_q, source_q;
   logic [1:0] sets_q, drawn_sets_q;  // sets of registers taken, and the one of the frame
   wire begins = i_dut.begins;
   wire sends = ray_valid && ray_ready_i;
@@ -52,8 +52,9 @@ module draw_frame_properties #(
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {sent_q, come_q, passed_q} <= {8'(Rays), 8'(Pixels), 8'd0};
-      {missed_q, last_q, sets_q, drawn_sets_q} <= '0;
+      {missed_q, last_q, source_q, sets_q, drawn_sets_q} <= '0;
     end else begin
+      source_q <= source_i;
       sent_q <= begins ? 8'd0 : sent_q + 8'(sends);
       come_q <= begins ? 8'd0 : come_q + 8'(comes);
       passed_q <= begin_i ? 8'd0 : passed_q + 8'(want_i);
@@ -91,7 +92,7 @@ module draw_frame_properties #(
       taken_soon: assert (!begin_i || hold_i || come_q != 8'(Pixels) || take);
       one_set: assert (come_q == 8'(Pixels) || sets_q == drawn_sets_q);
       drawn_when_shown: assert (!begins || (hold_i ? shown : source_i));
-      owned: assert (owns || (!shown && !source_i && come_q == 8'(Pixels) && !ray_valid));
+      owned: assert (owns || (!shown && !source_q && come_q == 8'(Pixels) && !ray_valid));
     end
   end
 
@@ -101,6 +102,7 @@ module draw_frame_properties #(
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
       in_owed: assert (owed == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
+      in_owed_none: assert (i_dut.owed_none_q == (owed == '0));
       in_sent: assert (sent_q <= 8'(Rays) && come_q <= 8'(sent_q >> SamplesBits));
       in_passed: assert (passed_q <= 8'(Pixels));
       in_late: assert (!i_dut.draws_q || come_q + late == passed_q);

@@ -103,10 +103,10 @@ FAULTS = {
         "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q", "assign drop = late_q",
         "pixel_in_place|late|whole"),
     "registers are taken while they are written": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && owed_none",
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none_q && !hold_i", "begin_i && owed_none_q",
         "taken_between|one_set"),
     "registers are taken within a late frame": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && !hold_i",
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none_q && !hold_i", "begin_i && !hold_i",
         "taken_between|one_set"),
     "a black pixel is not counted": (
         "draw_frame bmc_1", "draw_frame.sv", "want_i && shown_q && !hit", "want_i && draws_q && !hit",
