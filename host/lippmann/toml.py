@@ -27,8 +27,8 @@ Schema = dict[str, Any]
 #: Keys at the top of a file that only one kind of file has.
 KINDS = {
     "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
-    "scene": "film", "frames": "film", "motion": "film", "world": "film", "panel": "display", "gap_mm": "display",
-    "layer": "layers", "picture": "pictures",
+    "scene": "film", "world": "film", "layers": "layer film", "panel": "display", "gap_mm": "display",
+    "picture": "pictures",
 }  # fmt: skip
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
@@ -187,7 +187,10 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
                 if not name and unknown in KINDS and not hint.startswith("it belongs"):
-                    kinds = KINDS[unknown], form.__name__.removesuffix("File").lower()
+                    kinds = (
+                        KINDS[unknown],
+                        re.sub(r"(?<=[a-z])[A-Z]", r" \g<0>", form.__name__.removesuffix("File")).lower(),
+                    )
                     hint = "this is a {} file, give a {} file".format(
                         *(kind.replace("setup", "set-up") for kind in kinds)
                     )

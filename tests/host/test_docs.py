@@ -25,6 +25,7 @@ from lippmann.capturing.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.display import Panel, load_display
 from lippmann.film.film import load_film
+from lippmann.film.layer_film import LayerFilmFile
 from lippmann.layers.folder import LayersFile
 from lippmann.layers.pictures import PicturesFile
 from lippmann.rendering.placement import load_placement
@@ -313,6 +314,9 @@ def test_toml_blocks_are_valid(page, tmp_path):
     (_, whole), *_ = blocks(page, "toml")
     for _, text in blocks(page, "toml"):
         file = tmp_path / "block.toml"
+        if re.match(r"(# .*\n)?layers = ", text):
+            toml.read(LayerFilmFile, toml.parse(text, "block"), "block")
+            continue
         listed = re.search(r"^\[\[(layer|picture)\]\]$", text, re.M)
         if listed:
             toml.read(LayersFile if listed[1] == "layer" else PicturesFile, toml.parse(text, "block"), "block")

@@ -58,7 +58,7 @@ def test_a_file_of_another_kind_is_named(kind, tmp_path):
     """By every key that only one kind of file has at its top, in files of the kinds without this key."""
     top = {one: set(schema_of(one)["properties"]) for one in FILES}
     for name, home in toml.KINDS.items():
-        assert [one for one in FILES if name in top[one]] == [home]
+        assert [one.replace("_", " ") for one in FILES if name in top[one]] == [home]
         inside = {inner for table, node in toml.tables(schema_of(kind)) for inner in node["properties"]}
         if name in inside:
             continue
@@ -153,8 +153,9 @@ SHIPPED = {
     "display": "displays/vga-hex", "setup": "setups/pickup", "film": "films/swim", "placement": "fish/fish",
     "layers": "layers/fish/layers",
 }  # fmt: skip
-#: Of a kind of which no file ships.
-PICTURES = """background = [0, 0.5, 1]
+#: Of kinds of which no file ships.
+TEXTS = {
+    "pictures": """background = [0, 0.5, 1]
 [[picture]]
 file = "hill.png"
 depth_mm = "sky"
@@ -163,7 +164,17 @@ file = "boat.png"
 depth_mm = 5.0
 centre_mm = [1.0, 2.0]
 width_mm = 10.0
-"""
+""",
+    "layer_film": """layers = "fish"
+frames = 9
+frames_per_second = 24
+motion = "linear"
+[[layer]]
+name = "stems"
+pivot_mm = [1.0, -2.0]
+keys = [{ frame = 0, offset_mm = [1, 0, 2.5], scale = 2 }, { frame = 8, shear = 0.1, order = 1.5, visible = false }]
+""",
+}
 SCALARS = st.one_of(
     st.integers(), st.floats(), st.booleans(), st.sampled_from(("", "a\nb", "pair", "N-BK7")), st.dates()
 )
@@ -180,7 +191,7 @@ def paths(value, before=()):
 @given(data=st.data())
 def test_any_value_anywhere_is_read_or_refused_in_one_line(kind, data):
     form = getattr(import_module(FILES[kind][0]), FILES[kind][1])
-    text = PICTURES if kind == "pictures" else (TOP / f"scenes/{SHIPPED[kind]}.toml").read_text()
+    text = TEXTS[kind] if kind in TEXTS else (TOP / f"scenes/{SHIPPED[kind]}.toml").read_text()
     raw = tomllib.loads(text)
     *path, last = data.draw(st.sampled_from(paths(raw)[1:]))
     place = raw

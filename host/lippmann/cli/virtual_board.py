@@ -168,7 +168,9 @@ def _option_words() -> list[str]:
     words = []
     for parameter in ctx.command.params:
         value = ctx.params.get(parameter.name or "")
-        if value is not None and not isinstance(value, bool):
+        if isinstance(parameter.type, Slot):
+            words += [parameter.opts[0], "{}x{}".format(*value)]
+        elif value is not None and not isinstance(value, bool):
             words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
     return [*words, "--json"]
 

@@ -18,12 +18,13 @@ def composite(
 ) -> Ints:
     """Return the light (N, 3) of rays through layers, and of the background (3,) behind them.
 
-    Of each layer: P is its premultiplied light (N, 3), A its opacity (N,), B its brightness. From C_0 = 0, T_0 = 65536:
+    Of each layer: P is its premultiplied light (N, 3), A its opacity (N,), B its brightness, 256 at most. From C_0 = 0,
+    T_0 = 65536:
 
-        G_k     = (T_k min(B_k, 256) + 2^7) >> 8
-        C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)
+        G_k     = (T_k B_k + 2^7) >> 8
+        C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
         T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
-        out     = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where a ray does not draw
+        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
     """
     half, mask = 1 << 15, (1 << _SUM_BITS) - 1
     so_far = np.zeros((len(draws), 3), np.int64)

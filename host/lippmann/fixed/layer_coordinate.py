@@ -25,8 +25,10 @@ def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) ->
 
     Words as integers, a b >> k the product that `multiplier` cuts by k places:
 
-        X' = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1,  Y' likewise     F - 3 fraction bits
-        s  = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8,  t likewise with c and d
+        X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
+        Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
+        s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
+        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
 
     with depth in F - 3 of its fraction bits, a to d in A; h = 2^7 - 2^15 for bilinear, else 0.
     """

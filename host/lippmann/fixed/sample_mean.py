@@ -6,7 +6,10 @@ from lippmann.fixed.words import Ints
 
 
 def sample_mean(light: Ints, samples_bits: int) -> Ints:
-    """Return the light of pixels (N, 3), of 2^n samples (2^n N, 3) each: (sum + 2^(n-1)) >> n, of one sample itself."""
+    """Return the light of pixels (N, 3), of 2^SamplesBits samples (2^SamplesBits N, 3) each; of one sample itself.
+
+    light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+    """
     if not samples_bits:
         return light
     total: Ints = light.reshape(-1, 1 << samples_bits, 3).sum(axis=1)

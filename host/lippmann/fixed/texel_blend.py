@@ -10,9 +10,9 @@ def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
 
     With the bytes r, g, b, a of texel n and its weight w_n (N, taps):
 
-        share_n = (w_n (a + [a >= 128]) + 2^7) >> 8
-        red     = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  green and blue likewise
-        opacity = sum over n of share_n
+        share_n = (w_n (a + [a >= 128]) + 2^7) >> 8        16 fraction bits
+        light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
+        opacity_o = sum over n of share_n
     """
     alpha = colours[..., 3]
     shares = (weights * (alpha + (alpha >> 7)) + 128) >> 8
