@@ -19,7 +19,9 @@ WHITE = 255 * 255
 def panel_curve(light: Ints, table: Bytes) -> Bytes:
     """Return the bytes of light.
 
-    rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
+    With L a word of light
+
+        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
     """
     return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
 

@@ -6,9 +6,11 @@ from lippmann.fixed.words import Ints
 
 
 def sample_mean(light: Ints, samples_bits: int) -> Ints:
-    """Return the light of pixels (N, 3), of 2^SamplesBits samples (2^SamplesBits N, 3) each; of one sample itself.
+    """Return the light of pixels (N, 3), of 2^SamplesBits samples (2^SamplesBits N, 3) each.
 
-    light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+    One sample is its own mean; otherwise
+
+        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
     """
     if not samples_bits:
         return light
