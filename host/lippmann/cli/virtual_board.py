@@ -168,8 +168,8 @@ def _option_words() -> list[str]:
     words = []
     for parameter in ctx.command.params:
         value = ctx.params.get(parameter.name or "")
-        if isinstance(parameter.type, Slot):
-            words += [parameter.opts[0], "{}x{}".format(*value)]
+        if isinstance(value, tuple) and isinstance(parameter.type, Slot):
+            words += [parameter.opts[0], "x".join(map(str, value))]
         elif value is not None and not isinstance(value, bool):
             words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
     return [*words, "--json"]
