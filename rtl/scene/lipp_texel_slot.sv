@@ -62,7 +62,7 @@ module lipp_texel_slot #(
     end else begin : gen_bilinear
       localparam logic [1:0] Bank = 2'(k);
       assign write = texel_q && {at_q[ColumnBits], at_q[0]} == Bank;
-      assign write_at = {at_q[AddressBits+1:ColumnBits+1], at_q[ColumnBits-1:1]};
+      assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});  // row / 2, column / 2
     end
 
     logic [AddressBits-1:0] read_at_q;
