@@ -104,7 +104,7 @@ module lipp_dispatcher #(
   output logic [3:0]        block_slot_o,
   output logic [7:0]        block_o,
   input  logic [7:0]        block_word_at_i,
-  output logic [31:0]       block_word_o,    // a clock after its place
+  output logic [31:0]       block_word_o,    // two clocks after its place
   input  logic              block_done_i,
   input  logic              blocks_busy_i,   // cleared after reset, as table_busy_i
   output logic [3:0]        blocks_slot_o,   // whose entry is read

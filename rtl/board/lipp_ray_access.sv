@@ -38,7 +38,7 @@ module lipp_ray_access (
   output logic                         denied_o,  // with done_o: the pipeline was not free
 
   output logic [7:0]        word_at_o,     // of the rays to trace
-  input  logic [31:0]       word_i,        // a clock after its place
+  input  logic [31:0]       word_i,        // two clocks after its place
   output logic              word_valid_o,  // of exit rays
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
@@ -69,7 +69,7 @@ module lipp_ray_access (
   // Those of the first line access the bus.
   typedef enum logic [3:0] {
     Claim, Source, TakeOver, TakenOver, Begin, Begun, End, Ended,
-    Idle, Settle, Place, Fetch, Offer, Exit, Words
+    Idle, Settle, Place, Placed, Fetch, Offer, Exit, Words
   } state_e;
   state_e state_q;
   logic asked_q;  // the bus has been asked
@@ -191,7 +191,8 @@ module lipp_ray_access (
           state_q <= Idle;
         end
         // ---- rays of a list, one at a time ----
-        Place: state_q <= Fetch;
+        Place: state_q <= Placed;
+        Placed: state_q <= Fetch;
         Fetch: begin
           at_q <= at_q + 1'b1;
           left_q <= left_q - 1'b1;

@@ -23,7 +23,7 @@ module lipp_register_access #(
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [7:0]        word_at_o,      // of a WRITE
-  input  logic [31:0]       word_i,         // a clock after its place
+  input  logic [31:0]       word_i,         // two clocks after its place
   output logic              word_valid_o,   // of a READ
   input  logic              word_ready_i,
   output logic [31:0]       word_o,
@@ -38,7 +38,7 @@ module lipp_register_access #(
 );
   import lipp_link_pkg::*;
 
-  typedef enum logic [2:0] {Idle, Range, Check, Fetch, Ask, Wait, Word} state_e;
+  typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
   logic write_q, board_q, optics_q, scene_q;  // the range is in this block
   logic [8:0] left_q;                // words not yet checked, then not yet accessed
@@ -101,7 +101,8 @@ module lipp_register_access #(
             state_q <= Fetch;
           end
         end
-        Fetch: state_q <= Ask;
+        Fetch: state_q <= Fetched;
+        Fetched: state_q <= Ask;
         Ask: state_q <= Wait;
         Wait: if (bus_done_i) begin
           if (write_q) begin

@@ -30,7 +30,7 @@ module lipp_request_reader #(
   output lipp_link_pkg::request_t      request_o,
   output lipp_link_pkg::reply_status_e status_o,  // StatusOk, or why the request is refused
   input  logic [7:0]                   word_at_i,
-  output logic [31:0]                  word_o,  // the word there, a clock later
+  output logic [31:0]                  word_o,  // the word there, two clocks later
 
   output logic               tile_start_o,  // its number and coding are in request_o
   output logic               tile_empty_o,  // with tile_start_o: no data follow
@@ -72,6 +72,7 @@ module lipp_request_reader #(
 
   // ---- words ----
   logic [31:0] words[256];
+  logic [31:0] read_q;       // a block RAM without its own output register is slow
   logic [23:0] collected_q;  // the word's bytes so far
   logic [1:0] byte_q;        // byte of the word being received
   logic [31:0] word;
@@ -83,7 +84,8 @@ module lipp_request_reader #(
   always_ff @(posedge clk_i) begin
     if (state_q == Words && take) collected_q <= {in_data_i, collected_q[23:8]};
     if (collect_word) words[request_q.words[7:0]] <= word;
-    word_o <= words[word_at_i];
+    read_q <= words[word_at_i];
+    word_o <= read_q;
   end
 
   // ---- counts ----

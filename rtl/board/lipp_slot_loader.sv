@@ -4,8 +4,8 @@
 /// Writes a block of 1024 bytes into a slot of the scene, and keeps the CRC-32 of each block.
 ///
 /// start_i copies slot and block, both of which are there; the block's words follow from a memory,
-/// word_i a clock after word_at_o. A byte is written each clock, the low one of a word first: byte k
-/// of block n is byte 1024 n + k of the slot. done_o is a pulse 1029 clocks after start_i.
+/// word_i two clocks after word_at_o. A byte is written each clock, the low one of a word first: byte k
+/// of block n is byte 1024 n + k of the slot. done_o is a pulse 1030 clocks after start_i.
 ///
 /// The table holds the CRC-32 of each block as it was written; 0 from start_i until the block is
 /// whole, and for one that was not written since the reset. Slot 15, the panel's curve, has the
@@ -51,11 +51,10 @@ module lipp_slot_loader #(
     return slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot);
   endfunction
 
-  // ---- the bytes: byte_q is asked for, a clock later its word is there, a clock later it is written ----
+  // ---- the bytes: byte_q is asked for, two clocks later its word is there, a clock later it is written ----
   logic [9:0] byte_q;
-  logic asking_q, asked_q;
-  logic [1:0] part_q;
-  logic [9:0] at_q;
+  logic asking_q, asked_q, there_q;
+  logic [9:0] asked_at_q, at_q;
   logic [3:0] slot_q;
   logic [7:0] block_q;
   assign word_at_o = byte_q[9:2];
@@ -63,8 +62,8 @@ module lipp_slot_loader #(
   always_ff @(posedge clk_i) begin
     if (start_i) {slot_q, block_q} <= {slot_i, block_i};
     byte_q <= asking_q ? byte_q + 1'b1 : '0;
-    {part_q, at_q} <= {byte_q[1:0], byte_q};
-    {write_at_o, write_data_o} <= {2'd0, block_q, at_q, word_i[8*part_q+:8]};
+    {at_q, asked_at_q} <= {asked_at_q, byte_q};
+    {write_at_o, write_data_o} <= {2'd0, block_q, at_q, word_i[8*at_q[1:0]+:8]};
   end
 
   // ---- their CRC ----
@@ -76,11 +75,12 @@ module lipp_slot_loader #(
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {asking_q, asked_q, write_o, written_q, ended_q, done_o} <= '0;
+      {asking_q, asked_q, there_q, write_o, written_q, ended_q, done_o} <= '0;
     end else begin
       asking_q <= start_i || (asking_q && byte_q != '1);
       asked_q <= asking_q;
-      write_o <= asked_q;
+      there_q <= asked_q;
+      write_o <= there_q;
       written_q <= write_o;
       ended_q <= written_q && !write_o;
       done_o <= ended_q;

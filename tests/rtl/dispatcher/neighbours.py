@@ -178,16 +178,17 @@ class Neighbours(Monitor):
         dut.block_done_i.value = 0
         if dut.block_start_o.value:
             assert self._block is None
-            self._block = {"place": (int(dut.block_slot_o.value), int(dut.block_o.value)), "words": []}
-            self._word_at = None
+            self._block = {"place": (int(dut.block_slot_o.value), int(dut.block_o.value)), "words": [], "next": 0}
+            self._words_at = [None, None]
         elif self._block:
             words = self._block["words"]
-            if self._word_at is not None:
+            # What stands there now was asked for two clocks ago.
+            if self._words_at.pop(0) is not None:
                 words.append(int(dut.block_word_o.value))
-            if len(words) < 256:
-                self._word_at = len(words) if self.slow == 0 or random.random() < 0.9 else None
-            else:
-                self._word_at = None
+            asks = self._block["next"] < 256 and (self.slow == 0 or random.random() < 0.9)
+            self._words_at.append(self._block["next"] if asks else None)
+            self._block["next"] += asks
+            if len(words) == 256:
                 self._block.setdefault("left", self.wait(1))
                 self._block["left"] -= 1
                 if self._block["left"] == 0:
@@ -195,9 +196,8 @@ class Neighbours(Monitor):
                     self.log.append(("block", *self._block["place"], data))
                     self._block = None
                     dut.block_done_i.value = 1
-        dut.block_word_at_i.value = (
-            random.getrandbits(8) if self._block is None or self._word_at is None else self._word_at
-        )
+        at = None if self._block is None else self._words_at[-1]
+        dut.block_word_at_i.value = random.getrandbits(8) if at is None else at
 
     def _frames(self) -> None:
         """Of the table an answer three clocks old; of the presenter a status, and an epoch with it."""
