@@ -52,7 +52,7 @@ class Captured:
 
 @contextmanager
 def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Captured]:
-    """Run a virtual board, and keep what it scans out; `scene` as of `virtual_board.start`, which tells what it raises."""
+    """Run a virtual board, and keep what it scans out; `scene` and errors are those of `virtual_board.start`."""
     with tempfile.TemporaryDirectory() as folder:
         virtual = virtual_board.start(display, capture=Path(folder), scene=scene)
         try:

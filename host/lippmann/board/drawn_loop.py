@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Annotated
 
 import numpy as np
@@ -51,12 +51,10 @@ def draw_on_virtual_board(
     # A frame like the one before it is captured once.
     wanted = [np.zeros_like(drawn[0])]
     wanted += [one for one, before in zip(drawn, [*wanted, *drawn], strict=False) if (one != before).any()]
-    differ = sum(_pixels_differ(*pair) for pair in zip_longest(captured.frames, wanted))
-    return DrawnLoop(loaded, played, captured.frames[1:], differ)
+    return DrawnLoop(loaded, played, captured.frames[1:], frames_differ(captured.frames, wanted))
 
 
-def _pixels_differ(shown: Pixels | None, wanted: Pixels | None) -> int:
-    """Return in how many pixels two frames differ; all of them when one is missing."""
-    if shown is None or wanted is None:
-        return max(one.size // 3 for one in (shown, wanted) if one is not None)
-    return int((shown != wanted).any(axis=2).sum())
+def frames_differ(shown: Sequence[Pixels], wanted: Sequence[Pixels]) -> int:
+    """Return in how many pixels frames (height, width, 3) differ; those of a missing frame all do."""
+    counts = [int((one != other).any(axis=2).sum()) for one, other in zip(shown, wanted, strict=False)]
+    return sum(counts) + sum(one.size // 3 for one in (*shown[len(counts) :], *wanted[len(counts) :]))

@@ -42,6 +42,7 @@ def load_textures(
         stack, numbers = film.at(frame)
         scene_words(display, stack, scene.build, numbers)
     loaded = Loaded()
+    scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)
     scene.load(dict(zip(slots, contents, strict=True)), progress, loaded=loaded)
     curve = curve_table(display).tobytes()
