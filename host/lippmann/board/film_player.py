@@ -93,8 +93,8 @@ def play_film(
         scene.draw(True)
     before = scene.status()
     line = scene.board.line
-    begun, written = time.monotonic(), line.written
-    frames = most = late = 0
+    begun = time.monotonic()
+    frames = sent = most = late = 0
     period = 1.0 / film.frames_per_second
     while repeat == 0 or frames < repeat * film.frames:
         if every_frame:
@@ -104,13 +104,14 @@ def play_film(
             time.sleep(max(wait, 0.0))
             late += wait < -period
         stack, numbers = film.at(frames % film.frames)
-        at = line.written
+        written = line.written
         scene.set_stack(display, stack, [slots[number] for number in numbers])
-        most = max(most, line.written - at)
+        most = max(most, line.written - written)
+        sent += line.written - written
         frames += 1
         if progress and repeat:
             progress(frames, repeat * film.frames)
-    seconds, sent = time.monotonic() - begun, line.written - written
+    seconds = time.monotonic() - begun
     if every_frame:
         scene.wait(True)
     underflows = (scene.status().underflows - before.underflows) % (1 << 32)
