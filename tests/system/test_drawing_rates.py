@@ -90,10 +90,10 @@ def test_a_load_that_was_cut_sends_one_packet_again(patient, monkeypatch, cut_at
 def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
     """Blocks, updates and reads on a line that carries more than 3 Mbaud do, while each clock draws a pixel."""
     rng = np.random.default_rng([SEED, 23, rows])
-    size = 1280, rows
+    size, whole = (1280, rows), display_of("square", (1280, 720))
     monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, size, virtual_board.KNOWN_TIMINGS[1280, 720])
     build, display = SceneBuild(), display_of("square", size)
-    stack = LayerStack(tuple(random_layer(rng, display, build) for _ in range(4)))
+    stack = LayerStack(tuple(random_layer(rng, whole, build) for _ in range(4)))
     texture = rng.bytes(build.slot_bytes)
     with (
         virtual_board.running(display, clock_hz=VIDEO_HZ, scene=build) as running,
@@ -105,7 +105,7 @@ def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
         while (drawn := scene.status().frames - first) < frames:
             scene.load({4: texture}, window_bytes=6000)
             texture = bytes(255 - byte for byte in texture)
-            stack = moved(rng, display, build, stack)
+            stack = moved(rng, whole, build, stack)
             scene.set_stack(display, stack)
             board.read(0, 64)
         rate = (board.line.written - written) * BITS_A_BYTE * VIDEO_HZ / (drawn * 1650 * (rows + 30))
