@@ -15,8 +15,8 @@ import rtl_coverage
 #: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
 #: is made once; a long one at the end would leave the other workers idle. The run ends with the slowest tests.
 FIRST = (
-    "test_virtual_board.py", "test_report_command.py", "test_board_commands.py", "test_renderer.py", "test_docs.py",
-    "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
+    "test_virtual_board.py", "test_report_command.py", "test_board_commands.py", "test_demo.py", "test_renderer.py",
+    "test_docs.py", "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
     "test_povray_optics.py", "test_diagnose_regress.py", "test_formal.py", "test_povray_scene.py",
     "test_link_faults.py", "test_fit.py", "test_fixed_error.py", "test_conditioning_cases.py",
     "test_golden_exact.py", "test_ray_pipeline.py", "test_conditioning_registers.py", "test_select_model.py",

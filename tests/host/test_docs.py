@@ -39,7 +39,7 @@ FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
 #: Pages whose commands render large panels or many frames.
 SLOW = ("README.md", "docs/how-to/browser.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
 #: Pages whose Python programs run between the commands, as a board that they need is started and stopped there.
-PROGRAMS = ("README.md",)
+PROGRAMS = ("README.md", "docs/how-to/draw-on-the-board.md")
 INDENTED = re.compile(
     r"^    ((?:lippmann|make|python3?|pip|git|cd|source|dask|mitsuba|povray|pytest|sudo|export)(?: .*)?)$", re.M
 )

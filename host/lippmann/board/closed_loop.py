@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from lippmann.board.check_rays import Check, check_rays
 from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display import Display
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.sim import virtual_board
 from lippmann.toml import documented, key
 
@@ -35,6 +37,36 @@ class Loop:
     seconds: Annotated[float, key("time that the simulation took")]
 
 
+@dataclass
+class Captured:
+    """An open virtual board; when it has ended also its frames and counts.
+
+    `frames` are those scanned out, (height, width, 3) uint8, in their order without repetitions; `counts` are those of
+    `RunningBoard.stop`.
+    """
+
+    board: Board
+    frames: list[Pixels] = field(default_factory=list)
+    counts: dict[str, Any] = field(default_factory=dict)
+
+
+@contextmanager
+def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Captured]:
+    """Run a virtual board, and keep what it scans out; `scene` and errors are those of `virtual_board.start`."""
+    with tempfile.TemporaryDirectory() as folder:
+        virtual = virtual_board.start(display, capture=Path(folder), scene=scene)
+        try:
+            with Board.open(virtual.url, patience_s=PATIENCE_S) as board:
+                captured = Captured(board)
+                yield captured
+        finally:
+            counts = virtual.stop()
+        captured.counts = counts
+        shape = display.panel.height_px, display.panel.width_px, 3
+        for path in sorted(Path(folder).glob("frame-*.rgb")):
+            captured.frames.append(np.frombuffer(path.read_bytes(), np.uint8).reshape(shape))
+
+
 def run_on_virtual_board(
     display: Display,
     frame: Pixels,
@@ -48,16 +80,9 @@ def run_on_virtual_board(
     `frame` holds panel values, (height, width, 3) uint8; `columns` and `rows` are first and last of the region. `say`
     is called with a sentence before each long step. Raises as `virtual_board.start`, `check_rays` and `send_frame`.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        say("starting the virtual board (compiled once, half a minute) ...")
-        virtual = virtual_board.start(display, capture=Path(folder))
-        try:
-            with Board.open(virtual.url, patience_s=PATIENCE_S) as board:
-                check = check_rays(board, display, columns, rows)
-                sent = send_frame(board, frame, progress)
-                crc = board.panel_crc()
-        finally:
-            done = virtual.stop()
-        last = max(Path(folder).glob("frame-*.rgb"))
-        panel_frame = np.frombuffer(last.read_bytes(), np.uint8).reshape(frame.shape)
-    return Loop(check, sent, crc, panel_frame, done["clocks"], done["seconds"])
+    say("starting the virtual board (compiled once, half a minute) ...")
+    with capturing(display) as captured:
+        check = check_rays(captured.board, display, columns, rows)
+        sent = send_frame(captured.board, frame, progress)
+        crc = captured.board.panel_crc()
+    return Loop(check, sent, crc, captured.frames[-1], captured.counts["clocks"], captured.counts["seconds"])

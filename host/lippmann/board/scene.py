@@ -284,15 +284,15 @@ class SceneBoard:
         self.board.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [int(scene)])
         self.wait(scene)
 
-    def wait(self, shown: bool) -> None:
-        """Wait until the panel shows the scene, or the stored frame, and all registers that were written.
+    def wait(self, shown: bool | None = None) -> None:
+        """Wait until the panel shows the scene, or the stored frame (None: any), and all registers that were written.
 
         Raises DeviceError when it does not within `FRAME_SECONDS`.
         """
         until = time.monotonic() + FRAME_SECONDS
-        while (status := self.status()).waits or status.shown != shown:
+        while (status := self.status()).waits or shown not in (None, status.shown):
             if time.monotonic() > until:
-                what = "the panel does not change to the " + ("scene" if shown else "stored frame")
+                what = "the panel does not change to the " + ("stored frame" if shown is False else "scene")
                 raise DeviceError.at(self.board.line.url, what, "check the board's clock and its cable")
             time.sleep(QUERY_S)
 

@@ -12,6 +12,7 @@ from lippmann import api
 from lippmann.animation import write_animation, write_contact_sheet
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.frames import panel_values
+from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
 from lippmann.cli.output import counted, emit, log, progress_bar
@@ -27,9 +28,6 @@ from lippmann.viewer.page import Direct, page_html
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
-EYE_DISTANCE_MM = 600.0
-#: Travel of the eye to each side, mm, within the viewing zone of the display's edges.
-REACH_MM = 30.0
 FRAMES = 15
 VIEW_WIDTH_PX = 500
 VIEW_SAMPLES = 64
@@ -43,9 +41,10 @@ def command(
     output: str = option("Folder for the results.", "out/demo", flag="-o"),
     device: str = DEVICE,
 ) -> None:
-    """Run the main steps once: render, stream, observe.
+    """Run the main steps once: render, stream, draw, observe.
 
-    Renders the fish, streams it to a virtual board, and computes what an eye sees of the board's panel.
+    Renders the fish and streams it to a virtual board. A second board draws films of layers by itself. Computes what an
+    eye sees of both panels.
 
     Example: lippmann demo
     """
@@ -73,6 +72,7 @@ def command(
     scanned.save(out / "panel.png")
 
     directs, decibels = _views(scene, scanned, out, device)
+    drawn = draw_films(folder, out, device)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
     with replacing(out / "index.html") as partial:
         partial.write_text(page, encoding="utf-8")
@@ -89,11 +89,14 @@ def command(
         "crc_equal": loop.panel_crc == loop.sent.crc,
         "clocks": loop.clocks,
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
+        "drawn": drawn,
     }
     with replacing(out / "demo.json") as partial:
         partial.write_text(json.dumps(result, indent=2) + "\n")
     if not (loop.check.equal and differ == 0 and loop.panel_crc == loop.sent.crc):
         raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
+    if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
+        raise DeviceError(f"{out / 'demo.json'}: the board did not draw what the twin draws; please report this")
 
     shares = ", ".join(f"{psnr:.1f}" for psnr in decibels)
     steps = (
@@ -103,6 +106,13 @@ def command(
         ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
         (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
         ("the eye moves", "views.gif"),
+        *(
+            (
+                f"a board drew the {name} by itself: 0 of {film['pixels'] / 1e6:.1f} M pixels differ from the twin's",
+                f"drawn-{name}.gif",
+            )
+            for name, film in drawn.items()
+        ),
         ("open it in a browser and move the eye with the mouse", "index.html"),
     )
     emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in steps))

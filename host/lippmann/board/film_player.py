@@ -1,0 +1,118 @@
+"""A film of layers on a board that draws: textures into slots, then one write of registers for each frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Annotated
+
+from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.board.stream import Progress
+from lippmann.display import Display
+from lippmann.film.layer_film import LayerFilm
+from lippmann.fixed.scene_build import CURVE_SLOT
+from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.toml import documented, key
+
+
+@documented
+@dataclass(frozen=True)
+class Played:
+    """Counts of a film that was played."""
+
+    frames: Annotated[int, key("frames that were asked for")]
+    seconds: Annotated[float, key("from the first frame until the last one was written")]
+    bytes: Annotated[int, key("bytes of the motion on the line")]
+    most_bytes: Annotated[int, key("most bytes of a frame")]
+    late: Annotated[int, key("frames written more than a frame's time late")]
+    underflows: Annotated[int, key("pixels that the board did not draw in time")]
+
+
+def load_textures(
+    scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None
+) -> tuple[Loaded, list[int]]:
+    """Load a film's textures into free slots, and the panel's curve; return the counts, and the slot of each layer.
+
+    A scene that is shown stays, unless it has another curve. `progress` is called with (blocks done, blocks). Raises
+    InputError, before anything is sent, for layers that do not fit the build and for motion beyond a register's range;
+    DeviceError when too few slots are free, and as `SceneBoard.load`.
+    """
+    contents = [slot_bytes(layer, scene.build).tobytes() for layer in film.stack.layers]
+    for frame in range(film.frames):
+        stack, numbers = film.at(frame)
+        scene_words(display, stack, scene.build, numbers)
+    loaded = Loaded()
+    scene.wait()  # slots of a scene that was ended are free when the panel has left it
+    slots = scene.free_slots(contents)
+    scene.load(dict(zip(slots, contents, strict=True)), progress, loaded=loaded)
+    curve = curve_table(display).tobytes()
+    if CURVE_SLOT in scene.status().slots and not scene.holds(CURVE_SLOT, curve):
+        scene.draw(False)
+    scene.load({CURVE_SLOT: curve})
+    return loaded, slots
+
+
+def play_film(
+    scene: SceneBoard,
+    display: Display,
+    film: LayerFilm,
+    slots: list[int],
+    repeat: int = 1,
+    every_frame: bool = False,
+    progress: Progress | None = None,
+) -> Played:
+    """Play a film whose textures are loaded; its last frame stays on the panel.
+
+    Parameters
+    ----------
+    slots
+        Slot of each of the film's layers, from `load_textures`.
+    repeat
+        How often the film is played; 0: without end.
+    every_frame
+        Wait until the panel shows a frame before the next is written, however long that takes; without, frames are
+        written at the film's speed.
+    progress
+        Called with (frames done, frames), unless the film has no end.
+
+    Raises
+    ------
+    DeviceError
+        When the board refuses a write, or its panel does not change.
+    """
+    stack, numbers = film.at(0)
+    order = [slots[number] for number in numbers]
+    shown = scene.status().shown
+    if shown and scene.holds_common(display, stack):
+        scene.set_stack(display, stack, order)
+        scene.wait(True)
+    else:
+        if shown:
+            scene.draw(False)
+        scene.prepare(display, stack, order)
+        scene.draw(True)
+    before = scene.status()
+    line = scene.board.line
+    begun = time.monotonic()
+    frames = sent = most = late = 0
+    period = 1.0 / film.frames_per_second
+    while repeat == 0 or frames < repeat * film.frames:
+        if every_frame:
+            scene.wait(True)
+        else:
+            wait = begun + frames * period - time.monotonic()
+            time.sleep(max(wait, 0.0))
+            late += wait < -period
+        stack, numbers = film.at(frames % film.frames)
+        written = line.written
+        scene.set_stack(display, stack, [slots[number] for number in numbers])
+        most = max(most, line.written - written)
+        sent += line.written - written
+        frames += 1
+        if progress and repeat:
+            progress(frames, repeat * film.frames)
+    seconds = time.monotonic() - begun
+    if every_frame:
+        scene.wait(True)
+    underflows = (scene.status().underflows - before.underflows) % (1 << 32)
+    return Played(frames, seconds, sent, most, late, underflows)

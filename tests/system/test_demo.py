@@ -1,0 +1,110 @@
+"""The demo on small panels: its results, its figures, and what it says of a board that shows something else."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.board import drawn_loop
+from lippmann.board.film_player import Played
+from lippmann.cli import demo, demo_drawn, run
+from lippmann.fixed.scene_build import SceneBuild
+from PIL import Image
+
+SCENES = Path(__file__).parents[2] / "scenes"
+PAGE = SCENES.parent / "docs/reference/command-line.md"
+#: The size of the panels that other system tests compile, too.
+WIDTH, HEIGHT = 112, 80
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    """The scenes that ship, with small panels."""
+    folder = tmp_path_factory.mktemp("scenes")
+    for name in ("fish", "films", "layers"):
+        (folder / name).symlink_to(SCENES / name)
+    (folder / "displays").mkdir()
+    for name in (demo.DISPLAY, demo_drawn.DISPLAY):
+        text = (SCENES / name).read_text()
+        text = re.sub(r"^width_px = .*", f"width_px = {WIDTH}", text, flags=re.M)
+        (folder / name).write_text(re.sub(r"^height_px = .*", f"height_px = {HEIGHT}", text, flags=re.M))
+    return folder
+
+
+def ran(scenes, out, capfd):
+    code = run(["demo", "--scenes", str(scenes), "-o", str(out)])
+    said, told = capfd.readouterr()
+    return code, said, told
+
+
+def test_every_result_is_there(scenes, tmp_path, capfd):
+    code, said, told = ran(scenes, tmp_path, capfd)
+    assert code == 0, told
+    result = json.loads((tmp_path / "demo.json").read_text())
+    assert list(result["drawn"]) == ["fish", "chart"]
+    assert [film["frames"] for film in result["drawn"].values()] == [17, 1]
+    for film in result["drawn"].values():
+        assert (film["pixels_differ"], film["underflows"]) == (0, 0)
+        assert film["pixels"] == film["frames"] * WIDTH * HEIGHT
+        assert film["load_bytes"] > 4 * SceneBuild().slot_bytes
+    # Three layers move, of which each takes seven words at most; those between are written, too.
+    assert 39 < result["drawn"]["fish"]["most_bytes"] <= 39 + 2 * 32
+    for name in result["drawn"]:
+        with Image.open(tmp_path / f"drawn-{name}.gif") as animation:
+            views = []
+            for k in range(animation.n_frames):
+                animation.seek(k)
+                views.append(np.asarray(animation.convert("RGB")))
+        assert len(views) >= 16
+        assert all((one != other).any() for one, other in itertools.pairwise(views)), "the eye moves"
+    # The page lists every file and every figure, and the last lines name the files.
+    section = PAGE.read_text().split("\n## demo\n")[1].split("\n## ")[0]
+    keys = {*result, *result["drawn"]["fish"]}
+    assert not [key for key in keys if f"`{key}`" not in section]
+    for path in tmp_path.iterdir():
+        assert f"`{path.name}`" in section
+        assert path.name in said or path.name == "demo.json"
+
+
+@pytest.mark.parametrize("planted", ["a drawn pixel", "a late pixel"])
+def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monkeypatch, planted):
+    """The twin draws one pixel of a frame otherwise; or a pixel came too late. Exit code 1; the results are kept."""
+    if planted == "a drawn pixel":
+        draw, calls = drawn_loop.draw, []
+
+        def other(*arguments):
+            pixels = draw(*arguments).copy()
+            calls.append(pixels)
+            if len(calls) == 5:
+                pixels[HEIGHT // 2, 3, 1] ^= 1
+            return pixels
+
+        monkeypatch.setattr(drawn_loop, "draw", other)
+        wanted = (1, 0)
+    else:
+        play_film = drawn_loop.play_film
+
+        def late(*arguments, **options):
+            return Played(**{**vars(play_film(*arguments, **options)), "underflows": 7})
+
+        monkeypatch.setattr(drawn_loop, "play_film", late)
+        wanted = (0, 7)
+    code, said, told = ran(scenes, tmp_path, capfd)
+    assert code == 1
+    assert not said
+    assert told.splitlines()[-1].endswith("the board did not draw what the twin draws; please report this")
+    fish = json.loads((tmp_path / "demo.json").read_text())["drawn"]["fish"]
+    assert (fish["pixels_differ"], fish["underflows"]) == wanted
+    assert (tmp_path / "drawn-fish.gif").is_file()
+
+
+@pytest.mark.parametrize(("shown", "differ"), [([0, 1], 0), ([0], 6), ([0, 1, 1], 6), ([0, 2], 1), ([], 12)])
+def test_frames_that_are_missing_or_too_many_count_whole(shown, differ):
+    """Frames of 2 x 3 pixels; 0 is black, 1 is drawn, 2 is another in one pixel."""
+    frames = [np.zeros((2, 3, 3), np.uint8), np.full((2, 3, 3), 9, np.uint8), np.full((2, 3, 3), 9, np.uint8)]
+    frames[2][1, 1] = 8, 7, 9
+    assert drawn_loop.frames_differ([frames[k] for k in shown], frames[:2]) == differ

@@ -1,0 +1,116 @@
+"""What loading costs on the line, and that no pixel is late: counted on the virtual board, not timed."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+import pytest
+from lippmann.board.board import Board
+from lippmann.board.closed_loop import PATIENCE_S
+from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.errors import NoBoardError
+from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
+from lippmann.layers.stack import LayerStack
+from lippmann.link import round_trip
+from lippmann.link.port import BITS_A_BYTE, Line
+from lippmann.registers import BOARD_REGISTERS
+from lippmann.sim import virtual_board
+from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, moved, random_layer, show, twin
+
+#: Of the line in the figures that are promised, and the slowest clock for it: the fewest clocks of a bit.
+BAUD = 3_000_000
+SLOW_HZ = BAUD * virtual_board.CLOCKS_OF_A_BIT
+#: The pixel clock of 1280 x 720 at 60 frames a second.
+VIDEO_HZ = 74_250_000
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Nothing is sent again because this machine is slow."""
+    for name in ("FIRST_S", "SHORTEST_S", "LONGEST_S"):
+        monkeypatch.setattr(round_trip, name, PATIENCE_S)
+
+
+def frames_of(board):
+    return board.read(BOARD_REGISTERS["frames"].address)[0]
+
+
+@pytest.mark.full
+def test_four_layers_are_loaded_in_a_second(patient):
+    """Of the usual size, by a UART of 3 Mbaud, bit by bit; the clock is the time, in frames of the panel."""
+    build, display = SceneBuild(), display_of("square")
+    front, sync, back, above, lines, below, *_ = virtual_board.REDUCED
+    frame_s = (WIDTH + front + sync + back) * (HEIGHT + above + lines + below) / SLOW_HZ
+    contents = {slot: np.random.default_rng([SEED, slot]).bytes(build.slot_bytes) for slot in range(4)}
+    with (
+        virtual_board.running(display, baud=BAUD, clock_hz=SLOW_HZ, scene=build) as running,
+        Board.open(running.url, BAUD, PATIENCE_S) as board,
+    ):
+        scene = SceneBoard(board)
+        before = frames_of(board)
+        loaded = scene.load(contents)
+        seconds = (frames_of(board) + 1 - before) * frame_s
+    print(f"{loaded.wire_bytes} bytes, {seconds:.3f} s, the line's share {loaded.wire_bytes * 10 / BAUD / seconds:.3f}")
+    assert loaded.sends == loaded.blocks == 4 * build.blocks
+    assert seconds <= 1.0
+
+
+@pytest.mark.parametrize("cut_at", [1, 7, 14])
+def test_a_load_that_was_cut_sends_one_packet_again(patient, monkeypatch, cut_at):
+    """The line ends in the middle of a packet, on a UART: all blocks before it are kept, and it alone is sent again."""
+    contents = {slot: np.random.default_rng([SEED, 30, slot]).bytes(USUAL.slot_bytes) for slot in range(4)}
+    send, packets = Line.send, []
+
+    def cut(line, packet, patience_s):
+        if len(packet) > BLOCK_BYTES:
+            packets.append(packet)
+            if len(packets) == cut_at:
+                send(line, packet[: len(packet) // 2], patience_s)
+                raise NoBoardError("unplugged")
+        return send(line, packet, patience_s)
+
+    monkeypatch.setattr(Line, "send", cut)
+    baud = virtual_board.CLOCK_HZ // virtual_board.CLOCKS_OF_A_BIT
+    loaded = Loaded()
+    with virtual_board.running(display_of("square"), baud=baud, scene=USUAL) as running:
+        with pytest.raises(NoBoardError), Board.open(running.url, baud, PATIENCE_S) as board:
+            SceneBoard(board).load(contents, loaded=loaded)
+        with Board.open(running.url, baud, PATIENCE_S) as board:
+            scene = SceneBoard(board)
+            scene.load(contents, loaded=loaded)
+            assert all(scene.holds(slot, content) for slot, content in contents.items())
+    assert loaded.skipped == cut_at - 1
+    assert len(packets) == loaded.sends == loaded.blocks + 1
+
+
+#: Rows of the panel, and frames: the simulated clocks are alike. Each has the lines of 1280 x 720, 1650 clocks.
+@pytest.mark.full
+@pytest.mark.parametrize(("rows", "frames"), [(16, 1000), (144, 100), (720, 20)])
+def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
+    """Blocks, updates and reads on a line that carries more than 3 Mbaud do, while each clock draws a pixel."""
+    rng = np.random.default_rng([SEED, 23, rows])
+    size, whole = (1280, rows), display_of("square", (1280, 720))
+    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, size, virtual_board.KNOWN_TIMINGS[1280, 720])
+    build, display = SceneBuild(), display_of("square", size)
+    stack = LayerStack(tuple(random_layer(rng, whole, build) for _ in range(4)))
+    texture = rng.bytes(build.slot_bytes)
+    with (
+        virtual_board.running(display, clock_hz=VIDEO_HZ, scene=build) as running,
+        Board.open(running.url, patience_s=PATIENCE_S) as board,
+    ):
+        scene = SceneBoard(board)
+        show(scene, display, stack)
+        first, written = scene.status().frames, board.line.written
+        while (drawn := scene.status().frames - first) < frames:
+            scene.load({4: texture}, window_bytes=6000)
+            texture = bytes(255 - byte for byte in texture)
+            stack = moved(rng, whole, build, stack)
+            scene.set_stack(display, stack)
+            board.read(0, 64)
+        rate = (board.line.written - written) * BITS_A_BYTE * VIDEO_HZ / (drawn * 1650 * (rows + 30))
+        print(f"{drawn} frames of {size}, the line at {rate / 1e6:.1f} Mbaud")
+        assert rate >= BAUD
+        scene.wait(True)
+        assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
+        assert scene.status().underflows == 0
