@@ -26,8 +26,8 @@ BLOCK_RAM_BYTES = 2048
 #: Bytes of the table of the panel's curve, of which each colour has a copy.
 CURVE_BYTES = 8192
 #: Multipliers of the steps of rtl/scene: of exit_line, of layer_coordinate, of texel_blend for each texel, of composite
-#: for each layer, and of the background behind them.
-EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 5, 3
+#: for each layer behind the first, and of the background behind them.
+EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, in the reach of the eyes to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
 #: Samples for each pixel of the full render.
@@ -57,7 +57,7 @@ def cost_of(layers: int, slot: tuple[int, int], filter: Filter) -> Cost:
     banks = 4 if filter == "bilinear" else 1
     one = banks * (math.ceil(texels / banks / BLOCK_RAM_BYTES) + 1)
     block_rams = (layers + 1) * one + 3 * CURVE_BYTES // BLOCK_RAM_BYTES
-    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND + COMPOSITE)
+    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND) + (layers - 1) * COMPOSITE
     return Cost(layers, layers * (texels + PALETTE_BYTES), block_rams, multipliers)
 
 
