@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,9 +13,13 @@ import numpy as np
 from lippmann.animation import write_contact_sheet
 from lippmann.conditioning.cases import CASES
 from lippmann.conditioning.word_sets import SAMPLE
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
-from lippmann.measure import depth, fixed
+from lippmann.layers.cost import FULL_SAMPLES, cost_of
+from lippmann.layers.cut import SLOT
+from lippmann.layers.drawing import FILTERS
+from lippmann.measure import depth, fixed, layers
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
 from lippmann.report import plots
@@ -120,6 +125,27 @@ def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> P
     tables = {"hard-cases": real, "hard-cases-fixed": fixed_rows, "hard-cases-formulas": formulas}
     context = {"real": real, "fixed": fixed_rows, "formulas": formulas, "cases": cases}
     return Page("hard-cases", origin, [plot], tables, {**context, "widest": WIDEST, "compact": COMPACT})
+
+
+def layers_page(origin: Origin, rows: Rows, builds: Rows) -> Page:
+    """Return the page of `lippmann bench layers`: `rows` of `layers.measure`, `builds` of `layers.placed_builds`."""
+    cuts, beside, build = [], [], SceneBuild()
+    for group in groups([row for row in rows if row["drawn"] != "streamed"], "display", "scene", "layers"):
+        nearest, bilinear = (where(group, drawn=drawn)[0] for drawn in FILTERS)
+        both = {key: f"{nearest[key]}, {bilinear[key]}" for key in ("block_rams", "multipliers")}
+        decibels = {f"{row['drawn']}_{key}": row[key] for row in (nearest, bilinear) for key in ("view_db", "worst_db")}
+        cuts.append({**nearest, **both, **decibels, "holes_percent": max(values(group, "holes_percent"))})
+    for row in where(rows, drawn="streamed"):
+        *_, cut = (c for c in where(cuts, display=row["display"], scene=row["scene"]) if c["layers"] <= build.layers)
+        sent, loaded = row["line_bytes"], cut["line_bytes"]
+        seconds = {"seconds": layers.line_seconds(sent), "line_seconds": layers.line_seconds(loaded)}
+        beside.append({**cut, **seconds, "sent_bytes": sent, "view_db": row["view_db"], "worst_db": row["worst_db"]})
+    named = [{**row, **asdict(cost_of(build.layers, SLOT, row["drawn"]))} for row in builds]
+    context = {
+        "cuts": cuts, "beside": beside, "named": named, "layers": layers, "slot": SLOT, "full_samples": FULL_SAMPLES,
+        "baud": layers.BAUD // 10**6, "shown": (1, 2, build.layers, 8),
+    }  # fmt: skip
+    return Page("layers", origin, [plots.layers(rows)], {"layers": rows, "layers-builds": builds}, context)
 
 
 #: Measurements of `docs/measured.md`.
