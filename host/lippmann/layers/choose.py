@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from lippmann.display import Display
@@ -21,10 +21,10 @@ from lippmann.toml import documented, key
 TOLERANCE_DB = 25.0
 #: Slots that are tried, texels across and down.
 SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
-#: Block RAMs of an ECP5-85 that the optics of the configuration compact-square leave.
-BLOCK_RAMS = 208 - 53
+#: Block RAMs and multipliers of an ECP5-85 that the optics of the configuration compact-square leave.
+BLOCK_RAMS, MULTIPLIERS = 208 - 53, 156 - 43
 
-Limit = Literal["render", "block_rams", "depths", "sizes"]
+Limit = Literal["render", "hardware", "depths", "sizes"]
 
 
 @documented
@@ -49,6 +49,7 @@ def choose_layers(
     tolerance_db: float = TOLERANCE_DB,
     slots: Sequence[tuple[int, int]] = SLOTS,
     block_rams: int = BLOCK_RAMS,
+    multipliers: int = MULTIPLIERS,
     settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> LayerChoice:
@@ -65,8 +66,8 @@ def choose_layers(
         Least PSNR, dB, of the drawn layers' view against the full render's.
     slots
         Sizes of slots that are tried, texels across and down.
-    block_rams
-        Most block RAMs of the drawing.
+    block_rams, multipliers
+        Most of each (DP16KD, MULT18X18D) that the drawing may take.
     settings
         How each texel is rendered: samples, integrator, seed.
     progress
@@ -75,7 +76,7 @@ def choose_layers(
     Raises
     ------
     InputError
-        For a tolerance that is not positive and finite, slots that no board has, too few block RAMs for any layer, and a
+        For a tolerance that is not positive and finite, slots that no board has, too little hardware for a layer, and a
         scene of which no eye sees anything.
     """
     if not 0.0 < tolerance_db < math.inf:
@@ -84,10 +85,10 @@ def choose_layers(
         check_slot(slot)
     settings = Settings(samples=16) if settings is None else settings
     every = sorted(_candidates(slots), key=lambda one: (one[0].block_rams, one[0].load_bytes, one[0].multipliers))
-    fitting = [one for one in every if one[0].block_rams <= block_rams]
+    fitting = [one for one in every if one[0].block_rams <= block_rams and one[0].multipliers <= multipliers]
     if not fitting:
-        least = every[0][0].block_rams
-        raise InputError(f"no layer fits {block_rams} block RAMs; give --block-rams {least} or more")
+        what = f"no layer fits {block_rams} block RAMs and {multipliers} multipliers"
+        raise InputError(f"{what}; give at least {every[0][0].block_rams} and {every[0][0].multipliers}")
     full, lines = full_views(scene, display, settings), list(exit_lines(display))
     cuts: dict[tuple[int, tuple[int, int]], Cut] = {}
     tried: list[dict[str, Any]] = []
@@ -105,8 +106,8 @@ def choose_layers(
         if progress is not None:
             progress(number, len(fitting))
     render_db = min(streamed(scene, display, full, settings)[1])
-    larger = [cost for cost, _, _ in every if cost.block_rams > block_rams and cost.layers <= depths]
-    limit: Limit = "block_rams" if larger else "depths" if depths < MAX_LAYERS else "sizes"
+    larger = any(one not in fitting and one[0].layers <= depths for one in every)
+    limit: Limit = "hardware" if larger else "depths" if depths < MAX_LAYERS else "sizes"
     return LayerChoice(None, tried, "render" if render_db < tolerance_db else limit, render_db)
 
 

@@ -18,13 +18,12 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
 from lippmann.layers.cost import FULL_SAMPLES, cost_of
 from lippmann.layers.cut import SLOT
-from lippmann.layers.drawing import FILTERS
 from lippmann.measure import depth, fixed, layers
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
 from lippmann.report import plots
 from lippmann.report.pages import Page
-from lippmann.report.tables import Rows, columns, values, where
+from lippmann.report.tables import Rows, columns, spanned, values, where
 from lippmann.sim.tools import repository
 
 Origin = Mapping[str, str]
@@ -129,21 +128,25 @@ def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> P
 
 def layers_page(origin: Origin, rows: Rows, builds: Rows) -> Page:
     """Return the page of `lippmann bench layers`: `rows` of `layers.measure`, `builds` of `layers.placed_builds`."""
-    cuts, beside, build = [], [], SceneBuild()
-    for group in groups([row for row in rows if row["drawn"] != "streamed"], "display", "scene", "layers"):
-        nearest, bilinear = (where(group, drawn=drawn)[0] for drawn in FILTERS)
-        both = {key: f"{nearest[key]}, {bilinear[key]}" for key in ("block_rams", "multipliers")}
-        decibels = {f"{row['drawn']}_{key}": row[key] for row in (nearest, bilinear) for key in ("view_db", "worst_db")}
-        cuts.append({**nearest, **both, **decibels, "holes_percent": max(values(group, "holes_percent"))})
+    built, drawn = SceneBuild().layers, [row for row in rows if row["drawn"] != "streamed"]
+    seen = [
+        {**group[0], **{str(row["layers"]): f"{row['view_db']:.1f} ({row['worst_db']:.1f})" for row in group}}
+        for group in groups(drawn, "display", "scene", "drawn")
+    ]
+    beside = []
     for row in where(rows, drawn="streamed"):
-        *_, cut = (c for c in where(cuts, display=row["display"], scene=row["scene"]) if c["layers"] <= build.layers)
-        sent, loaded = row["line_bytes"], cut["line_bytes"]
-        seconds = {"seconds": layers.line_seconds(sent), "line_seconds": layers.line_seconds(loaded)}
-        beside.append({**cut, **seconds, "sent_bytes": sent, "view_db": row["view_db"], "worst_db": row["worst_db"]})
-    named = [{**row, **asdict(cost_of(build.layers, SLOT, row["drawn"]))} for row in builds]
+        cut = where(drawn, display=row["display"], scene=row["scene"], layers=built)
+        decibels = {f"{one['drawn']}_db": one["view_db"] for one in cut}
+        sent = {"sent_bytes": row["line_bytes"], "sent_seconds": layers.line_seconds(row["line_bytes"])}
+        beside.append({**row, **decibels, **sent, **{key: cut[0][key] for key in ("line_bytes", "frame_bytes")}})
+        beside[-1]["line_seconds"] = layers.line_seconds(cut[0]["line_bytes"])
+    named = [
+        {**group[0], **asdict(cost_of(built, SLOT, group[0]["drawn"])), "mhz": spanned(values(group, "mhz"))}
+        for group in groups(builds, "build")
+    ]
     context = {
-        "cuts": cuts, "beside": beside, "named": named, "layers": layers, "slot": SLOT, "full_samples": FULL_SAMPLES,
-        "baud": layers.BAUD // 10**6, "shown": (1, 2, build.layers, 8),
+        "rows": drawn, "seen": seen, "beside": beside, "named": named, "layers": layers, "slot": SLOT, "built": built,
+        "full_samples": FULL_SAMPLES, "baud": layers.BAUD // 10**6,
     }  # fmt: skip
     return Page("layers", origin, [plots.layers(rows)], {"layers": rows, "layers-builds": builds}, context)
 

@@ -214,6 +214,7 @@ def layers(rows: Rows) -> Plot:
             lines(axis, cuts, "line", key, "view_db")
             for row, colour in zip(where(scene, drawn="streamed"), COLOURS[::2], strict=False):
                 axis.axhline(row["view_db"], linestyle="--", color=colour, label=f"{row['display']}, streamed")
-            axis.legend(fontsize=7)
+            axis.get_legend().remove()
             axis.set(xlabel=label, ylabel="the eye's view, dB", title=scene[0]["scene"])
+    picture.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Plot("layers", finish(picture))
