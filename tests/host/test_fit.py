@@ -338,9 +338,9 @@ def cards(mi, tmp_path, monkeypatch):
 def test_a_plane_is_one_layer_and_two_planes_are_two(cards):
     """One plain wall: any layer shows it, so the cheapest of all is chosen: one layer, nearest, the smallest slot.
 
-    A card in front moves by 47 x (10 / 590 + 15 / 615) = 1.9 mm against the wall for the outermost eye. One layer leaves
-    a part of it: half a millimetre along two edges of 10 mm, of 768 mm2, is about 28 dB for these colours. Two layers
-    leave the edges' texels alone.
+    A card in front moves by 47 x (10 / 590 + 15 / 615) = 1.9 mm against the wall for the outermost eye. One layer
+    leaves a part of it: half a millimetre along two edges of 10 mm, of 768 mm2, is about 28 dB for these colours. Two
+    layers leave the edges' texels alone.
     """
     one = choose_layers(cards(WALL), PANEL, 25.0, SMALL, settings=FAST)
     assert (one.chosen["layers"], one.chosen["filter"], one.chosen["slot"]) == (1, "nearest", [64, 48])
@@ -404,7 +404,7 @@ def test_the_command_chooses_layers_and_says_what_was_tried(cards, capfd):
     assert out.splitlines()[-1].endswith("chosen")
     assert run([*words, "--tolerance-db", "40", "--block-rams", "20"]) == 0  # as when no other build suffices
     out = capfd.readouterr().out
-    assert "none of those tried is within 40 dB; limit: larger builds need more than --block-rams" in out
+    assert "none of those tried is within 40 dB; limit: larger builds, not tried, need more than --block-rams" in out
     assert sum(line.endswith("best") for line in out.splitlines()) == 1
     for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "power of two")):
         assert run([*words, *more]) == 2

@@ -110,18 +110,18 @@ def test_the_page_of_few_rows():
     rows = [
         row(*where, drawn, number, 20.0 + number)
         for where in (("vga-square", "fish"), ("vga-square", "chart"))
-        for drawn, number in (("streamed", 17), *((f, n) for n in (1, 3) for f in ("nearest", "bilinear")))
+        for drawn, number in (("streamed", 17), *((f, n) for n in (1, 4) for f in ("nearest", "bilinear")))
     ]
     builds = [{"build": "scene-nearest-compact-square", "drawn": "nearest",
                "seed": None, "mhz": None, "lut": None, "mult18x18d": None, "dp16kd": None}]  # fmt: skip
     text = layers_page({"machine": "x"}, rows, builds).text()
-    assert "37.0 dB: noise of the render" in text
-    assert "23.0 dB of the fish (23.0 bilinear), 23.0 dB of the chart" in text
-    assert "take 1.00 s once, then 39 bytes" in text
-    assert "place-and-route has not been run yet" in text
-    assert "| scene-nearest-compact-square | - | 137 | 69 | 201 | - | - | - | - |" in text
-    builds[0] |= {"seed": 1, "mhz": 98.5, "lut": 9000, "mult18x18d": 69, "dp16kd": 137}
-    assert "98 MHz are reached" in layers_page({"machine": "x"}, rows, builds).text()
+    assert "37.0 dB: what is missing" in text
+    assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
+    assert "take 1.00 s once. Then a frame takes 39 bytes" in text
+    assert "Place-and-route has not been run yet" in text
+    assert "| scene-nearest-compact-square | 137 | 69 | 201 | - | - | - | - |" in text
+    placed = [{**builds[0], "seed": seed, "mhz": mhz} for seed, mhz in ((1, 98.5), (2, 93.25))]
+    assert "Placed: 93.2 to 98.5 MHz." in layers_page({"machine": "x"}, rows, placed).text()
 
 
 def test_builds_are_those_that_make_synth_places():
@@ -148,3 +148,28 @@ def test_the_kept_report_is_whole():
             assert all(math.isfinite(row["worst_db"]) and row["worst_db"] <= row["view_db"] for row in drawn)
             assert all(row["view_db"] < streamed["view_db"] for row in drawn)
             assert all(row["holes_percent"] == 0.0 for row in drawn)
+
+
+def test_figures_of_the_how_to_are_those_of_the_kept_report():
+    _, rows = read_csv(REPORTS / "layers.csv")
+    text = (repository() / "docs/how-to/layers.md").read_text().split("## How many layers?")[1].split("\n## ")[0]
+
+    def db(display, scene, number, drawn="nearest"):
+        wanted = (display, scene, number, drawn)
+        (row,) = (row for row in rows if (row["display"], row["scene"], row["layers"], row["drawn"]) == wanted)
+        return f"{row['view_db']:.1f}"
+
+    square = layers.DISPLAYS[0]
+    for number in (4, 8):
+        chart, fish = ([db(display, scene, number) for display in layers.DISPLAYS] for scene in ("chart", "fish"))
+        assert f"{chart[0]} dB on `{square}`" in text or f"the chart {chart[0]} (" in text
+        assert f"{db(square, 'chart', number, 'bilinear')} bilinear)" in text
+        assert f"{chart[1]} dB" in text
+        assert f"{fish[0]} and {fish[1]} dB" in text
+    streamed = [row for row in rows if row["drawn"] == "streamed"]
+    assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
+    assert f"up to {max(layers.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
+    loads = {f"{layers.line_seconds(row['line_bytes']):.1f} s once" for row in rows if row["layers"] == 4}
+    assert all(load in text for load in loads)
+    assert "then 39 bytes" in text
+    assert {row["frame_bytes"] for row in rows if row["drawn"] != "streamed"} == {39}

@@ -116,7 +116,7 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
     else:
         limit = {
             "render": f"two full renders with other seeds differ as much ({choice.render_db:.1f} dB)",
-            "hardware": "larger builds need more than --block-rams or --multipliers",
+            "hardware": "larger builds, not tried, need more than --block-rams or --multipliers",
             "depths": "the scene has no more depths, and no larger --slot was tried",
             "sizes": "no board has more layers, and no larger --slot was tried",
         }[choice.limit or "sizes"]
