@@ -119,7 +119,7 @@ def test_the_page_of_few_rows():
     assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
     assert "take 1.00 s once. Then a frame takes 39 bytes" in text
     assert "Place-and-route has not been run yet" in text
-    assert "| scene-nearest-compact-square | 137 | 69 | 201 | - | - | - | - |" in text
+    assert "| scene-nearest-compact-square | 137 | 61 | 201 | - | - | - | - |" in text
     placed = [{**builds[0], "seed": seed, "mhz": mhz} for seed, mhz in ((1, 98.5), (2, 93.25))]
     assert "Placed: 93.2 to 98.5 MHz." in layers_page({"machine": "x"}, rows, placed).text()
 
