@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth report report-fixed report-link report-depth report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth report report-fixed report-link report-depth report-layers report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -86,6 +86,9 @@ report-link: $(READY) ## the link's efficiency and whole frames on the virtual b
 
 report-depth: $(READY) ## depths and views of the founding paper's set-ups, into docs/reports
 	$(BIN)/lippmann bench depth --report docs/reports > /dev/null
+
+report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/reports
+	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
 
 peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null

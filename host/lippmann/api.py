@@ -24,6 +24,7 @@ from lippmann.display import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
 from lippmann.images import check_output, replacing
 from lippmann.integral_image import IntegralImage, check_image
+from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.layers.cost import measured_cuts
 from lippmann.layers.cut import SLOT, Cut
 from lippmann.layers.drawing import Filter, draw_layers
@@ -227,6 +228,48 @@ def cut_layers(
             rest = load_scene_file(placed.path, placed.placement, part=Part(apart, kept=False))
             parts = rest, load_scene_file(placed.path, placed.placement, part=Part(apart))
         return list(measured_cuts(placed, parts, built, counts, slot, settings, filter, progress))
+
+
+def fit_layers(
+    scene: str | Path | Scene,
+    display: str | Path | Display,
+    tolerance_db: float = TOLERANCE_DB,
+    slots: Sequence[tuple[int, int]] = SLOTS,
+    block_rams: int = BLOCK_RAMS,
+    multipliers: int = MULTIPLIERS,
+    settings: Settings | None = None,
+    *,
+    placement: Placement | None = None,
+    arrange: Arrange | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+) -> LayerChoice:
+    """Choose the cheapest layers of a scene, and the build that draws them, within a tolerance.
+
+    Parameters
+    ----------
+    scene, display, placement, arrange, device
+        See `render`.
+    tolerance_db
+        Least PSNR, dB, of the drawn layers' view against the full render's, at every place of an eye that moves.
+    slots
+        Sizes of slots that are tried, texels across and down.
+    block_rams, multipliers
+        Most of each (DP16KD, MULT18X18D) that the drawing may take.
+    settings
+        How each texel is rendered.
+    progress
+        Called with (builds tried, builds in all).
+
+    Raises
+    ------
+    InputError
+        As `lippmann.layers.choose.choose_layers`, and for bad files.
+    """
+    built = display_at(display)
+    with _loaded(scene, placement, device) as loaded:
+        placed = loaded if arrange is None else arranged(loaded, built, arrange)
+        return choose_layers(placed, built, tolerance_db, slots, block_rams, multipliers, settings, progress)
 
 
 def load_layers(path: str | Path) -> LayerStack:

@@ -12,6 +12,8 @@
 ///   light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
 ///
 /// P_k is A_k at most: then C fits into 17 bits. Latency composite_latency(Layers).
+///
+/// Products with a brightness are in logic: a board with four layers and bilinear has no multiplier left for them.
 module lipp_composite #(
   parameter int Layers = 4
 ) (
@@ -27,6 +29,7 @@ module lipp_composite #(
   import lipp_scene_pkg::*;
 
   localparam int CellLatency = mul_latency(MulBits, MulBits);
+  localparam int BrightLatency = low_latency(BrightnessBits);
   localparam int Step = CellLatency + 1;  // from T_k to T_(k+1)
   localparam int Wc = LightBits + 1;
   localparam int Wp = 2 * MulBits;
@@ -34,10 +37,12 @@ module lipp_composite #(
   if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
     $fatal(1, "lipp_composite: Layers must be 1 to 8");
   end
+  if (BrightLatency != CellLatency) begin : gen_illegal_latency
+    $fatal(1, "lipp_composite: both kinds of products must take as long");
+  end
   // T_k is there Step (k - 1) + 1 clocks after the input.
   for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer  // one, for $fatal of an illegal number
     logic [ShareBits-1:0] left_q;       // T_(k+1)
-    logic signed [MulBits-1:0] gain_q;  // G_k
     logic [2:0][Wc-1:0] sum_q;          // C_(k+1), Step clocks after T_(k+1); of layer 0, Step - 1
     logic [BrightnessBits-1:0] bright_q;
     logic [2:0][LightBits-1:0] light;
@@ -48,10 +53,11 @@ module lipp_composite #(
 
     if (k == 0) begin : gen_front
       always_ff @(posedge clk_i) left_q <= Whole - opacity_i[0];
-      assign gain_q = $signed({1'b0, bright_q, 8'd0});
     end else begin : gen_behind
       logic [ShareBits-1:0] ahead, opacity;
-      logic signed [Wp-1:0] lost, gain;
+      logic signed [Wp-1:0] lost;
+      logic [ShareBits+BrightnessBits-1:0] gain;
+      logic signed [MulBits-1:0] gain_q;  // G_k
       logic [Wp-1:0] left_d;
       assign ahead = gen_layer[k-1].left_q;
       lipp_delay #(.Width(ShareBits), .Cycles(Step * (k - 1) + 1), .Block(1'b0)) i_opacity (
@@ -60,8 +66,8 @@ module lipp_composite #(
       lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_lost (
         .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed({1'b0, opacity})), .p_o(lost)
       );
-      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_gain (
-        .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed(18'(bright_q))), .p_o(gain)
+      lipp_small_product #(.Wa(ShareBits), .Wb(BrightnessBits)) i_gain (
+        .clk_i, .a_i(ahead), .b_i(bright_q), .p_o(gain)
       );
       logic [ShareBits-1:0] ahead_late;
       lipp_delay #(.Width(ShareBits), .Cycles(CellLatency)) i_before (
@@ -71,7 +77,7 @@ module lipp_composite #(
       assign left_d = {3'd0, ahead_late, 16'h7FFF} - lost;
       always_ff @(posedge clk_i) begin
         left_q <= left_d[16+:ShareBits];
-        gain_q <= MulBits'((gain + Wp'(128)) >>> 8);
+        gain_q <= MulBits'((gain + (ShareBits + BrightnessBits)'(128)) >> 8);
       end
       logic unused_left;
       assign unused_left = ^left_d;
@@ -81,15 +87,20 @@ module lipp_composite #(
       .clk_i, .d_i(light_i[k]), .q_o(light)
     );
     for (genvar c = 0; c < 3; c++) begin : gen_channel
-      logic signed [Wp-1:0] part;
       logic [Wp-1:0] sum_d;
-      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
-        .clk_i, .a_i(gain_q), .b_i($signed({2'b00, light[c]})), .p_o(part)
-      );
       if (k == 0) begin : gen_front
-        assign sum_d = Wp'(part) + Wp'('h8000);
+        // G_0 = 2^8 B_0.
+        logic [LightBits+BrightnessBits-1:0] part;
+        lipp_small_product #(.Wa(LightBits), .Wb(BrightnessBits)) i_part (
+          .clk_i, .a_i(light[c]), .b_i(bright_q), .p_o(part)
+        );
+        assign sum_d = Wp'({part, 8'd0}) + Wp'('h8000);
       end else begin : gen_behind
+        logic signed [Wp-1:0] part;
         logic [Wc-1:0] so_far;
+        lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
+          .clk_i, .a_i(gen_layer[k].gen_behind.gain_q), .b_i($signed({2'b00, light[c]})), .p_o(part)
+        );
         // Layer 0 has its sum a clock earlier.
         lipp_delay #(.Width(Wc), .Cycles(k == 1 ? Step : Step - 1)) i_so_far (
           .clk_i, .d_i(gen_layer[k-1].sum_q[c]), .q_o(so_far)

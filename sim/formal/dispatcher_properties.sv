@@ -182,10 +182,10 @@ module dispatcher_properties #(
   // ---- invariants: what each part does in each state of the whole; numbers are those of enums ----
   localparam int Receive = 0, Judge = 1, Execute = 2, Reply = 3, Words = 4;
   localparam int ReaderTile = 5, ReaderDone = 7;
-  localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 4, RegWait = 5, RegWord = 6;
+  localparam int RegIdle = 0, RegRange = 1, RegCheck = 2, RegAsk = 5, RegWait = 6, RegWord = 7;
   localparam int RayClaim = 0, RayTakenOver = 3, RayBegun = 5, RayEnd = 6, RayEnded = 7, RayIdle = 8;
-  localparam int RaySettle = 9, RayPlace = 10, RayFetch = 11, RayOffer = 12, RayExit = 13;
-  localparam int RayWords = 14;
+  localparam int RaySettle = 9, RayPlace = 10, RayPlaced = 11, RayFetch = 12, RayOffer = 13;
+  localparam int RayExit = 14, RayWords = 15;
   wire [2:0] state = i_dut.state_q;
   wire [2:0] reader = i_dut.i_reader.state_q;
   wire [2:0] regs = i_dut.i_registers.state_q;
@@ -212,7 +212,7 @@ module dispatcher_properties #(
   wire ray_looks = rays inside {RayClaim, RayTakenOver, RayBegun, RayEnded};
   wire ray_list = rays inside {[RayPlace:RayWords]};
   wire restoring = i_dut.i_rays.restore_q;
-  wire [9:0] rays_left = 10'(ray_left[8:2]) + 10'(rays inside {RayPlace, RayFetch} && ray_at != '0)
+  wire [9:0] rays_left = 10'(ray_left[8:2]) + 10'(rays inside {[RayPlace:RayFetch]} && ray_at != '0)
       + 10'(rays inside {RayOffer, RayExit});
   wire [9:0] exit_left = 10'(i_dut.i_rays.exit_left_q);
   wire [9:0] ray_words = 10'd8 * rays_left + rays_left + (rays == RayWords || restoring ? exit_left : '0);
@@ -248,16 +248,16 @@ module dispatcher_properties #(
   always_comb begin
     todo = 6'd10;
     case (state)
-      Receive: todo = reader == ReaderDone ? 6'd24 : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
-      Judge: todo = 6'd23;
+      Receive: todo = reader == ReaderDone ? 6'd25 : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
+      Judge: todo = 6'd24;
       Execute: begin
         todo = 6'd12;
-        if (i_dut.register_start || i_dut.ray_start) todo = 6'd22;
-        else if (i_dut.ray_done) todo = on_optics ? 6'd23 : 6'd12;
+        if (i_dut.register_start || i_dut.ray_start) todo = 6'd23;
+        else if (i_dut.ray_done) todo = on_optics ? 6'd24 : 6'd12;
         else if (i_dut.register_done && kind != RequestHello) todo = 6'd12;
         else if (regs == RegWait) todo = 6'd17 - bus_for_q;
         else if (regs == RegWord) todo = 6'd12;
-        else if (regs != RegIdle) todo = 6'd22 - regs;
+        else if (regs != RegIdle) todo = 6'd23 - regs;
         else if (rays <= RayEnded) todo = asked ? 6'd17 - bus_for_q : 6'd18;
         else if (rays == RaySettle) todo = 6'd19 + i_dut.i_rays.pause_q;
         else if (kind == RequestTile && !i_dut.tile_done_q)
@@ -271,8 +271,7 @@ module dispatcher_properties #(
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
         else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
         else if (restoring) todo = asked ? 6'd7 - bus_for_q : 6'd8;
-        else if (rays == RayPlace) todo = 6'd20 - {ray_at, 1'b0};
-        else if (rays == RayFetch) todo = 6'd19 - {ray_at, 1'b0};
+        else if (rays inside {[RayPlace:RayFetch]}) todo = 6'd32 - rays - 6'd3 * ray_at;
         else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q : 6'd3;
       end
     endcase
@@ -285,7 +284,7 @@ module dispatcher_properties #(
       in_late: assert ((!bus_q || bus_for_q <= Late) && (!present_q || present_for_q <= Late)
           && (!ray_q || ray_for_q <= Late || !exit_ready) && tile_for_q <= Late && tile_shut_q <= Late
           && ray_shut_q <= Late);
-      in_states: assert (state <= Words && regs <= RegWord && rays <= RayWords);
+      in_states: assert (state <= Words);
       in_reader: assert (state == Receive || reader == ReaderDone);
       in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
           && kind inside {RequestRead, RequestTrace, RequestTiles}))
@@ -345,7 +344,7 @@ module dispatcher_properties #(
       in_list_few: assert (!ray_list || ray_left <= 9'd256);
       in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
       in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);
-      in_list: assert (!(rays inside {RayPlace, RayFetch}) || (ray_left != '0
+      in_list: assert (!(rays inside {[RayPlace:RayFetch]}) || (ray_left != '0
           && 2'(ray_left[1:0] + ray_at) == '0));
       in_ray: assert (!(rays inside {[RayOffer:RayWords]}) || (ray_left[1:0] == '0 && ray_at == '0));
       in_exit: assert (rays != RayWords || (exit_left != '0 && exit_left <= 10'd9));

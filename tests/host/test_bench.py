@@ -8,7 +8,7 @@ import pytest
 from lippmann.cli import bench, cli, run
 from lippmann.measure import animate, renderer
 from lippmann.measure.figures import read_csv
-from lippmann.report.benches import MEASURED, fixed_page, hard_page, link_page, measured_page
+from lippmann.report.benches import MEASURED, fixed_page, hard_page, layers_page, link_page, measured_page
 from lippmann.sim.tools import repository
 
 SCENES = str(repository() / "scenes")
@@ -95,7 +95,21 @@ def test_a_measurement_that_is_not_installed_is_refused(monkeypatch, capfd, name
 
 def test_every_measurement_is_listed():
     listed = click.testing.CliRunner().invoke(cli, ["bench", "--help"]).output
-    names = ("trace", "render", "animate", "observe", "fixed", "rtl", "link", "view", "depth", "seed", "peers", "hard")
+    names = (
+        "trace",
+        "render",
+        "animate",
+        "observe",
+        "fixed",
+        "rtl",
+        "link",
+        "view",
+        "depth",
+        "seed",
+        "peers",
+        "hard",
+        "layers",
+    )
     assert all(name in listed for name in names)
 
 
@@ -124,6 +138,7 @@ def kept(name):
         (fixed_page, ("fixed-point-error", "fixed-point-budget")),
         (link_page, ("link-efficiency", "link-frames")),
         (hard_page, ("hard-cases", "hard-cases-fixed", "hard-cases-formulas")),
+        (layers_page, ("layers", "layers-builds")),
     ],
 )
 def test_kept_pages_are_those_of_the_kept_rows(make, names):
@@ -139,7 +154,9 @@ def test_measured_figures_are_those_of_the_kept_rows():
     assert (docs / "measured.md").read_text() == measured_page(docs).text() + "\n"
 
 
-@pytest.mark.parametrize("name", ["report", "fixed-point-error", "depth", "seed", "hard-cases", "peers", "link"])
+@pytest.mark.parametrize(
+    "name", ["report", "fixed-point-error", "depth", "seed", "hard-cases", "peers", "link", "layers"]
+)
 def test_a_report_opens_with_a_plot_and_at_most_five_lines(name):
     text = (REPORTS / f"{name}.md").read_text()
     blocks = [block for block in text.split("\n\n") if block.strip()]

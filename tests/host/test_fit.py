@@ -1,4 +1,4 @@
-"""`fit`: model, samples and build within a tolerance, against brute force."""
+"""`fit`: model, samples and build within a tolerance, against brute force; layers of scenes whose depths are known."""
 
 import dataclasses
 import itertools
@@ -13,12 +13,15 @@ from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
+from lippmann.layers.choose import choose_layers
 from lippmann.optics.rays import MODELS
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import load_scene
 from lippmann.select.build import INSIDE, away_from_borders, choose_build, choose_samples, fit, gap
 from lippmann.select.model import choose_model
 from lippmann.sim.tools import repository
 from optics_cases import GRIDS, SIDES, random_display
-from scene_cases import focused_display, generator
+from scene_cases import display_toml, focused_display, generator, rgb, write_scene
 
 SEED = 6607
 #: The real root of x^3 = x + 1, which the renderer's samples step by.
@@ -299,3 +302,112 @@ def test_the_command_says_what_and_why(capfd):
     for words, what in ((["--depths", "1,-1"], "nearer"), (["--tolerance", "0"], "not positive")):
         assert run(["fit", path, *words]) == 2
         assert what in capfd.readouterr().err
+
+
+# ---- layers of a scene ----
+
+PANEL = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
+SMALL = ((64, 48), (128, 96))
+FAST = Settings(samples=4, integrator="direct")
+
+
+def card(z, colour, half):
+    """A square that shines, at a depth."""
+    return (
+        f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/><translate z="{z}"/></transform>'
+        f'<emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
+    )
+
+
+WALL, FRONT = card(-15.0, (0.1, 0.5, 0.2), 1000.0), card(10.0, (0.6, 0.1, 0.1), 5.0)
+
+
+@pytest.fixture
+def cards(mi, tmp_path, monkeypatch):
+    """Write and load a scene of cards in front of each other, in a folder with the display."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(display_toml(PANEL))
+
+    def load(*parts):
+        path = write_scene(tmp_path / "cards.xml", *parts, placement="near_mm = 30.0\nfar_mm = -80.0")
+        return load_scene(path)
+
+    return load
+
+
+def test_a_plane_is_one_layer_and_two_planes_are_two(cards):
+    """One plain wall: any layer shows it, so the cheapest of all is chosen: one layer, nearest, the smallest slot.
+
+    A card in front moves by 47 x (10 / 590 + 15 / 615) = 1.9 mm against the wall for the outermost eye. One layer
+    leaves a part of it: half a millimetre along two edges of 10 mm, of 768 mm2, is about 28 dB for these colours. Two
+    layers leave the edges' texels alone.
+    """
+    one = choose_layers(cards(WALL), PANEL, 25.0, SMALL, settings=FAST)
+    assert (one.chosen["layers"], one.chosen["filter"], one.chosen["slot"]) == (1, "nearest", [64, 48])
+    # Two slots of 3072 texels, in block RAMs of 2048 bytes, and their palettes; three curves of four.
+    assert (one.chosen["block_rams"], one.chosen["load_bytes"]) == (2 * (2 + 1) + 12, 3072 + 1024)
+    assert one.tried == [one.chosen]
+    two = choose_layers(cards(FRONT, WALL), PANEL, 40.0, SMALL, settings=FAST)
+    assert two.chosen["layers"] == 2
+    assert two.chosen["worst_db"] >= 40.0
+    # All that are cheaper were tried, and none is good enough.
+    costs = [(row["block_rams"], row["load_bytes"], row["multipliers"]) for row in two.tried]
+    assert costs == sorted(costs)
+    assert all(row["worst_db"] < 40.0 for row in two.tried[:-1])
+    assert two.tried[-1] == two.chosen
+
+
+def test_what_no_layers_reach_has_its_reason(cards):
+    scene = cards(FRONT, WALL)
+    beyond = choose_layers(scene, PANEL, 90.0, SMALL[:1], settings=FAST)
+    assert beyond.chosen is None
+    assert beyond.limit == "render"
+    # There are two depths, so that three and more layers are not drawn.
+    assert sorted({(row["layers"], row["filter"]) for row in beyond.tried}) == [
+        (1, "bilinear"), (1, "nearest"), (2, "bilinear"), (2, "nearest"),
+    ]  # fmt: skip
+    assert beyond.best["layers"] == 2
+    tolerance = 0.5 * (beyond.best["worst_db"] + beyond.render_db)
+    assert choose_layers(scene, PANEL, tolerance, SMALL[:1], settings=FAST).limit == "depths"
+    # One layer of 64 x 48 takes 18 block RAMs and 22 multipliers, two take 21 and 35.
+    for most in ((20, 200), (200, 34)):
+        few = choose_layers(scene, PANEL, tolerance, SMALL[:1], *most, FAST)
+        assert few.limit == "hardware"
+        assert {row["layers"] for row in few.tried} == {1}
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "slots", "block_rams", "message"),
+    [
+        (0.0, SMALL, 161, "not positive and finite"),
+        (math.inf, SMALL, 161, "not positive and finite"),
+        (25.0, ((60, 48),), 161, "no power of two"),
+        (25.0, SMALL, 17, "no layer fits 17 block RAMs and 99 multipliers; give at least 18 and 22"),
+    ],
+)
+def test_what_no_layers_can_meet_is_refused(cards, tolerance, slots, block_rams, message):
+    with pytest.raises(InputError, match=message):
+        choose_layers(cards(WALL), PANEL, tolerance, slots, block_rams, settings=FAST)
+
+
+def test_the_command_chooses_layers_and_says_what_was_tried(cards, capfd):
+    cards(FRONT, WALL)
+    words = ["fit", "tiny.toml", "--scene", "cards.xml", "--slot", "64x48", "--tolerance", "1"]
+    assert run([*words, "--tolerance-db", "40", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["layers"] == told["tried"][-1]
+    assert told["layers"]["layers"] == 2
+    assert told["limit"] is None
+    assert run([*words, "--tolerance-db", "40"]) == 0
+    out = capfd.readouterr().out
+    assert "layers 2: the cheapest within 40 dB" in out
+    assert out.splitlines()[-1].endswith("chosen")
+    assert run([*words, "--tolerance-db", "40", "--block-rams", "20"]) == 0  # as when no other build suffices
+    out = capfd.readouterr().out
+    assert "none of those tried is within 40 dB; limit: larger builds, not tried, need more than --block-rams" in out
+    assert sum(line.endswith("best") for line in out.splitlines()) == 1
+    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "power of two")):
+        assert run([*words, *more]) == 2
+        assert what in capfd.readouterr().err
+    assert run(["fit", "tiny.toml", "--scale", "2"]) == 2
+    assert "--scale places a scene; give --scene too" in capfd.readouterr().err

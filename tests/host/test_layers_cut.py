@@ -185,7 +185,7 @@ def test_costs_by_hand():
     assert nearest.load_bytes == bilinear.load_bytes == 4 * (256 * 192 + 1024)
     assert nearest.block_rams == 5 * (24 + 1) + 12
     assert bilinear.block_rams == 5 * (24 + 4) + 12
-    assert (nearest.multipliers, bilinear.multipliers) == (13 + 4 * 14, 13 + 4 * 23)
+    assert (nearest.multipliers, bilinear.multipliers) == (13 + 4 * 9 + 3 * 4, 13 + 4 * 18 + 3 * 4)
 
 
 # --- pictures and commands ------------------------------------------------------------------------

@@ -227,5 +227,17 @@ def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return rows, benches.hard_page(bench.origin, real, fixed, gains)
 
 
-for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard):
+@measurement(page="layers")
+def layers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+    """Measure the eye's view of drawn layers and of a streamed frame against the full render.
+
+    Example: lippmann bench layers
+    """
+    from lippmann.measure.layers import measure, placed_builds
+
+    rows, builds = bench.collect(measure(bench.scenes, bench.seed)), placed_builds()
+    return {"layers": rows, "builds": builds}, benches.layers_page(bench.origin, rows, builds)
+
+
+for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers):
     command.add_command(_one)

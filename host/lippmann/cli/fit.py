@@ -1,16 +1,24 @@
-"""`lippmann fit`: the cheapest model, samples and build of the RTL that meet a tolerance."""
+"""`lippmann fit`: the cheapest model, samples and build of the RTL, and layers of a scene, that meet a tolerance."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from decimal import ROUND_CEILING, Context
 
+import click
+
+from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import Finite, Vector
-from lippmann.cli.output import emit
+from lippmann.cli.options.common import DEVICE, SEED, Finite, Slot, Vector
+from lippmann.cli.options.rendering import MOVED, Moved
+from lippmann.cli.output import emit, progress_bar
 from lippmann.display import load_display
 from lippmann.display_properties import display_properties
-from lippmann.errors import input_error
+from lippmann.errors import InputError, input_error
+from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import check_scene_file
 from lippmann.select.build import MOST_SAMPLES, Fit, fit
 from lippmann.select.model import TOLERANCE
 
@@ -24,13 +32,28 @@ def command(
     depths: tuple[float, float] | None = option(
         "The scene's range of z, mm.  [default: the display's own depth range]", None, Vector(2, "FAR,NEAR")
     ),
+    scene: str | None = option("Scene (.xml): also choose the layers of it that a board draws.", None, metavar="FILE"),
+    tolerance_db: float = option("Least PSNR of the layers' view at any place of a moving eye, dB.", TOLERANCE_DB),
+    slot: tuple[tuple[int, int], ...] = option(
+        f"Texels of a slot that is tried; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
+        SLOTS,
+        Slot(),
+        multiple=True,
+    ),
+    block_rams: int = option("Most block RAMs of the drawing.", BLOCK_RAMS, click.IntRange(1)),
+    multipliers: int = option("Most multipliers of the drawing.", MULTIPLIERS, click.IntRange(1)),
+    moved: Moved = MOVED,
+    seed: int = SEED,
+    device: str = DEVICE,
 ) -> None:
-    """Choose the cheapest lens model, samples and RTL build.
+    """Choose the cheapest lens model, samples and RTL build; of a scene also the layers and the build that draws them.
 
     Their errors stay within --tolerance for the display's chief rays. The reasons are printed.
 
     Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
     """
+    if scene is None and moved.given:
+        raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} places a scene; give --scene too")
     display = load_display(display_path)
     far, near = depths or display_properties(display).depth_range_mm
     if not far <= near:
@@ -43,8 +66,21 @@ def command(
         "samples": chosen.samples, "sample_error": chosen.sample_error_px,
         "build": build, "build_error": chosen.build_error_px,
     }  # fmt: skip
+    lines = [str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)]
+    if scene is not None:
+        settings, placement = Settings(samples=16, seed=seed), moved.placement(check_scene_file(scene))
+        with progress_bar("fit") as progress:
+            choice = api.fit_layers(
+                scene, display, tolerance_db, slot, block_rams, multipliers, settings, placement=placement,
+                arrange=moved.arrange, device=device, progress=progress,
+            )  # fmt: skip
+        result |= {
+            "tolerance_db": tolerance_db, "layers": choice.chosen, "best": choice.best, "limit": choice.limit,
+            "render_db": choice.render_db, "tried": choice.tried,
+        }  # fmt: skip
+        lines += _layers(choice, tolerance_db)
     head = f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view"
-    emit(result, (head, str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)))
+    emit(result, (head, *lines))
 
 
 def _samples(chosen: Fit, tolerance: float) -> str:
@@ -71,3 +107,22 @@ def _build(chosen: Fit, tolerance: float) -> str:
         f"RTL {kind}, F {build.fraction_bits}: the cheapest hardware and the shortest words within {tolerance:g} "
         f"(error {error:.2g})"
     )
+
+
+def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
+    chosen = choice.chosen
+    if chosen is not None:
+        yield f"layers {chosen['layers']}: the cheapest within {tolerance_db:g} dB, of those tried:"
+    else:
+        limit = {
+            "render": f"two full renders with other seeds differ as much ({choice.render_db:.1f} dB)",
+            "hardware": "larger builds, not tried, need more than --block-rams or --multipliers",
+            "depths": "the scene has no more depths, and no larger --slot was tried",
+            "sizes": "no board has more layers, and no larger --slot was tried",
+        }[choice.limit or "sizes"]
+        yield f"layers: none of those tried is within {tolerance_db:g} dB; limit: {limit}"
+    for row in choice.tried:
+        mark = "chosen" if row is chosen else "best" if chosen is None and row is choice.best else ""
+        spent = f"{row['block_rams']:>3} block RAMs, {row['load_bytes']:>7} bytes, {row['multipliers']:>3} multipliers"
+        size, seen = "{}x{}".format(*row["slot"]), f"{row['worst_db']:.1f} dB (mean {row['view_db']:.1f})"
+        yield f"  {row['layers']} {row['filter']:<8} {size:<8} {spent}: {seen} {mark}".rstrip()

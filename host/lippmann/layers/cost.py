@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.display import Display
-from lippmann.images import Radiance, psnr_db
+from lippmann.images import Radiance, decode, psnr_db
 from lippmann.layers.cut import Cut, Progress, Reach, cut_scene, reach_of
-from lippmann.layers.drawing import Filter, draw_golden
+from lippmann.layers.drawing import ExitLines, Filter, draw_golden, panel_bytes
 from lippmann.layers.stack import COLOURS, LayerStack
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.renderer import Settings, render_integral
@@ -26,8 +27,8 @@ BLOCK_RAM_BYTES = 2048
 #: Bytes of the table of the panel's curve, of which each colour has a copy.
 CURVE_BYTES = 8192
 #: Multipliers of the steps of rtl/scene: of exit_line, of layer_coordinate, of texel_blend for each texel, of composite
-#: for each layer, and of the background behind them.
-EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 5, 3
+#: for each layer behind the first, and of the background behind them.
+EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, in the reach of the eyes to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
 #: Samples for each pixel of the full render.
@@ -57,7 +58,7 @@ def cost_of(layers: int, slot: tuple[int, int], filter: Filter) -> Cost:
     banks = 4 if filter == "bilinear" else 1
     one = banks * (math.ceil(texels / banks / BLOCK_RAM_BYTES) + 1)
     block_rams = (layers + 1) * one + 3 * CURVE_BYTES // BLOCK_RAM_BYTES
-    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND + COMPOSITE)
+    multipliers = EXIT_LINE + BACKGROUND + layers * (LAYER_COORDINATE + banks * TEXEL_BLEND) + (layers - 1) * COMPOSITE
     return Cost(layers, layers * (texels + PALETTE_BYTES), block_rams, multipliers)
 
 
@@ -68,7 +69,8 @@ def eyes_of(reach: Reach) -> list[Eye]:
 
 
 def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radiance]:
-    """Return the moving eye's views of a display that shows the full render of a scene."""
+    """Return the moving eye's views of a display that shows the full render of a scene, with `FULL_SAMPLES`."""
+    settings = replace(settings, samples=FULL_SAMPLES)
     return views_of(np.minimum(render_integral(scene, display, "exact", settings).radiance, 1.0), display)
 
 
@@ -79,11 +81,34 @@ def views_of(radiance: Any, display: Display) -> list[Radiance]:
 
 
 def decibels(
-    stack: LayerStack, display: Display, full: Sequence[Radiance], filter: Filter = "nearest", samples: int = 1
+    stack: LayerStack,
+    display: Display,
+    full: Sequence[Radiance],
+    filter: Filter = "nearest",
+    lines: Iterable[ExitLines] | None = None,
 ) -> list[float]:
-    """Return, for each place of the moving eye, the PSNR (dB) of its view of drawn layers against the full render."""
-    drawn = draw_golden(display, stack, filter, samples).light.astype(np.float32)
-    return [psnr_db(view, wanted) for view, wanted in zip(views_of(drawn, display), full, strict=True)]
+    """Return, for each place of the moving eye, the PSNR (dB) of its view of drawn layers against the full render.
+
+    `lines` are the display's exit rays, one for each pixel, when they are known.
+    """
+    return _against(draw_golden(display, stack, filter, lines=lines).light, display, full)
+
+
+def streamed(
+    scene: Scene, display: Display, full: Sequence[Radiance], settings: Settings
+) -> tuple[npt.NDArray[np.uint8], list[float]]:
+    """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views of it.
+
+    The frame is the full render with the next seed: its decibels are those of the render's noise and the panel's bits.
+    """
+    again = replace(settings, samples=FULL_SAMPLES, seed=(settings.seed + 1) % 2**32)
+    frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
+    return frame, _against(decode(frame / np.float64(255.0), display.panel.transfer), display, full)
+
+
+def _against(light: npt.NDArray[Any], display: Display, full: Sequence[Radiance]) -> list[float]:
+    views = views_of(light.astype(np.float32), display)
+    return [psnr_db(view, wanted) for view, wanted in zip(views, full, strict=True)]
 
 
 def measured_cuts(
@@ -101,7 +126,7 @@ def measured_cuts(
     `parts` are what is cut by depths, and what becomes a layer of its own, if anything (see `cut_scene`). Without a
     `filter` nothing is measured.
     """
-    full = [] if filter is None else full_views(scene, display, replace(settings, samples=FULL_SAMPLES))
+    full = [] if filter is None else full_views(scene, display, settings)
     for place, count in enumerate(counts):
         cut = cut_scene(parts[0], display, count, slot, settings, parts[1])
         yield cut, [] if filter is None else decibels(cut.stack, display, full, filter)

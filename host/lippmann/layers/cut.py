@@ -202,7 +202,9 @@ def _picture(
     """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
     # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
-    whole = reach.area(depth).grown(finest_texel(depth, display))
+    reached = reach.area(depth)
+    texel = max(finest_texel(depth, display), *(side / most for side, most in zip(reached.size, slot, strict=True)))
+    whole = reached.grown(texel)
     between = slab.front_mm, slab.back_mm
     trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
     mask = trial.coverage > 0.0
@@ -213,8 +215,7 @@ def _picture(
         # So far behind the nearer layer's edge an eye can look, which is at most so far aside; and the texels at the
         # edges of both layers, which are covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
-        texel = (max(finest_texel(depth, display), side / most) for side, most in zip(whole.size, slot, strict=True))
-        hidden += EDGE_TEXELS * max(texel)
+        hidden += EDGE_TEXELS * texel
     cell = whole.size[0] / TRIAL_RAYS[0], whole.size[1] / TRIAL_RAYS[1]
     area = whole.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
     size = texels_for(area, display, slot)

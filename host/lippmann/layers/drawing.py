@@ -6,7 +6,7 @@ the pixel's samples are averaged, and the panel's curve is applied once. A ray w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -61,7 +61,12 @@ class Drawn:
 
 
 def draw_golden(
-    display: Display, stack: LayerStack, filter: Filter = "nearest", samples: int = 1, model: Model = "exact"
+    display: Display,
+    stack: LayerStack,
+    filter: Filter = "nearest",
+    samples: int = 1,
+    model: Model = "exact",
+    lines: Iterable[ExitLines] | None = None,
 ) -> Drawn:
     """Draw layers for a display.
 
@@ -77,6 +82,8 @@ def draw_golden(
         For each pixel: 1 at its centre, 2 on its diagonal, 4 in its quarters.
     model
         The lens model of the exit rays.
+    lines
+        The exit rays, when they are known from `exit_lines`; None: they are traced.
 
     Raises
     ------
@@ -85,7 +92,8 @@ def draw_golden(
     """
     check_options(filter, samples)
     panel = display.panel
-    light = np.concatenate([composite(stack, lines, filter) for lines in exit_lines(display, samples, model)])
+    lines = exit_lines(display, samples, model) if lines is None else lines
+    light = np.concatenate([composite(stack, some, filter) for some in lines])
     light = light.reshape(panel.height_px, panel.width_px, samples, 3).mean(axis=2)
     return Drawn(light, panel_bytes(display, light))
 

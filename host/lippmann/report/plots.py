@@ -202,3 +202,19 @@ def bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Sequence[f
         bars(axes[0][across], labels if across == 0 else [""] * len(labels), lengths, color=COLOURS[0])
         axes[0][across].set(xlabel=heading, **options)
     return Plot(name, finish(picture))
+
+
+def layers(rows: Rows) -> Plot:
+    """Draw the eye's view of layers over their number and block RAM, for each scene, and that of the streamed frame."""
+    scenes = groups(rows, "scene")
+    picture, axes = drawn(2, len(scenes), (4.4, 3.2))
+    for across, scene in enumerate(scenes):
+        for axis, key, label in zip(axes[:, across], ("layers", "block_rams"), ("layers", "block RAMs"), strict=True):
+            cuts = [{**row, "line": f"{row['display']}, {row['drawn']}"} for row in scene if row["drawn"] != "streamed"]
+            lines(axis, cuts, "line", key, "view_db")
+            for row, colour in zip(where(scene, drawn="streamed"), COLOURS[::2], strict=False):
+                axis.axhline(row["view_db"], linestyle="--", color=colour, label=f"{row['display']}, streamed")
+            axis.get_legend().remove()
+            axis.set(xlabel=label, ylabel="the eye's view, dB", title=scene[0]["scene"])
+    picture.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Plot("layers", finish(picture))

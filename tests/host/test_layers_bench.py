@@ -1,0 +1,175 @@
+"""`bench layers`: what it measures on scenes whose layers, holes and bytes are known, and its kept page."""
+
+import dataclasses
+import math
+import zlib
+
+import numpy as np
+import pytest
+from cobs import cobs
+from lippmann.layers.cut import cut_scene
+from lippmann.layers.drawing import exit_lines
+from lippmann.layers.stack import light_of
+from lippmann.measure import layers
+from lippmann.measure.figures import read_csv
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import load_scene
+from lippmann.report.benches import layers_page
+from lippmann.report.tables import column_names
+from lippmann.sim.tools import repository
+from scene_cases import focused_display, rgb, write_scene
+
+REPORTS = repository() / "docs/reports"
+DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
+SLOT = (64, 64)
+FAST = Settings(samples=4, integrator="direct")
+
+
+def card(z, colour, half, turn=""):
+    """A square that shines, at a depth."""
+    return (
+        f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/>{turn}<translate z="{z}"/>'
+        f'</transform><emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
+    )
+
+
+@pytest.fixture
+def scene(mi, tmp_path):
+    """Write and load a scene; primary rays start at z = 30."""
+
+    def load(*parts):
+        return load_scene(write_scene(tmp_path / "cards.xml", *parts), Placement(near_mm=30.0, far_mm=-80.0))
+
+    return load
+
+
+def test_two_plain_cards_are_two_layers_without_a_hole(scene):
+    cards = scene(card(10.0, (0.6, 0.1, 0.1), 5.0), card(-15.0, (0.1, 0.5, 0.2), 1000.0))
+    streamed, *rows = layers.measure_scene(cards, DISPLAY, 0, slot=SLOT, settings=FAST)
+    # There are two depths, and no third layer.
+    assert [(row["layers"], row["drawn"]) for row in rows] == [
+        (1, "nearest"), (1, "bilinear"), (2, "nearest"), (2, "bilinear"),
+    ]  # fmt: skip
+    assert all(row["worst_db"] <= row["view_db"] for row in (streamed, *rows))
+    assert rows[2]["view_db"] > rows[0]["view_db"] + 3.0
+    assert streamed["view_db"] > rows[2]["view_db"]
+    assert {row["holes_percent"] for row in rows} == {0.0}
+    # A packet of 1024 bytes: 9 around them, before the stuffing of 1 byte in 254 at most, and its end.
+    assert rows[2]["load_bytes"] == 2 * 5 * 1024
+    assert 10 * (1024 + 9 + 2) <= rows[2]["line_bytes"] <= 10 * (1024 + 9 + 6)
+    assert {row["frame_bytes"] for row in rows} == {39}  # docs/reference/protocol.md
+    assert streamed["frame_bytes"] == streamed["line_bytes"] < 160 * 120 * 3
+    assert list(streamed) == list(rows[0])
+
+
+def test_a_hole_is_found_where_a_layer_was_pierced(scene):
+    """A slanted card in three layers; then the one in the middle gets a square hole of an eighth of its sides."""
+    slant = scene(card(-10.0, (0.5, 0.5, 0.5), 200.0, '<rotate y="1" angle="40"/>'))
+    cut = cut_scene(slant, DISPLAY, 3, (128, 96), FAST)
+    lines = list(exit_lines(DISPLAY))
+    pierced = list(cut.stack.layers)
+    layer, (rows, columns) = pierced[1], pierced[1].texels.shape
+    assert light_of(layer.palette[:, :3]).max() == pytest.approx(0.5, abs=0.01)
+    texels = layer.texels.copy()
+    texels[rows * 7 // 16 : rows * 9 // 16, columns * 7 // 16 : columns * 9 // 16] = 0  # the transparent colour
+    pierced[1] = dataclasses.replace(layer, texels=texels)
+    broken = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=tuple(pierced)))
+    for drawn in ("nearest", "bilinear"):
+        assert layers.hole_percent(slant, cut, DISPLAY, lines, drawn, FAST) == 0.0
+        assert layers.hole_percent(slant, broken, DISPLAY, lines, drawn, FAST) > 0.2
+    # Seen against nothing at all: the last layer away.
+    last = dataclasses.replace(pierced[2], palette=np.zeros((256, 4), np.uint8))
+    gone = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=(*cut.stack.layers[:2], last)))
+    assert layers.hole_percent(slant, gone, DISPLAY, lines, "nearest", FAST) > 10.0
+
+
+def test_a_streamed_frame_is_its_packets():
+    """A plain frame of 2 x 1 tiles: one colour, 3 bytes, each; the packets are made again from the protocol's page."""
+    frame = np.full((32, 64, 3), (1, 2, 3), np.uint8)
+    wanted = 0
+    for tile in (0, 1):
+        # Type 5, sequence 0; epoch 0, tile, coding 1.
+        data = bytes([layers.Kind.TILE, 0, 0, 0, 0, tile, 0, 1, 1, 2, 3])
+        wanted += len(cobs.encode(data + zlib.crc32(data).to_bytes(4, "little"))) + 1
+    assert layers.tile_bytes(frame) == wanted
+    assert layers.line_seconds(300_000) == pytest.approx(1.0)  # 8 bits, start and stop at 3 Mbaud
+
+
+def row(display, scene, drawn, number, db):
+    loaded = drawn != "streamed"
+    return {
+        "display": display, "scene": scene, "drawn": drawn, "layers": number if loaded else None, "view_db": db,
+        "worst_db": db - 1.0, "load_bytes": 50_000 * (number or 0) if loaded else None,
+        "block_rams": 25 * number if loaded else None, "multipliers": 14 * number if loaded else None,
+        "line_bytes": 300_000, "frame_bytes": 39 if loaded else 300_000, "holes_percent": 0.0 if loaded else None,
+    }  # fmt: skip
+
+
+def test_the_page_of_few_rows():
+    rows = [
+        row(*where, drawn, number, 20.0 + number)
+        for where in (("vga-square", "fish"), ("vga-square", "chart"))
+        for drawn, number in (("streamed", 17), *((f, n) for n in (1, 4) for f in ("nearest", "bilinear")))
+    ]
+    builds = [{"build": "scene-nearest-compact-square", "drawn": "nearest",
+               "seed": None, "mhz": None, "lut": None, "mult18x18d": None, "dp16kd": None}]  # fmt: skip
+    text = layers_page({"machine": "x"}, rows, builds).text()
+    assert "37.0 dB: what is missing" in text
+    assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
+    assert "take 1.00 s once. Then a frame takes 39 bytes" in text
+    assert "Place-and-route has not been run yet" in text
+    assert "| scene-nearest-compact-square | 137 | 61 | 201 | - | - | - | - |" in text
+    placed = [{**builds[0], "seed": seed, "mhz": mhz} for seed, mhz in ((1, 98.5), (2, 93.25))]
+    assert "Placed: 93.2 to 98.5 MHz." in layers_page({"machine": "x"}, rows, placed).text()
+
+
+def test_builds_are_those_that_make_synth_places():
+    from lippmann.dev.synthesis import SCENES
+
+    assert {name for name, _ in layers.BUILDS} == {design.name for design in SCENES}
+    for name, drawn in layers.BUILDS:
+        (design,) = (design for design in SCENES if design.name == name)
+        assert (design.scene.layers, design.scene.width, design.scene.height) == (4, 256, 192)
+        assert design.scene.bilinear == (drawn == "bilinear")
+    rows = layers.placed_builds()
+    assert column_names(rows) == ["build", "drawn", "seed", "mhz", "lut", "mult18x18d", "dp16kd"]
+    assert list(dict.fromkeys(row["build"] for row in rows)) == [name for name, _ in layers.BUILDS]
+
+
+def test_the_kept_report_is_whole():
+    _, rows = read_csv(REPORTS / "layers.csv")
+    for display in layers.DISPLAYS:
+        for scene in layers.SCENES:
+            some = [row for row in rows if (row["display"], row["scene"]) == (display, scene)]
+            (streamed,) = (row for row in some if row["drawn"] == "streamed")
+            drawn = [row for row in some if row["drawn"] != "streamed"]
+            assert max(row["layers"] for row in drawn) >= 4
+            assert all(math.isfinite(row["worst_db"]) and row["worst_db"] <= row["view_db"] for row in drawn)
+            assert all(row["view_db"] < streamed["view_db"] for row in drawn)
+            assert all(row["holes_percent"] == 0.0 for row in drawn)
+
+
+def test_figures_of_the_how_to_are_those_of_the_kept_report():
+    _, rows = read_csv(REPORTS / "layers.csv")
+    text = (repository() / "docs/how-to/layers.md").read_text().split("## How many layers?")[1].split("\n## ")[0]
+
+    def db(display, scene, number, drawn="nearest"):
+        wanted = (display, scene, number, drawn)
+        (row,) = (row for row in rows if (row["display"], row["scene"], row["layers"], row["drawn"]) == wanted)
+        return f"{row['view_db']:.1f}"
+
+    square = layers.DISPLAYS[0]
+    for number in (4, 8):
+        chart, fish = ([db(display, scene, number) for display in layers.DISPLAYS] for scene in ("chart", "fish"))
+        assert f"{chart[0]} dB on `{square}`" in text or f"the chart {chart[0]} (" in text
+        assert f"{db(square, 'chart', number, 'bilinear')} bilinear)" in text
+        assert f"{chart[1]} dB" in text
+        assert f"{fish[0]} and {fish[1]} dB" in text
+    streamed = [row for row in rows if row["drawn"] == "streamed"]
+    assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
+    assert f"up to {max(layers.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
+    loads = {f"{layers.line_seconds(row['line_bytes']):.1f} s once" for row in rows if row["layers"] == 4}
+    assert all(load in text for load in loads)
+    assert "then 39 bytes" in text
+    assert {row["frame_bytes"] for row in rows if row["drawn"] != "streamed"} == {39}
