@@ -28,17 +28,13 @@ module lipp_composite #(
   import lipp_math_pkg::*;
   import lipp_scene_pkg::*;
 
-  localparam int CellLatency = mul_latency(MulBits, MulBits);
-  localparam int BrightLatency = low_latency(BrightnessBits);
+  localparam int CellLatency = mul_latency(MulBits, MulBits);  // that of a small product with a brightness too
   localparam int Step = CellLatency + 1;  // from T_k to T_(k+1)
   localparam int Wc = LightBits + 1;
   localparam int Wp = 2 * MulBits;
 
   if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
     $fatal(1, "lipp_composite: Layers must be 1 to 8");
-  end
-  if (BrightLatency != CellLatency) begin : gen_illegal_latency
-    $fatal(1, "lipp_composite: both kinds of products must take as long");
   end
   // T_k is there Step (k - 1) + 1 clocks after the input.
   for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer  // one, for $fatal of an illegal number

@@ -37,7 +37,10 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
 #: Pages whose commands render large panels or many frames.
-SLOW = ("README.md", "docs/how-to/browser.md", "docs/how-to/film.md", "docs/how-to/look-at-it.md")
+SLOW = (
+    "README.md", "docs/how-to/browser.md", "docs/how-to/draw-on-the-board.md", "docs/how-to/film.md",
+    "docs/how-to/layers.md", "docs/how-to/look-at-it.md",
+)  # fmt: skip
 #: Pages whose Python programs run between the commands, as a board that they need is started and stopped there.
 PROGRAMS = ("README.md", "docs/how-to/draw-on-the-board.md")
 INDENTED = re.compile(
@@ -340,7 +343,7 @@ def test_toml_blocks_are_valid(page, tmp_path):
     [
         ("docs/reference/python.md", "view.png"),
         ("docs/reference/mitsuba-sensor.md", "ball.exr"),
-        ("docs/how-to/layers.md", "fish.png"),
+        pytest.param("docs/how-to/layers.md", "fish.png", marks=pytest.mark.full),
     ],
 )
 def test_python_examples_run(tmp_path, page, made):

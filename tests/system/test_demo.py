@@ -70,7 +70,7 @@ def test_every_result_is_there(scenes, tmp_path, capfd):
         assert path.name in said or path.name == "demo.json"
 
 
-@pytest.mark.parametrize("planted", ["a drawn pixel", "a late pixel"])
+@pytest.mark.parametrize("planted", ["a drawn pixel", pytest.param("a late pixel", marks=pytest.mark.full)])
 def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monkeypatch, planted):
     """The twin draws one pixel of a frame otherwise; or a pixel came too late. Exit code 1; the results are kept."""
     if planted == "a drawn pixel":

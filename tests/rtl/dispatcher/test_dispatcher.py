@@ -9,7 +9,7 @@ from runner import compiled, seed, simulate
     ("width", "height", "layers", "slots", "blocks"),
     [
         pytest.param(1920, 1080, 0, 1, 1, marks=pytest.mark.full),
-        (112, 80, 0, 1, 1),
+        pytest.param(112, 80, 0, 1, 1, marks=pytest.mark.full),
         (112, 80, 3, 4, 49),
         pytest.param(112, 80, 1, 1, 2, marks=pytest.mark.full),
         pytest.param(112, 80, 8, 15, 255, marks=pytest.mark.full),
