@@ -115,7 +115,7 @@ def test_the_page_of_few_rows():
     builds = [{"build": "scene-nearest-compact-square", "drawn": "nearest",
                "seed": None, "mhz": None, "lut": None, "mult18x18d": None, "dp16kd": None}]  # fmt: skip
     text = layers_page({"machine": "x"}, rows, builds).text()
-    assert "37.0 dB: what is missing" in text
+    assert "37.0 dB. Its error is" in text
     assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
     assert "take 1.00 s once. Then a frame takes 39 bytes" in text
     assert "Place-and-route has not been run yet" in text

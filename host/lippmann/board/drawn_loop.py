@@ -1,4 +1,4 @@
-"""The closed loop of a board that draws: it plays a film, and what it scans out is compared with the integer twin."""
+"""A board that draws plays a film, and the frames that it scans out are compared with those of the integer twin."""
 
 from __future__ import annotations
 
