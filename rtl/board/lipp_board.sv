@@ -157,7 +157,7 @@ module lipp_board #(
   logic [7:0] answer_data, reply_data;
   // The way of a reply is long: no path leads through.
   lipp_skid_buffer #(.Width(9)) i_reply_buffer (
-    .clk_i, .rst_ni(rst_n), .in_valid_i(answer_valid), .in_ready_o(answer_ready),
+    .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(answer_valid), .in_ready_o(answer_ready),
     .in_data_i({answer_last, answer_data}), .out_valid_o(reply_valid), .out_ready_i(reply_ready),
     .out_data_o({reply_last, reply_data})
   );
@@ -290,7 +290,7 @@ module lipp_board #(
   logic [31:0] check_crc;
   // The writer's readiness would reach as far as the packets' memory.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
-    .clk_i, .rst_ni(core_rst_n), .in_valid_i(part_valid), .in_ready_o(part_ready),
+    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
     .out_data_o({tile_last, tile_data})
   );

@@ -55,7 +55,7 @@ module lipp_axis_from_rays #(
   ray_status_e status;
   localparam int Width = 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + $bits(ray_status_e) + 2;
   lipp_skid_buffer #(.Width(Width)) i_buffer (
-    .clk_i, .rst_ni, .in_valid_i(exit_valid_i), .in_ready_o(exit_ready_o),
+    .clk_i, .rst_ni, .clear_i('0), .in_valid_i(exit_valid_i), .in_ready_o(exit_ready_o),
     .in_data_i({
       exit_i_i, exit_j_i, exit_x_i, exit_y_i, exit_z_i, exit_dx_i, exit_dy_i, exit_dz_i,
       exit_status_i, exit_first_i, exit_last_i

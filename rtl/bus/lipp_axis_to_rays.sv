@@ -44,7 +44,7 @@ module lipp_axis_to_rays #(
   end
 
   lipp_skid_buffer #(.Width(2 * PixelBits + 2 * (F + 2) + 2)) i_buffer (
-    .clk_i, .rst_ni, .in_valid_i(s_axis_tvalid), .in_ready_o(s_axis_tready),
+    .clk_i, .rst_ni, .clear_i('0), .in_valid_i(s_axis_tvalid), .in_ready_o(s_axis_tready),
     .in_data_i({
       s_axis_tdata[0+:PixelBits], s_axis_tdata[32+:PixelBits], s_axis_tdata[64+:F+2],
       s_axis_tdata[96+:F+2], s_axis_tuser, s_axis_tlast

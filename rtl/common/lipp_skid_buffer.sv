@@ -5,12 +5,14 @@
 /// after it came, and a word passes each clock.
 ///
 /// in_ready_o is a register too, and so one clock late: the word that comes in that clock waits in
-/// a second place. in_ready_o is low during reset.
+/// a second place. in_ready_o is low during reset. clear_i drops the words inside and the one that
+/// comes in: from the next clock on the buffer is empty and ready.
 module lipp_skid_buffer #(
   parameter int Width = 8
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
+  input  logic             clear_i,
   input  logic             in_valid_i,
   output logic             in_ready_o,
   input  logic [Width-1:0] in_data_i,
@@ -37,6 +39,8 @@ module lipp_skid_buffer #(
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {in_ready_o, out_valid_o, spare_q} <= '0;
+    end else if (clear_i) begin
+      {in_ready_o, out_valid_o, spare_q} <= 3'b100;
     end else begin
       in_ready_o <= !spare_d;
       out_valid_o <= !move || spare_q || into;

@@ -68,7 +68,6 @@ module lipp_raster #(
   logic signed [HalfBits-1:0] columns_q, rows_q;
   logic signed [HalfBits-1:0] first_half_u_q, first_half_v_q;
   assign take = start_i && !running_o;
-  assign step = !ray_valid_o || ray_ready_i;
   assign legal = &legal_q;
   assign done = ray_valid_o && ray_ready_i && ray_last_o;
   always_ff @(posedge clk_i) begin
@@ -166,20 +165,23 @@ module lipp_raster #(
     end
   end
 
-  // ---- the ray ----
-  always_ff @(posedge clk_i) begin
-    if (step) begin
-      ray_u_o <= {half_u_late_q[2], 3'b0} + PixelBits'(jitter_q.du);
-      ray_v_o <= {half_v_late_q[2], 3'b0} + PixelBits'(jitter_q.dv);
-      ray_a_o <= W'(jitter_q.a) <<< (F - 10);
-      ray_b_o <= W'(jitter_q.b) <<< (F - 10);
-      {ray_first_o, ray_last_o} <= {ray_first_q[2], ray_last_q[2]};
-    end
-  end
+  // ---- the ray: the scan runs on a register of the buffer, not on the taker's answer ----
+  logic signed [PixelBits-1:0] ray_u, ray_v;
+  logic signed [11:0] aim_a, aim_b;
+  assign ray_u = {half_u_late_q[2], 3'b0} + PixelBits'(jitter_q.du);
+  assign ray_v = {half_v_late_q[2], 3'b0} + PixelBits'(jitter_q.dv);
+  lipp_skid_buffer #(.Width(2 * PixelBits + 2 * 12 + 2)) i_buffer (
+    .clk_i, .rst_ni, .clear_i(abort_i), .in_valid_i(valid_q[2]), .in_ready_o(step),
+    .in_data_i({ray_u, ray_v, jitter_q.a, jitter_q.b, ray_first_q[2], ray_last_q[2]}),
+    .out_valid_o(ray_valid_o), .out_ready_i(ray_ready_i),
+    .out_data_o({ray_u_o, ray_v_o, aim_a, aim_b, ray_first_o, ray_last_o})
+  );
+  assign ray_a_o = W'(aim_a) <<< (F - 10);
+  assign ray_b_o = W'(aim_b) <<< (F - 10);
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) {ray_valid_o, valid_q} <= '0;
-    else if (abort_i) {ray_valid_o, valid_q} <= '0;
-    else if (step) {ray_valid_o, valid_q} <= {valid_q, walk_q};
+    if (!rst_ni) valid_q <= '0;
+    else if (abort_i) valid_q <= '0;
+    else if (step) valid_q <= {valid_q[1], walk_q};
   end
 
 endmodule

@@ -10,10 +10,7 @@ from streams import PATTERNS, Monitor, pattern
 SEEN: dict[str, int] = {}
 
 
-async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
-    dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
-
+def watched(dut) -> Monitor:
     def put(word):
         dut.in_data_i.value = word
 
@@ -21,6 +18,13 @@ async def start(dut):
         dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, dut.out_data_o, put
     )  # fmt: skip
     monitor.seen = SEEN
+    return monitor
+
+
+async def start(dut):
+    Clock(dut.clk_i, 2, unit="ns").start()
+    dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = dut.clear_i.value = 0
+    monitor = watched(dut)
     dut.rst_ni.value = 0
     await monitor.edge  # the simulator may begin with this value: then only a clock's edge resets
     for _ in range(3):
@@ -66,6 +70,27 @@ async def no_path_leads_through(dut):
             dut.in_data_i.value = random.getrandbits(len(dut.in_data_i))
             await cocotb.triggers.Timer(10, "ps")
             assert (bool(dut.in_ready_o.value), bool(dut.out_valid_o.value), int(dut.out_data_o.value)) == was
+
+
+@cocotb.test()
+async def clear_drops_what_is_inside_and_what_comes(dut):
+    """From the next clock on the buffer is empty and ready; later words pass in order."""
+    monitor, words = await start(dut)
+    for inside in (0, 1, 2):
+        for coming in (False, True):
+            for pulling in (False, True):
+                for word in words[:inside]:
+                    await monitor.clock(word, False)
+                dut.in_valid_i.value, dut.out_ready_i.value, dut.clear_i.value = coming, pulling, 1
+                dut.in_data_i.value = words[2]
+                await monitor.edge
+                dut.clear_i.value = dut.in_valid_i.value = 0
+                await cocotb.triggers.Timer(10, "ps")
+                assert (bool(dut.in_ready_o.value), bool(dut.out_valid_o.value)) == (True, False)
+                monitor = watched(dut)
+                await monitor.run(words[:20], pattern("bursts", random, 8), pattern("bursts", random, 8), 100)
+                assert monitor.got == words[:20]
+                SEEN["cleared with two inside"] = SEEN.get("cleared with two inside", 0) + (inside == 2)
 
 
 @cocotb.test()
