@@ -155,10 +155,10 @@ module lipp_board_registers (
         decoded_reg_strb.clock <= cpuif_req_masked & (cpuif_addr == 7'h14) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h14);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h14) & !cpuif_req_is_wr;
-        decoded_reg_strb.display <= cpuif_req_masked & (cpuif_addr == 7'h18);
+        decoded_reg_strb.display <= cpuif_req_masked & (cpuif_addr == 7'h18) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h18);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h18);
-        decoded_reg_strb.lens <= cpuif_req_masked & (cpuif_addr == 7'h1c);
+        decoded_reg_strb.lens <= cpuif_req_masked & (cpuif_addr == 7'h1c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h1c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h1c);
         decoded_reg_strb.epoch <= cpuif_req_masked & (cpuif_addr == 7'h20) & !cpuif_req_is_wr;
@@ -402,7 +402,7 @@ module lipp_board_registers (
         automatic logic load_next_c;
         next_c = field_storage.display.brightness.value;
         load_next_c = '0;
-        if(decoded_reg_strb.display && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.display) begin // SW write
             next_c = (field_storage.display.brightness.value & ~decoded_wr_biten[7:0]) | (decoded_wr_data[7:0] & decoded_wr_biten[7:0]);
             load_next_c = '1;
         end
@@ -425,7 +425,7 @@ module lipp_board_registers (
         automatic logic load_next_c;
         next_c = field_storage.display.pattern.value;
         load_next_c = '0;
-        if(decoded_reg_strb.display && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.display) begin // SW write
             next_c = (field_storage.display.pattern.value & ~decoded_wr_biten[10:8]) | (decoded_wr_data[10:8] & decoded_wr_biten[10:8]);
             load_next_c = '1;
         end
@@ -448,7 +448,7 @@ module lipp_board_registers (
         automatic logic load_next_c;
         next_c = field_storage.lens.i.value;
         load_next_c = '0;
-        if(decoded_reg_strb.lens && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.lens) begin // SW write
             next_c = (field_storage.lens.i.value & ~decoded_wr_biten[11:0]) | (decoded_wr_data[11:0] & decoded_wr_biten[11:0]);
             load_next_c = '1;
         end
@@ -471,7 +471,7 @@ module lipp_board_registers (
         automatic logic load_next_c;
         next_c = field_storage.lens.j.value;
         load_next_c = '0;
-        if(decoded_reg_strb.lens && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.lens) begin // SW write
             next_c = (field_storage.lens.j.value & ~decoded_wr_biten[27:16]) | (decoded_wr_data[27:16] & decoded_wr_biten[27:16]);
             load_next_c = '1;
         end

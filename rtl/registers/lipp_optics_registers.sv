@@ -189,142 +189,142 @@ module lipp_optics_registers (
         decoded_reg_strb.status <= cpuif_req_masked & (cpuif_addr == 8'h10) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h10);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h10) & !cpuif_req_is_wr;
-        decoded_reg_strb.source <= cpuif_req_masked & (cpuif_addr == 8'h14);
+        decoded_reg_strb.source <= cpuif_req_masked & (cpuif_addr == 8'h14) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h14);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h14);
-        decoded_reg_strb.optics.x_from_u_low <= cpuif_req_masked & (cpuif_addr == 8'h40);
+        decoded_reg_strb.optics.x_from_u_low <= cpuif_req_masked & (cpuif_addr == 8'h40) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h40);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h40);
-        decoded_reg_strb.optics.x_from_u_high <= cpuif_req_masked & (cpuif_addr == 8'h44);
+        decoded_reg_strb.optics.x_from_u_high <= cpuif_req_masked & (cpuif_addr == 8'h44) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h44);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h44);
-        decoded_reg_strb.optics.x_from_v_low <= cpuif_req_masked & (cpuif_addr == 8'h48);
+        decoded_reg_strb.optics.x_from_v_low <= cpuif_req_masked & (cpuif_addr == 8'h48) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h48);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h48);
-        decoded_reg_strb.optics.x_from_v_high <= cpuif_req_masked & (cpuif_addr == 8'h4c);
+        decoded_reg_strb.optics.x_from_v_high <= cpuif_req_masked & (cpuif_addr == 8'h4c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h4c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h4c);
-        decoded_reg_strb.optics.y_from_u_low <= cpuif_req_masked & (cpuif_addr == 8'h50);
+        decoded_reg_strb.optics.y_from_u_low <= cpuif_req_masked & (cpuif_addr == 8'h50) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h50);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h50);
-        decoded_reg_strb.optics.y_from_u_high <= cpuif_req_masked & (cpuif_addr == 8'h54);
+        decoded_reg_strb.optics.y_from_u_high <= cpuif_req_masked & (cpuif_addr == 8'h54) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h54);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h54);
-        decoded_reg_strb.optics.y_from_v_low <= cpuif_req_masked & (cpuif_addr == 8'h58);
+        decoded_reg_strb.optics.y_from_v_low <= cpuif_req_masked & (cpuif_addr == 8'h58) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h58);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h58);
-        decoded_reg_strb.optics.y_from_v_high <= cpuif_req_masked & (cpuif_addr == 8'h5c);
+        decoded_reg_strb.optics.y_from_v_high <= cpuif_req_masked & (cpuif_addr == 8'h5c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h5c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h5c);
-        decoded_reg_strb.optics.x_offset_low <= cpuif_req_masked & (cpuif_addr == 8'h60);
+        decoded_reg_strb.optics.x_offset_low <= cpuif_req_masked & (cpuif_addr == 8'h60) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h60);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h60);
-        decoded_reg_strb.optics.x_offset_high <= cpuif_req_masked & (cpuif_addr == 8'h64);
+        decoded_reg_strb.optics.x_offset_high <= cpuif_req_masked & (cpuif_addr == 8'h64) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h64);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h64);
-        decoded_reg_strb.optics.y_offset_low <= cpuif_req_masked & (cpuif_addr == 8'h68);
+        decoded_reg_strb.optics.y_offset_low <= cpuif_req_masked & (cpuif_addr == 8'h68) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h68);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h68);
-        decoded_reg_strb.optics.y_offset_high <= cpuif_req_masked & (cpuif_addr == 8'h6c);
+        decoded_reg_strb.optics.y_offset_high <= cpuif_req_masked & (cpuif_addr == 8'h6c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h6c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h6c);
-        decoded_reg_strb.optics.slope_x <= cpuif_req_masked & (cpuif_addr == 8'h70);
+        decoded_reg_strb.optics.slope_x <= cpuif_req_masked & (cpuif_addr == 8'h70) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h70);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h70);
-        decoded_reg_strb.optics.slope_y <= cpuif_req_masked & (cpuif_addr == 8'h74);
+        decoded_reg_strb.optics.slope_y <= cpuif_req_masked & (cpuif_addr == 8'h74) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h74);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h74);
-        decoded_reg_strb.optics.slope_aim_x <= cpuif_req_masked & (cpuif_addr == 8'h78);
+        decoded_reg_strb.optics.slope_aim_x <= cpuif_req_masked & (cpuif_addr == 8'h78) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h78);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h78);
-        decoded_reg_strb.optics.slope_aim_y <= cpuif_req_masked & (cpuif_addr == 8'h7c);
+        decoded_reg_strb.optics.slope_aim_y <= cpuif_req_masked & (cpuif_addr == 8'h7c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h7c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h7c);
-        decoded_reg_strb.optics.point_x <= cpuif_req_masked & (cpuif_addr == 8'h80);
+        decoded_reg_strb.optics.point_x <= cpuif_req_masked & (cpuif_addr == 8'h80) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h80);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h80);
-        decoded_reg_strb.optics.point_y <= cpuif_req_masked & (cpuif_addr == 8'h84);
+        decoded_reg_strb.optics.point_y <= cpuif_req_masked & (cpuif_addr == 8'h84) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h84);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h84);
-        decoded_reg_strb.optics.point_aim_x <= cpuif_req_masked & (cpuif_addr == 8'h88);
+        decoded_reg_strb.optics.point_aim_x <= cpuif_req_masked & (cpuif_addr == 8'h88) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h88);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h88);
-        decoded_reg_strb.optics.point_aim_y <= cpuif_req_masked & (cpuif_addr == 8'h8c);
+        decoded_reg_strb.optics.point_aim_y <= cpuif_req_masked & (cpuif_addr == 8'h8c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h8c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h8c);
-        decoded_reg_strb.optics.index <= cpuif_req_masked & (cpuif_addr == 8'h90);
+        decoded_reg_strb.optics.index <= cpuif_req_masked & (cpuif_addr == 8'h90) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h90);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h90);
-        decoded_reg_strb.optics.index_square <= cpuif_req_masked & (cpuif_addr == 8'h94);
+        decoded_reg_strb.optics.index_square <= cpuif_req_masked & (cpuif_addr == 8'h94) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h94);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h94);
-        decoded_reg_strb.optics.index_inverse <= cpuif_req_masked & (cpuif_addr == 8'h98);
+        decoded_reg_strb.optics.index_inverse <= cpuif_req_masked & (cpuif_addr == 8'h98) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h98);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h98);
-        decoded_reg_strb.optics.index_inverse_square <= cpuif_req_masked & (cpuif_addr == 8'h9c);
+        decoded_reg_strb.optics.index_inverse_square <= cpuif_req_masked & (cpuif_addr == 8'h9c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'h9c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'h9c);
-        decoded_reg_strb.optics.depth <= cpuif_req_masked & (cpuif_addr == 8'ha0);
+        decoded_reg_strb.optics.depth <= cpuif_req_masked & (cpuif_addr == 8'ha0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'ha0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'ha0);
-        decoded_reg_strb.optics.depth_rest <= cpuif_req_masked & (cpuif_addr == 8'ha4);
+        decoded_reg_strb.optics.depth_rest <= cpuif_req_masked & (cpuif_addr == 8'ha4) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'ha4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'ha4);
-        decoded_reg_strb.optics.exit_z <= cpuif_req_masked & (cpuif_addr == 8'ha8);
+        decoded_reg_strb.optics.exit_z <= cpuif_req_masked & (cpuif_addr == 8'ha8) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'ha8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'ha8);
-        decoded_reg_strb.optics.cell_half <= cpuif_req_masked & (cpuif_addr == 8'hac);
+        decoded_reg_strb.optics.cell_half <= cpuif_req_masked & (cpuif_addr == 8'hac) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hac);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hac);
-        decoded_reg_strb.optics.cell_pitch_x <= cpuif_req_masked & (cpuif_addr == 8'hb0);
+        decoded_reg_strb.optics.cell_pitch_x <= cpuif_req_masked & (cpuif_addr == 8'hb0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hb0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hb0);
-        decoded_reg_strb.optics.cell_pitch_y <= cpuif_req_masked & (cpuif_addr == 8'hb4);
+        decoded_reg_strb.optics.cell_pitch_y <= cpuif_req_masked & (cpuif_addr == 8'hb4) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hb4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hb4);
-        decoded_reg_strb.optics.cell_half_y <= cpuif_req_masked & (cpuif_addr == 8'hb8);
+        decoded_reg_strb.optics.cell_half_y <= cpuif_req_masked & (cpuif_addr == 8'hb8) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hb8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hb8);
-        decoded_reg_strb.optics.cell_rise <= cpuif_req_masked & (cpuif_addr == 8'hbc);
+        decoded_reg_strb.optics.cell_rise <= cpuif_req_masked & (cpuif_addr == 8'hbc) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hbc);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hbc);
-        decoded_reg_strb.raster.columns <= cpuif_req_masked & (cpuif_addr == 8'hc0);
+        decoded_reg_strb.raster.columns <= cpuif_req_masked & (cpuif_addr == 8'hc0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hc0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hc0);
-        decoded_reg_strb.raster.rows <= cpuif_req_masked & (cpuif_addr == 8'hc4);
+        decoded_reg_strb.raster.rows <= cpuif_req_masked & (cpuif_addr == 8'hc4) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hc4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hc4);
-        decoded_reg_strb.raster.panel <= cpuif_req_masked & (cpuif_addr == 8'hc8);
+        decoded_reg_strb.raster.panel <= cpuif_req_masked & (cpuif_addr == 8'hc8) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hc8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hc8);
-        decoded_reg_strb.raster.jitter <= cpuif_req_masked & (cpuif_addr == 8'hcc);
+        decoded_reg_strb.raster.jitter <= cpuif_req_masked & (cpuif_addr == 8'hcc) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hcc);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hcc);
-        decoded_reg_strb.raster.seed <= cpuif_req_masked & (cpuif_addr == 8'hd0);
+        decoded_reg_strb.raster.seed <= cpuif_req_masked & (cpuif_addr == 8'hd0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hd0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hd0);
-        decoded_reg_strb.optics_converge.share <= cpuif_req_masked & (cpuif_addr == 8'he0);
+        decoded_reg_strb.optics_converge.share <= cpuif_req_masked & (cpuif_addr == 8'he0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he0);
-        decoded_reg_strb.optics_converge.x <= cpuif_req_masked & (cpuif_addr == 8'he4);
+        decoded_reg_strb.optics_converge.x <= cpuif_req_masked & (cpuif_addr == 8'he4) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he4);
-        decoded_reg_strb.optics_converge.y <= cpuif_req_masked & (cpuif_addr == 8'he8);
+        decoded_reg_strb.optics_converge.y <= cpuif_req_masked & (cpuif_addr == 8'he8) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'he8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'he8);
-        decoded_reg_strb.optics_extent.i <= cpuif_req_masked & (cpuif_addr == 8'hec);
+        decoded_reg_strb.optics_extent.i <= cpuif_req_masked & (cpuif_addr == 8'hec) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hec);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hec);
-        decoded_reg_strb.optics_extent.j <= cpuif_req_masked & (cpuif_addr == 8'hf0);
+        decoded_reg_strb.optics_extent.j <= cpuif_req_masked & (cpuif_addr == 8'hf0) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf0);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf0);
-        decoded_reg_strb.optics_shear.x <= cpuif_req_masked & (cpuif_addr == 8'hf4);
+        decoded_reg_strb.optics_shear.x <= cpuif_req_masked & (cpuif_addr == 8'hf4) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf4);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf4);
-        decoded_reg_strb.optics_shear.lean <= cpuif_req_masked & (cpuif_addr == 8'hf8);
+        decoded_reg_strb.optics_shear.lean <= cpuif_req_masked & (cpuif_addr == 8'hf8) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hf8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hf8);
-        decoded_reg_strb.optics_shear.row <= cpuif_req_masked & (cpuif_addr == 8'hfc);
+        decoded_reg_strb.optics_shear.row <= cpuif_req_masked & (cpuif_addr == 8'hfc) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 8'hfc);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 8'hfc);
         decoded_err <= (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & cpuif_req_masked;
@@ -942,7 +942,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.control.apply.value;
         load_next_c = '0;
-        if(decoded_reg_strb.control && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.control) begin // SW write
             next_c = (field_storage.control.apply.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
@@ -968,7 +968,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.control.start.value;
         load_next_c = '0;
-        if(decoded_reg_strb.control && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.control) begin // SW write
             next_c = (field_storage.control.start.value & ~decoded_wr_biten[1:1]) | (decoded_wr_data[1:1] & decoded_wr_biten[1:1]);
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
@@ -994,7 +994,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.control.abort.value;
         load_next_c = '0;
-        if(decoded_reg_strb.control && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.control) begin // SW write
             next_c = (field_storage.control.abort.value & ~decoded_wr_biten[2:2]) | (decoded_wr_data[2:2] & decoded_wr_biten[2:2]);
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
@@ -1020,7 +1020,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.source.stream.value;
         load_next_c = '0;
-        if(decoded_reg_strb.source && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.source) begin // SW write
             next_c = (field_storage.source.stream.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
             load_next_c = '1;
         end
@@ -1043,7 +1043,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_from_u_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_from_u_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_from_u_low) begin // SW write
             next_c = (field_storage.optics.x_from_u_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1066,7 +1066,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_from_u_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_from_u_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_from_u_high) begin // SW write
             next_c = (field_storage.optics.x_from_u_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
             load_next_c = '1;
         end
@@ -1089,7 +1089,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_from_v_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_from_v_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_from_v_low) begin // SW write
             next_c = (field_storage.optics.x_from_v_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1112,7 +1112,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_from_v_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_from_v_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_from_v_high) begin // SW write
             next_c = (field_storage.optics.x_from_v_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
             load_next_c = '1;
         end
@@ -1135,7 +1135,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_from_u_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_from_u_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_from_u_low) begin // SW write
             next_c = (field_storage.optics.y_from_u_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1158,7 +1158,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_from_u_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_from_u_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_from_u_high) begin // SW write
             next_c = (field_storage.optics.y_from_u_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
             load_next_c = '1;
         end
@@ -1181,7 +1181,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_from_v_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_from_v_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_from_v_low) begin // SW write
             next_c = (field_storage.optics.y_from_v_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1204,7 +1204,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_from_v_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_from_v_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_from_v_high) begin // SW write
             next_c = (field_storage.optics.y_from_v_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
             load_next_c = '1;
         end
@@ -1227,7 +1227,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_offset_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_offset_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_offset_low) begin // SW write
             next_c = (field_storage.optics.x_offset_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1250,7 +1250,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.x_offset_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.x_offset_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.x_offset_high) begin // SW write
             next_c = (field_storage.optics.x_offset_high.value.value & ~decoded_wr_biten[19:0]) | (decoded_wr_data[19:0] & decoded_wr_biten[19:0]);
             load_next_c = '1;
         end
@@ -1273,7 +1273,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_offset_low.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_offset_low && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_offset_low) begin // SW write
             next_c = (field_storage.optics.y_offset_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1296,7 +1296,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.y_offset_high.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.y_offset_high && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.y_offset_high) begin // SW write
             next_c = (field_storage.optics.y_offset_high.value.value & ~decoded_wr_biten[19:0]) | (decoded_wr_data[19:0] & decoded_wr_biten[19:0]);
             load_next_c = '1;
         end
@@ -1319,7 +1319,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.slope_x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.slope_x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.slope_x) begin // SW write
             next_c = (field_storage.optics.slope_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1342,7 +1342,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.slope_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.slope_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.slope_y) begin // SW write
             next_c = (field_storage.optics.slope_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1365,7 +1365,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.slope_aim_x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.slope_aim_x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.slope_aim_x) begin // SW write
             next_c = (field_storage.optics.slope_aim_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1388,7 +1388,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.slope_aim_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.slope_aim_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.slope_aim_y) begin // SW write
             next_c = (field_storage.optics.slope_aim_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1411,7 +1411,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.point_x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.point_x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.point_x) begin // SW write
             next_c = (field_storage.optics.point_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1434,7 +1434,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.point_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.point_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.point_y) begin // SW write
             next_c = (field_storage.optics.point_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1457,7 +1457,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.point_aim_x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.point_aim_x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.point_aim_x) begin // SW write
             next_c = (field_storage.optics.point_aim_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1480,7 +1480,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.point_aim_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.point_aim_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.point_aim_y) begin // SW write
             next_c = (field_storage.optics.point_aim_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1503,7 +1503,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.index.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.index && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.index) begin // SW write
             next_c = (field_storage.optics.index.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1526,7 +1526,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.index_square.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.index_square && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.index_square) begin // SW write
             next_c = (field_storage.optics.index_square.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1549,7 +1549,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.index_inverse.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.index_inverse && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.index_inverse) begin // SW write
             next_c = (field_storage.optics.index_inverse.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1572,7 +1572,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.index_inverse_square.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.index_inverse_square && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.index_inverse_square) begin // SW write
             next_c = (field_storage.optics.index_inverse_square.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1595,7 +1595,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.depth.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.depth && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.depth) begin // SW write
             next_c = (field_storage.optics.depth.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1618,7 +1618,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.depth_rest.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.depth_rest && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.depth_rest) begin // SW write
             next_c = (field_storage.optics.depth_rest.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1641,7 +1641,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.exit_z.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.exit_z && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.exit_z) begin // SW write
             next_c = (field_storage.optics.exit_z.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1664,7 +1664,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.cell_half.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.cell_half && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.cell_half) begin // SW write
             next_c = (field_storage.optics.cell_half.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1687,7 +1687,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.cell_pitch_x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.cell_pitch_x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.cell_pitch_x) begin // SW write
             next_c = (field_storage.optics.cell_pitch_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1710,7 +1710,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.cell_pitch_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.cell_pitch_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.cell_pitch_y) begin // SW write
             next_c = (field_storage.optics.cell_pitch_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1733,7 +1733,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.cell_half_y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.cell_half_y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.cell_half_y) begin // SW write
             next_c = (field_storage.optics.cell_half_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1756,7 +1756,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics.cell_rise.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics.cell_rise && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics.cell_rise) begin // SW write
             next_c = (field_storage.optics.cell_rise.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -1779,7 +1779,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.columns.first.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.columns && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.columns) begin // SW write
             next_c = (field_storage.raster.columns.first.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
             load_next_c = '1;
         end
@@ -1802,7 +1802,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.columns.last.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.columns && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.columns) begin // SW write
             next_c = (field_storage.raster.columns.last.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
             load_next_c = '1;
         end
@@ -1825,7 +1825,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.rows.first.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.rows && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.rows) begin // SW write
             next_c = (field_storage.raster.rows.first.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
             load_next_c = '1;
         end
@@ -1848,7 +1848,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.rows.last.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.rows && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.rows) begin // SW write
             next_c = (field_storage.raster.rows.last.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
             load_next_c = '1;
         end
@@ -1871,7 +1871,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.panel.width.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.panel && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.panel) begin // SW write
             next_c = (field_storage.raster.panel.width.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
             load_next_c = '1;
         end
@@ -1894,7 +1894,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.panel.height.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.panel && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.panel) begin // SW write
             next_c = (field_storage.raster.panel.height.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
             load_next_c = '1;
         end
@@ -1917,7 +1917,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.jitter.samples.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.jitter && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.jitter) begin // SW write
             next_c = (field_storage.raster.jitter.samples.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
             load_next_c = '1;
         end
@@ -1940,7 +1940,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.jitter.mode.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.jitter && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.jitter) begin // SW write
             next_c = (field_storage.raster.jitter.mode.value & ~decoded_wr_biten[17:16]) | (decoded_wr_data[17:16] & decoded_wr_biten[17:16]);
             load_next_c = '1;
         end
@@ -1963,7 +1963,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.jitter.table_first.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.jitter && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.jitter) begin // SW write
             next_c = (field_storage.raster.jitter.table_first.value & ~decoded_wr_biten[29:24]) | (decoded_wr_data[29:24] & decoded_wr_biten[29:24]);
             load_next_c = '1;
         end
@@ -1986,7 +1986,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.raster.seed.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.raster.seed && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.raster.seed) begin // SW write
             next_c = (field_storage.raster.seed.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2009,7 +2009,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_converge.share.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_converge.share && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_converge.share) begin // SW write
             next_c = (field_storage.optics_converge.share.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2032,7 +2032,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_converge.x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_converge.x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_converge.x) begin // SW write
             next_c = (field_storage.optics_converge.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2055,7 +2055,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_converge.y.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_converge.y && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_converge.y) begin // SW write
             next_c = (field_storage.optics_converge.y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2078,7 +2078,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_extent.i.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_extent.i && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_extent.i) begin // SW write
             next_c = (field_storage.optics_extent.i.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2101,7 +2101,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_extent.j.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_extent.j && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_extent.j) begin // SW write
             next_c = (field_storage.optics_extent.j.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2124,7 +2124,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_shear.x.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_shear.x && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_shear.x) begin // SW write
             next_c = (field_storage.optics_shear.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2147,7 +2147,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_shear.lean.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_shear.lean && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_shear.lean) begin // SW write
             next_c = (field_storage.optics_shear.lean.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -2170,7 +2170,7 @@ module lipp_optics_registers (
         automatic logic load_next_c;
         next_c = field_storage.optics_shear.row.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.optics_shear.row && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.optics_shear.row) begin // SW write
             next_c = (field_storage.optics_shear.row.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end

@@ -139,25 +139,25 @@ module lipp_scene_registers (
         decoded_reg_strb.build <= cpuif_req_masked & (cpuif_addr == 6'h8) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h8);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h8) & !cpuif_req_is_wr;
-        decoded_reg_strb.source <= cpuif_req_masked & (cpuif_addr == 6'hc);
+        decoded_reg_strb.source <= cpuif_req_masked & (cpuif_addr == 6'hc) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'hc);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'hc);
-        decoded_reg_strb.lattice.xi <= cpuif_req_masked & (cpuif_addr == 6'h10);
+        decoded_reg_strb.lattice.xi <= cpuif_req_masked & (cpuif_addr == 6'h10) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h10);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h10);
-        decoded_reg_strb.lattice.xj <= cpuif_req_masked & (cpuif_addr == 6'h14);
+        decoded_reg_strb.lattice.xj <= cpuif_req_masked & (cpuif_addr == 6'h14) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h14);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h14);
-        decoded_reg_strb.lattice.yj <= cpuif_req_masked & (cpuif_addr == 6'h18);
+        decoded_reg_strb.lattice.yj <= cpuif_req_masked & (cpuif_addr == 6'h18) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h18);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h18);
-        decoded_reg_strb.background.red <= cpuif_req_masked & (cpuif_addr == 6'h1c);
+        decoded_reg_strb.background.red <= cpuif_req_masked & (cpuif_addr == 6'h1c) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h1c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h1c);
-        decoded_reg_strb.background.green <= cpuif_req_masked & (cpuif_addr == 6'h20);
+        decoded_reg_strb.background.green <= cpuif_req_masked & (cpuif_addr == 6'h20) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h20);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h20);
-        decoded_reg_strb.background.blue <= cpuif_req_masked & (cpuif_addr == 6'h24);
+        decoded_reg_strb.background.blue <= cpuif_req_masked & (cpuif_addr == 6'h24) & cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 6'h24);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 6'h24);
         decoded_reg_strb.status <= cpuif_req_masked & (cpuif_addr == 6'h28) & !cpuif_req_is_wr;
@@ -309,7 +309,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.source.scene.value;
         load_next_c = '0;
-        if(decoded_reg_strb.source && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.source) begin // SW write
             next_c = (field_storage.source.scene.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
             load_next_c = '1;
         end
@@ -332,7 +332,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.lattice.xi.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.lattice.xi && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.lattice.xi) begin // SW write
             next_c = (field_storage.lattice.xi.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -355,7 +355,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.lattice.xj.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.lattice.xj && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.lattice.xj) begin // SW write
             next_c = (field_storage.lattice.xj.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -378,7 +378,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.lattice.yj.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.lattice.yj && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.lattice.yj) begin // SW write
             next_c = (field_storage.lattice.yj.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
             load_next_c = '1;
         end
@@ -401,7 +401,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.background.red.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.background.red && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.background.red) begin // SW write
             next_c = (field_storage.background.red.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
             load_next_c = '1;
         end
@@ -424,7 +424,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.background.green.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.background.green && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.background.green) begin // SW write
             next_c = (field_storage.background.green.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
             load_next_c = '1;
         end
@@ -447,7 +447,7 @@ module lipp_scene_registers (
         automatic logic load_next_c;
         next_c = field_storage.background.blue.value.value;
         load_next_c = '0;
-        if(decoded_reg_strb.background.blue && decoded_req_is_wr) begin // SW write
+        if(decoded_reg_strb.background.blue) begin // SW write
             next_c = (field_storage.background.blue.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
             load_next_c = '1;
         end

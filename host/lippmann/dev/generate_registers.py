@@ -118,11 +118,14 @@ def _registered_decode(block: str) -> str:
     """Return PeakRDL's register block with a register behind its address decoder.
 
     The enables of all the fields hang on the decoder, across the whole device: without the register this way limits
-    the clock. An access takes a clock more; address and data stand still until it is answered.
+    the clock. An access takes a clock more; address and data stand still until it is answered. The register of a
+    strobe is set for writes alone, for reads do not look at it.
     """
     before, rest = block.split("    // Address Decode\n")
     decode, after = rest.split("    // Field logic\n")
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
+    decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
+    after = re.sub(r"(decoded_reg_strb\S*) && decoded_req_is_wr\)", r"\1)", after)
     for old, new in (
         ("always_comb begin", "always_ff @(posedge clk) begin"),
         (" & decoded_req;", " & cpuif_req_masked;"),
