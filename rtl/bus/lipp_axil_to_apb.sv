@@ -6,8 +6,10 @@
 /// Each request is one APB4 access of the word at {address[AddressBits-1:2], 2'b00}; the low two
 /// bits are not read. PSTRB = WSTRB for a write, 0 for a read. PPROT is AWPROT or ARPROT. Answers:
 ///
-///   PSLVERR = 0   OKAY;   RDATA = PRDATA
-///   PSLVERR = 1   SLVERR; RDATA = 0
+///   PSLVERR = 0   OKAY
+///   PSLVERR = 1   SLVERR
+///
+/// RDATA = PRDATA; beside SLVERR it means nothing.
 ///
 /// A write needs its address and its data, which may come in any order. Where a write and a read
 /// wait, they take turns. Every output is a register.
@@ -90,7 +92,7 @@ module lipp_axil_to_apb #(
     if (done && m_apb_pwrite) s_axil_bresp <= {m_apb_pslverr, 1'b0};
     if (done && !m_apb_pwrite) begin
       s_axil_rresp <= {m_apb_pslverr, 1'b0};
-      s_axil_rdata <= m_apb_pslverr ? '0 : m_apb_prdata;
+      s_axil_rdata <= m_apb_prdata;
     end
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin

@@ -6,8 +6,8 @@
 ///
 /// Each cycle is one APB4 access of the word at {adr, 2'b00}. PSTRB = SEL for a write, 0 for a
 /// read, which gives the whole word. PPROT = 0. An access with PSLVERR = 0 ends with ACK, one with
-/// PSLVERR = 1 with ERR and data 0; either is a pulse of one clock. Every output is a register, ACK
-/// and ERR behind a gate of CYC and STB.
+/// PSLVERR = 1 with ERR, whose data mean nothing; either is a pulse of one clock. Every output is a
+/// register, ACK and ERR behind a gate of CYC and STB.
 ///
 /// With a completer that answers in the n-th clock of its access phase (n >= 1) the pulse comes
 /// n + 2 clocks after STB, and cycles follow each other every n + 3 clocks. A master that drops CYC
@@ -61,7 +61,7 @@ module lipp_wishbone_to_apb #(
       m_apb_pwdata <= s_wb_dat_w;
       m_apb_pstrb <= s_wb_we ? s_wb_sel : '0;
     end
-    if (done) s_wb_dat_r <= m_apb_pslverr ? '0 : m_apb_prdata;
+    if (done) s_wb_dat_r <= m_apb_prdata;
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin

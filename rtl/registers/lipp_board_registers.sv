@@ -212,8 +212,10 @@ module lipp_board_registers (
         if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;
         else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};
     end
-    assign decoded_wr_data = cpuif_wr_data;
-    assign decoded_wr_biten = cpuif_wr_biten;
+    always_ff @(posedge clk) begin
+        decoded_wr_data <= cpuif_wr_data & cpuif_wr_biten;
+        decoded_wr_biten <= cpuif_wr_biten;
+    end
 
     //--------------------------------------------------------------------------
     // Field logic
@@ -403,7 +405,7 @@ module lipp_board_registers (
         next_c = field_storage.display.brightness.value;
         load_next_c = '0;
         if(decoded_reg_strb.display) begin // SW write
-            next_c = (field_storage.display.brightness.value & ~decoded_wr_biten[7:0]) | (decoded_wr_data[7:0] & decoded_wr_biten[7:0]);
+            next_c = (field_storage.display.brightness.value & ~decoded_wr_biten[7:0]) | decoded_wr_data[7:0];
             load_next_c = '1;
         end
         field_combo.display.brightness.next = next_c;
@@ -426,7 +428,7 @@ module lipp_board_registers (
         next_c = field_storage.display.pattern.value;
         load_next_c = '0;
         if(decoded_reg_strb.display) begin // SW write
-            next_c = (field_storage.display.pattern.value & ~decoded_wr_biten[10:8]) | (decoded_wr_data[10:8] & decoded_wr_biten[10:8]);
+            next_c = (field_storage.display.pattern.value & ~decoded_wr_biten[10:8]) | decoded_wr_data[10:8];
             load_next_c = '1;
         end
         field_combo.display.pattern.next = next_c;
@@ -449,7 +451,7 @@ module lipp_board_registers (
         next_c = field_storage.lens.i.value;
         load_next_c = '0;
         if(decoded_reg_strb.lens) begin // SW write
-            next_c = (field_storage.lens.i.value & ~decoded_wr_biten[11:0]) | (decoded_wr_data[11:0] & decoded_wr_biten[11:0]);
+            next_c = (field_storage.lens.i.value & ~decoded_wr_biten[11:0]) | decoded_wr_data[11:0];
             load_next_c = '1;
         end
         field_combo.lens.i.next = next_c;
@@ -472,7 +474,7 @@ module lipp_board_registers (
         next_c = field_storage.lens.j.value;
         load_next_c = '0;
         if(decoded_reg_strb.lens) begin // SW write
-            next_c = (field_storage.lens.j.value & ~decoded_wr_biten[27:16]) | (decoded_wr_data[27:16] & decoded_wr_biten[27:16]);
+            next_c = (field_storage.lens.j.value & ~decoded_wr_biten[27:16]) | decoded_wr_data[27:16];
             load_next_c = '1;
         end
         field_combo.lens.j.next = next_c;

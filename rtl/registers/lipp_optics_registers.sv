@@ -336,8 +336,10 @@ module lipp_optics_registers (
         if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;
         else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};
     end
-    assign decoded_wr_data = cpuif_wr_data;
-    assign decoded_wr_biten = cpuif_wr_biten;
+    always_ff @(posedge clk) begin
+        decoded_wr_data <= cpuif_wr_data & cpuif_wr_biten;
+        decoded_wr_biten <= cpuif_wr_biten;
+    end
 
     //--------------------------------------------------------------------------
     // Field logic
@@ -943,7 +945,7 @@ module lipp_optics_registers (
         next_c = field_storage.control.apply.value;
         load_next_c = '0;
         if(decoded_reg_strb.control) begin // SW write
-            next_c = (field_storage.control.apply.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
+            next_c = (field_storage.control.apply.value & ~decoded_wr_biten[0:0]) | decoded_wr_data[0:0];
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
             next_c = '0;
@@ -969,7 +971,7 @@ module lipp_optics_registers (
         next_c = field_storage.control.start.value;
         load_next_c = '0;
         if(decoded_reg_strb.control) begin // SW write
-            next_c = (field_storage.control.start.value & ~decoded_wr_biten[1:1]) | (decoded_wr_data[1:1] & decoded_wr_biten[1:1]);
+            next_c = (field_storage.control.start.value & ~decoded_wr_biten[1:1]) | decoded_wr_data[1:1];
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
             next_c = '0;
@@ -995,7 +997,7 @@ module lipp_optics_registers (
         next_c = field_storage.control.abort.value;
         load_next_c = '0;
         if(decoded_reg_strb.control) begin // SW write
-            next_c = (field_storage.control.abort.value & ~decoded_wr_biten[2:2]) | (decoded_wr_data[2:2] & decoded_wr_biten[2:2]);
+            next_c = (field_storage.control.abort.value & ~decoded_wr_biten[2:2]) | decoded_wr_data[2:2];
             load_next_c = '1;
         end else begin // singlepulse clears back to 0
             next_c = '0;
@@ -1021,7 +1023,7 @@ module lipp_optics_registers (
         next_c = field_storage.source.stream.value;
         load_next_c = '0;
         if(decoded_reg_strb.source) begin // SW write
-            next_c = (field_storage.source.stream.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
+            next_c = (field_storage.source.stream.value & ~decoded_wr_biten[0:0]) | decoded_wr_data[0:0];
             load_next_c = '1;
         end
         field_combo.source.stream.next = next_c;
@@ -1044,7 +1046,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_from_u_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_from_u_low) begin // SW write
-            next_c = (field_storage.optics.x_from_u_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.x_from_u_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.x_from_u_low.value.next = next_c;
@@ -1067,7 +1069,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_from_u_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_from_u_high) begin // SW write
-            next_c = (field_storage.optics.x_from_u_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
+            next_c = (field_storage.optics.x_from_u_high.value.value & ~decoded_wr_biten[2:0]) | decoded_wr_data[2:0];
             load_next_c = '1;
         end
         field_combo.optics.x_from_u_high.value.next = next_c;
@@ -1090,7 +1092,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_from_v_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_from_v_low) begin // SW write
-            next_c = (field_storage.optics.x_from_v_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.x_from_v_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.x_from_v_low.value.next = next_c;
@@ -1113,7 +1115,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_from_v_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_from_v_high) begin // SW write
-            next_c = (field_storage.optics.x_from_v_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
+            next_c = (field_storage.optics.x_from_v_high.value.value & ~decoded_wr_biten[2:0]) | decoded_wr_data[2:0];
             load_next_c = '1;
         end
         field_combo.optics.x_from_v_high.value.next = next_c;
@@ -1136,7 +1138,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_from_u_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_from_u_low) begin // SW write
-            next_c = (field_storage.optics.y_from_u_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.y_from_u_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.y_from_u_low.value.next = next_c;
@@ -1159,7 +1161,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_from_u_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_from_u_high) begin // SW write
-            next_c = (field_storage.optics.y_from_u_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
+            next_c = (field_storage.optics.y_from_u_high.value.value & ~decoded_wr_biten[2:0]) | decoded_wr_data[2:0];
             load_next_c = '1;
         end
         field_combo.optics.y_from_u_high.value.next = next_c;
@@ -1182,7 +1184,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_from_v_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_from_v_low) begin // SW write
-            next_c = (field_storage.optics.y_from_v_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.y_from_v_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.y_from_v_low.value.next = next_c;
@@ -1205,7 +1207,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_from_v_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_from_v_high) begin // SW write
-            next_c = (field_storage.optics.y_from_v_high.value.value & ~decoded_wr_biten[2:0]) | (decoded_wr_data[2:0] & decoded_wr_biten[2:0]);
+            next_c = (field_storage.optics.y_from_v_high.value.value & ~decoded_wr_biten[2:0]) | decoded_wr_data[2:0];
             load_next_c = '1;
         end
         field_combo.optics.y_from_v_high.value.next = next_c;
@@ -1228,7 +1230,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_offset_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_offset_low) begin // SW write
-            next_c = (field_storage.optics.x_offset_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.x_offset_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.x_offset_low.value.next = next_c;
@@ -1251,7 +1253,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.x_offset_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.x_offset_high) begin // SW write
-            next_c = (field_storage.optics.x_offset_high.value.value & ~decoded_wr_biten[19:0]) | (decoded_wr_data[19:0] & decoded_wr_biten[19:0]);
+            next_c = (field_storage.optics.x_offset_high.value.value & ~decoded_wr_biten[19:0]) | decoded_wr_data[19:0];
             load_next_c = '1;
         end
         field_combo.optics.x_offset_high.value.next = next_c;
@@ -1274,7 +1276,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_offset_low.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_offset_low) begin // SW write
-            next_c = (field_storage.optics.y_offset_low.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.y_offset_low.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.y_offset_low.value.next = next_c;
@@ -1297,7 +1299,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.y_offset_high.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.y_offset_high) begin // SW write
-            next_c = (field_storage.optics.y_offset_high.value.value & ~decoded_wr_biten[19:0]) | (decoded_wr_data[19:0] & decoded_wr_biten[19:0]);
+            next_c = (field_storage.optics.y_offset_high.value.value & ~decoded_wr_biten[19:0]) | decoded_wr_data[19:0];
             load_next_c = '1;
         end
         field_combo.optics.y_offset_high.value.next = next_c;
@@ -1320,7 +1322,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.slope_x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.slope_x) begin // SW write
-            next_c = (field_storage.optics.slope_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.slope_x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.slope_x.value.next = next_c;
@@ -1343,7 +1345,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.slope_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.slope_y) begin // SW write
-            next_c = (field_storage.optics.slope_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.slope_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.slope_y.value.next = next_c;
@@ -1366,7 +1368,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.slope_aim_x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.slope_aim_x) begin // SW write
-            next_c = (field_storage.optics.slope_aim_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.slope_aim_x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.slope_aim_x.value.next = next_c;
@@ -1389,7 +1391,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.slope_aim_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.slope_aim_y) begin // SW write
-            next_c = (field_storage.optics.slope_aim_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.slope_aim_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.slope_aim_y.value.next = next_c;
@@ -1412,7 +1414,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.point_x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.point_x) begin // SW write
-            next_c = (field_storage.optics.point_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.point_x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.point_x.value.next = next_c;
@@ -1435,7 +1437,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.point_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.point_y) begin // SW write
-            next_c = (field_storage.optics.point_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.point_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.point_y.value.next = next_c;
@@ -1458,7 +1460,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.point_aim_x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.point_aim_x) begin // SW write
-            next_c = (field_storage.optics.point_aim_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.point_aim_x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.point_aim_x.value.next = next_c;
@@ -1481,7 +1483,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.point_aim_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.point_aim_y) begin // SW write
-            next_c = (field_storage.optics.point_aim_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.point_aim_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.point_aim_y.value.next = next_c;
@@ -1504,7 +1506,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.index.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.index) begin // SW write
-            next_c = (field_storage.optics.index.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.index.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.index.value.next = next_c;
@@ -1527,7 +1529,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.index_square.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.index_square) begin // SW write
-            next_c = (field_storage.optics.index_square.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.index_square.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.index_square.value.next = next_c;
@@ -1550,7 +1552,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.index_inverse.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.index_inverse) begin // SW write
-            next_c = (field_storage.optics.index_inverse.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.index_inverse.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.index_inverse.value.next = next_c;
@@ -1573,7 +1575,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.index_inverse_square.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.index_inverse_square) begin // SW write
-            next_c = (field_storage.optics.index_inverse_square.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.index_inverse_square.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.index_inverse_square.value.next = next_c;
@@ -1596,7 +1598,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.depth.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.depth) begin // SW write
-            next_c = (field_storage.optics.depth.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.depth.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.depth.value.next = next_c;
@@ -1619,7 +1621,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.depth_rest.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.depth_rest) begin // SW write
-            next_c = (field_storage.optics.depth_rest.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.depth_rest.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.depth_rest.value.next = next_c;
@@ -1642,7 +1644,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.exit_z.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.exit_z) begin // SW write
-            next_c = (field_storage.optics.exit_z.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.exit_z.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.exit_z.value.next = next_c;
@@ -1665,7 +1667,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.cell_half.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.cell_half) begin // SW write
-            next_c = (field_storage.optics.cell_half.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.cell_half.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.cell_half.value.next = next_c;
@@ -1688,7 +1690,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.cell_pitch_x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.cell_pitch_x) begin // SW write
-            next_c = (field_storage.optics.cell_pitch_x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.cell_pitch_x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.cell_pitch_x.value.next = next_c;
@@ -1711,7 +1713,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.cell_pitch_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.cell_pitch_y) begin // SW write
-            next_c = (field_storage.optics.cell_pitch_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.cell_pitch_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.cell_pitch_y.value.next = next_c;
@@ -1734,7 +1736,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.cell_half_y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.cell_half_y) begin // SW write
-            next_c = (field_storage.optics.cell_half_y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.cell_half_y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.cell_half_y.value.next = next_c;
@@ -1757,7 +1759,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics.cell_rise.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics.cell_rise) begin // SW write
-            next_c = (field_storage.optics.cell_rise.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics.cell_rise.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics.cell_rise.value.next = next_c;
@@ -1780,7 +1782,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.columns.first.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.columns) begin // SW write
-            next_c = (field_storage.raster.columns.first.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
+            next_c = (field_storage.raster.columns.first.value & ~decoded_wr_biten[13:0]) | decoded_wr_data[13:0];
             load_next_c = '1;
         end
         field_combo.raster.columns.first.next = next_c;
@@ -1803,7 +1805,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.columns.last.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.columns) begin // SW write
-            next_c = (field_storage.raster.columns.last.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
+            next_c = (field_storage.raster.columns.last.value & ~decoded_wr_biten[29:16]) | decoded_wr_data[29:16];
             load_next_c = '1;
         end
         field_combo.raster.columns.last.next = next_c;
@@ -1826,7 +1828,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.rows.first.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.rows) begin // SW write
-            next_c = (field_storage.raster.rows.first.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
+            next_c = (field_storage.raster.rows.first.value & ~decoded_wr_biten[13:0]) | decoded_wr_data[13:0];
             load_next_c = '1;
         end
         field_combo.raster.rows.first.next = next_c;
@@ -1849,7 +1851,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.rows.last.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.rows) begin // SW write
-            next_c = (field_storage.raster.rows.last.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
+            next_c = (field_storage.raster.rows.last.value & ~decoded_wr_biten[29:16]) | decoded_wr_data[29:16];
             load_next_c = '1;
         end
         field_combo.raster.rows.last.next = next_c;
@@ -1872,7 +1874,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.panel.width.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.panel) begin // SW write
-            next_c = (field_storage.raster.panel.width.value & ~decoded_wr_biten[13:0]) | (decoded_wr_data[13:0] & decoded_wr_biten[13:0]);
+            next_c = (field_storage.raster.panel.width.value & ~decoded_wr_biten[13:0]) | decoded_wr_data[13:0];
             load_next_c = '1;
         end
         field_combo.raster.panel.width.next = next_c;
@@ -1895,7 +1897,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.panel.height.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.panel) begin // SW write
-            next_c = (field_storage.raster.panel.height.value & ~decoded_wr_biten[29:16]) | (decoded_wr_data[29:16] & decoded_wr_biten[29:16]);
+            next_c = (field_storage.raster.panel.height.value & ~decoded_wr_biten[29:16]) | decoded_wr_data[29:16];
             load_next_c = '1;
         end
         field_combo.raster.panel.height.next = next_c;
@@ -1918,7 +1920,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.jitter.samples.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.jitter) begin // SW write
-            next_c = (field_storage.raster.jitter.samples.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
+            next_c = (field_storage.raster.jitter.samples.value & ~decoded_wr_biten[15:0]) | decoded_wr_data[15:0];
             load_next_c = '1;
         end
         field_combo.raster.jitter.samples.next = next_c;
@@ -1941,7 +1943,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.jitter.mode.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.jitter) begin // SW write
-            next_c = (field_storage.raster.jitter.mode.value & ~decoded_wr_biten[17:16]) | (decoded_wr_data[17:16] & decoded_wr_biten[17:16]);
+            next_c = (field_storage.raster.jitter.mode.value & ~decoded_wr_biten[17:16]) | decoded_wr_data[17:16];
             load_next_c = '1;
         end
         field_combo.raster.jitter.mode.next = next_c;
@@ -1964,7 +1966,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.jitter.table_first.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.jitter) begin // SW write
-            next_c = (field_storage.raster.jitter.table_first.value & ~decoded_wr_biten[29:24]) | (decoded_wr_data[29:24] & decoded_wr_biten[29:24]);
+            next_c = (field_storage.raster.jitter.table_first.value & ~decoded_wr_biten[29:24]) | decoded_wr_data[29:24];
             load_next_c = '1;
         end
         field_combo.raster.jitter.table_first.next = next_c;
@@ -1987,7 +1989,7 @@ module lipp_optics_registers (
         next_c = field_storage.raster.seed.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.raster.seed) begin // SW write
-            next_c = (field_storage.raster.seed.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.raster.seed.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.raster.seed.value.next = next_c;
@@ -2010,7 +2012,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_converge.share.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_converge.share) begin // SW write
-            next_c = (field_storage.optics_converge.share.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_converge.share.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_converge.share.value.next = next_c;
@@ -2033,7 +2035,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_converge.x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_converge.x) begin // SW write
-            next_c = (field_storage.optics_converge.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_converge.x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_converge.x.value.next = next_c;
@@ -2056,7 +2058,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_converge.y.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_converge.y) begin // SW write
-            next_c = (field_storage.optics_converge.y.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_converge.y.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_converge.y.value.next = next_c;
@@ -2079,7 +2081,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_extent.i.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_extent.i) begin // SW write
-            next_c = (field_storage.optics_extent.i.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_extent.i.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_extent.i.value.next = next_c;
@@ -2102,7 +2104,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_extent.j.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_extent.j) begin // SW write
-            next_c = (field_storage.optics_extent.j.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_extent.j.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_extent.j.value.next = next_c;
@@ -2125,7 +2127,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_shear.x.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_shear.x) begin // SW write
-            next_c = (field_storage.optics_shear.x.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_shear.x.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_shear.x.value.next = next_c;
@@ -2148,7 +2150,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_shear.lean.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_shear.lean) begin // SW write
-            next_c = (field_storage.optics_shear.lean.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_shear.lean.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_shear.lean.value.next = next_c;
@@ -2171,7 +2173,7 @@ module lipp_optics_registers (
         next_c = field_storage.optics_shear.row.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.optics_shear.row) begin // SW write
-            next_c = (field_storage.optics_shear.row.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.optics_shear.row.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.optics_shear.row.value.next = next_c;

@@ -178,8 +178,10 @@ module lipp_scene_registers (
         if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;
         else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};
     end
-    assign decoded_wr_data = cpuif_wr_data;
-    assign decoded_wr_biten = cpuif_wr_biten;
+    always_ff @(posedge clk) begin
+        decoded_wr_data <= cpuif_wr_data & cpuif_wr_biten;
+        decoded_wr_biten <= cpuif_wr_biten;
+    end
 
     //--------------------------------------------------------------------------
     // Field logic
@@ -310,7 +312,7 @@ module lipp_scene_registers (
         next_c = field_storage.source.scene.value;
         load_next_c = '0;
         if(decoded_reg_strb.source) begin // SW write
-            next_c = (field_storage.source.scene.value & ~decoded_wr_biten[0:0]) | (decoded_wr_data[0:0] & decoded_wr_biten[0:0]);
+            next_c = (field_storage.source.scene.value & ~decoded_wr_biten[0:0]) | decoded_wr_data[0:0];
             load_next_c = '1;
         end
         field_combo.source.scene.next = next_c;
@@ -333,7 +335,7 @@ module lipp_scene_registers (
         next_c = field_storage.lattice.xi.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.lattice.xi) begin // SW write
-            next_c = (field_storage.lattice.xi.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.lattice.xi.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.lattice.xi.value.next = next_c;
@@ -356,7 +358,7 @@ module lipp_scene_registers (
         next_c = field_storage.lattice.xj.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.lattice.xj) begin // SW write
-            next_c = (field_storage.lattice.xj.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.lattice.xj.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.lattice.xj.value.next = next_c;
@@ -379,7 +381,7 @@ module lipp_scene_registers (
         next_c = field_storage.lattice.yj.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.lattice.yj) begin // SW write
-            next_c = (field_storage.lattice.yj.value.value & ~decoded_wr_biten[31:0]) | (decoded_wr_data[31:0] & decoded_wr_biten[31:0]);
+            next_c = (field_storage.lattice.yj.value.value & ~decoded_wr_biten[31:0]) | decoded_wr_data[31:0];
             load_next_c = '1;
         end
         field_combo.lattice.yj.value.next = next_c;
@@ -402,7 +404,7 @@ module lipp_scene_registers (
         next_c = field_storage.background.red.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.background.red) begin // SW write
-            next_c = (field_storage.background.red.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
+            next_c = (field_storage.background.red.value.value & ~decoded_wr_biten[15:0]) | decoded_wr_data[15:0];
             load_next_c = '1;
         end
         field_combo.background.red.value.next = next_c;
@@ -425,7 +427,7 @@ module lipp_scene_registers (
         next_c = field_storage.background.green.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.background.green) begin // SW write
-            next_c = (field_storage.background.green.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
+            next_c = (field_storage.background.green.value.value & ~decoded_wr_biten[15:0]) | decoded_wr_data[15:0];
             load_next_c = '1;
         end
         field_combo.background.green.value.next = next_c;
@@ -448,7 +450,7 @@ module lipp_scene_registers (
         next_c = field_storage.background.blue.value.value;
         load_next_c = '0;
         if(decoded_reg_strb.background.blue) begin // SW write
-            next_c = (field_storage.background.blue.value.value & ~decoded_wr_biten[15:0]) | (decoded_wr_data[15:0] & decoded_wr_biten[15:0]);
+            next_c = (field_storage.background.blue.value.value & ~decoded_wr_biten[15:0]) | decoded_wr_data[15:0];
             load_next_c = '1;
         end
         field_combo.background.blue.value.next = next_c;

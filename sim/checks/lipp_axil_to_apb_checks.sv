@@ -117,7 +117,7 @@ module lipp_axil_to_apb_checks #(
       read_answered: assert(s_axil_rvalid == r_due_q);
       write_answer: assert(!b_due_q || s_axil_bresp == {b_error_q, 1'b0});
       read_answer: assert(!r_due_q
-          || {s_axil_rresp, s_axil_rdata} == {r_error_q, 1'b0, r_error_q ? 32'h0 : r_word_q});
+          || (s_axil_rresp == {r_error_q, 1'b0} && (r_error_q || s_axil_rdata == r_word_q)));
       answer_has_room: assert(!(done && (m_apb_pwrite ? b_due_q : r_due_q)));
       // No part of a request is taken while one waits, and none is refused without that.
       places: assert(!known_q || {s_axil_awready, s_axil_wready, s_axil_arready}

@@ -69,7 +69,7 @@ module lipp_wishbone_to_apb_checks #(
           wanted_q[3:0] & {4{wanted_q[A+34]}}});
       // Each is answered once, in the clock after its end, unless the master gave it up.
       answered: assert(pulse == (done_q && asked) && !(s_wb_ack && s_wb_err));
-      answer: assert(!pulse || (s_wb_err == error_q && s_wb_dat_r == (error_q ? 32'h0 : word_q)));
+      answer: assert(!pulse || (s_wb_err == error_q && (error_q || s_wb_dat_r == word_q)));
       one_clock: assert(!(pulse && pulse_q));
       // APB4: a clock of setup, then the access until ready, all of it unchanged.
       apb_enable: assert(!m_apb_penable || (m_apb_psel && !idle_q));

@@ -119,13 +119,14 @@ def _registered_decode(block: str) -> str:
 
     The enables of all the fields hang on the decoder, across the whole device: without the register this way limits
     the clock. An access takes a clock more; address and data stand still until it is answered. The register of a
-    strobe is set for writes alone, for reads do not look at it.
+    strobe is set for writes alone, for reads do not look at it; the data are masked in the same clock.
     """
     before, rest = block.split("    // Address Decode\n")
     decode, after = rest.split("    // Field logic\n")
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
     decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
     after = re.sub(r"(decoded_reg_strb\S*) && decoded_req_is_wr\)", r"\1)", after)
+    after = re.sub(r"\((decoded_wr_data\S*) & decoded_wr_biten\S*\);", r"\1;", after)
     for old, new in (
         ("always_comb begin", "always_ff @(posedge clk) begin"),
         (" & decoded_req;", " & cpuif_req_masked;"),
@@ -134,6 +135,13 @@ def _registered_decode(block: str) -> str:
             "    always_ff @(posedge clk or negedge arst_n) begin\n"
             "        if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;\n"
             "        else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};\n"
+            "    end\n",
+        ),
+        (
+            "    assign decoded_wr_data = cpuif_wr_data;\n    assign decoded_wr_biten = cpuif_wr_biten;\n",
+            "    always_ff @(posedge clk) begin\n"
+            "        decoded_wr_data <= cpuif_wr_data & cpuif_wr_biten;\n"
+            "        decoded_wr_biten <= cpuif_wr_biten;\n"
             "    end\n",
         ),
     ):

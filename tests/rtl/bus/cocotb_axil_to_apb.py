@@ -75,7 +75,9 @@ class Bench:
             self.answers.append(f"write {response}")
         for n, (response, data) in enumerate(reads):
             got = await with_timeout(self.r.recv(), 50, "us")
-            assert (int(got.rresp), int(got.rdata)) == (response, data), f"read {n}"
+            assert int(got.rresp) == response, f"read {n}"
+            if response == OKAY:  # beside SLVERR the data mean nothing
+                assert int(got.rdata) == data, f"read {n}"
             self.answers.append(f"read {response}")
         assert self.b.empty()
         assert self.r.empty()
