@@ -19,6 +19,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -118,19 +119,21 @@ class Board {
   void run() {
     if (!options_.ready.empty()) announce(options_, line_);
     const auto started = std::chrono::steady_clock::now();
+    const std::clock_t used = std::clock();
     while (!stop.load(std::memory_order_relaxed)) {
       if (reset.exchange(false, std::memory_order_relaxed)) restart();
       for (int k = 0; k < 1024; ++k) step();
       if (idle()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    const double processor_seconds = static_cast<double>(std::clock() - used) / CLOCKS_PER_SEC;
     if (!options_.ready.empty()) std::remove(options_.ready.c_str());
     top_.final();
-    std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"bytes_in\": %lld, \"bytes_out\": %lld, \"frames\": %lld, "
-                "\"broken_frames\": %lld, \"bytes_lost\": %lld}\n",
-                static_cast<long long>(clocks_), seconds, static_cast<long long>(in_), static_cast<long long>(out_),
-                static_cast<long long>(screen_.frames()), static_cast<long long>(screen_.broken()),
-                static_cast<long long>(lost_));
+    std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"processor_seconds\": %.3f, \"bytes_in\": %lld, "
+                "\"bytes_out\": %lld, \"frames\": %lld, \"broken_frames\": %lld, \"bytes_lost\": %lld}\n",
+                static_cast<long long>(clocks_), seconds, processor_seconds, static_cast<long long>(in_),
+                static_cast<long long>(out_), static_cast<long long>(screen_.frames()),
+                static_cast<long long>(screen_.broken()), static_cast<long long>(lost_));
   }
 
  private:

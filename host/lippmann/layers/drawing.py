@@ -6,6 +6,7 @@ the pixel's samples are averaged, and the panel's curve is applied once. A ray w
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
@@ -127,7 +128,8 @@ def draw_layers(
         from lippmann.sim.harness import rtl_pipeline  # not at the top: golden starts sooner without
         from lippmann.sim.scene_harness import rtl_scene
 
-        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene)
+        threads = len(os.sched_getaffinity(0))  # the simulators run outside of Python's lock
+        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads)
     return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Rays a second of the simulated RTL, with every word compared with the twin (`lippmann bench rtl`)."""
+"""Rates of the simulated RTL, with every word compared with the twin (`lippmann bench rtl`)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import COMPACT, WIDEST
+from lippmann.measure import simulated_drawing
 from lippmann.optics.rays import Model
 from lippmann.sim.harness import harness
 
@@ -53,7 +54,10 @@ class Simulation:
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure exact builds on the founding paper's displays: two word lengths, cross terms in logic and in cells."""
+    """Measure exact builds on the founding paper's displays: two word lengths, cross terms in logic and in cells.
+
+    The drawing follows (`simulated_drawing`).
+    """
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
@@ -66,3 +70,4 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
                 "words_differ": run.words_differ(),
                 "rays": RAYS,
             }
+    yield from simulated_drawing.measure(scenes)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +48,7 @@ class SceneHarness:
             call = getattr(self._library, f"lippmann_scene_{name}")
             call.restype, call.argtypes = result, arguments
         self._model = self._library.lippmann_scene_new()
+        self._held: dict[int, bytes] = {}
         #: Clocks that the last frame took.
         self.clocks = 0
 
@@ -61,6 +61,12 @@ class SceneHarness:
         """Write a slot, or the panel's curve (slot 15), one byte a clock."""
         held = np.ascontiguousarray(content, np.uint8)
         self._library.lippmann_scene_load(self._model, slot, len(held), held.ctypes.data)
+        self._held[slot] = held.tobytes()
+
+    def hold(self, slot: int, content: Bytes) -> None:
+        """Write a slot, or the panel's curve, unless it is what was written there last."""
+        if self._held.get(slot) != content.tobytes():
+            self.load(slot, content)
 
     def draw(
         self, rays: FixedRays, words: SceneWords, seed: int = 0, idle: float = 0.0, stall: float = 0.0,
@@ -77,6 +83,7 @@ class SceneHarness:
         registers = np.frombuffer(words.bits.to_bytes(4 * _CONFIG_WORDS, "little"), np.uint32)
         slot, loaded = (-1, np.zeros(0, np.uint8)) if meanwhile is None else meanwhile
         loaded = np.ascontiguousarray(loaded, np.uint8)
+        self._held.pop(slot, None)
         # In 256ths; 1 would never let a ray pass.
         chances = (min(round(chance * 256.0), 255) for chance in (idle, stall))
         pointers = packed.ctypes.data, registers.ctypes.data, out.ctypes.data
@@ -94,17 +101,23 @@ def rtl_scene(
 ) -> Bytes:
     """Draw through the RTL, in the place of `lippmann.fixed.scene.scene`.
 
-    With the cross terms in multiplier cells: the build that simulates fastest.
+    With the cross terms in multiplier cells: the build that simulates fastest. Threads may call it at once: each call
+    has a model of its own, and the models are kept with what they hold, since a load takes longer than some rows.
     """
-    harness = _harness(build, f)
+    models = _models.setdefault((build, f), [])
+    try:
+        harness = models.pop()
+    except IndexError:  # all are at work
+        harness = SceneHarness(build, f)
     for slot, content in {**slots, CURVE_SLOT: table}.items():
-        harness.load(slot, content)
-    return harness.draw(rays, words)
+        harness.hold(slot, content)
+    drawn = harness.draw(rays, words)
+    models.append(harness)  # not after an error
+    return drawn
 
 
-@cache
-def _harness(build: SceneBuild, f: int) -> SceneHarness:
-    return SceneHarness(build, f)
+#: Models that are not at work, by their build and its fraction bits.
+_models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
 def scene_parameters(build: SceneBuild, f: int, cross_cells: bool = False) -> dict[str, str | int]:

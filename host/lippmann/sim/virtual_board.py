@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -72,7 +72,7 @@ class RunningBoard:
         self.process.send_signal(signal.SIGUSR1)
 
     def stop(self) -> dict[str, Any]:
-        """End the board; return its counts of clocks, seconds, bytes and frames.
+        """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
         Raises DeviceError when it failed, or did not end within `STOP_SECONDS` and was killed, and CaptureError when it
         could not write a frame.
@@ -115,8 +115,11 @@ def check_free(tcp_port: int) -> None:
 
 
 def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:
-    """Return the optics build of a display's board."""
-    return Build.of(display, "exact", fraction_bits, aims=False)
+    """Return the optics build of a display's board.
+
+    With the cross terms in multiplier cells, in its drawing too: the build that simulates fastest.
+    """
+    return replace(Build.of(display, "exact", fraction_bits, aims=False), cross_cells=True)
 
 
 def start(
