@@ -67,23 +67,30 @@ module lipp_optics_block #(
   lipp_optics_registers_pkg::optics_registers__out_t set;
   logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
-  // The upper half of the addresses is the jitter table, which can only be written. It answers in
-  // the first clock of the access.
+  // The upper half of the addresses is the jitter table, which can only be written. What answers
+  // an access is a register: its master may be far away.
   logic registers_ready, registers_error, table_q, table_write;
+  logic [31:0] registers_data;
   lipp_optics_registers i_registers (
     .clk(clk_i), .arst_n(rst_ni),
-    .s_apb_psel(s_apb_psel && !s_apb_paddr[8]), .s_apb_penable, .s_apb_pwrite, .s_apb_pprot,
-    .s_apb_paddr(s_apb_paddr[7:0]), .s_apb_pwdata, .s_apb_pstrb,
-    .s_apb_pready(registers_ready), .s_apb_prdata, .s_apb_pslverr(registers_error),
-    .hwif_in(status), .hwif_out(set)
+    .s_apb_psel(s_apb_psel && !s_apb_paddr[8] && !s_apb_pready), .s_apb_penable, .s_apb_pwrite,
+    .s_apb_pprot, .s_apb_paddr(s_apb_paddr[7:0]), .s_apb_pwdata, .s_apb_pstrb,
+    .s_apb_pready(registers_ready), .s_apb_prdata(registers_data),
+    .s_apb_pslverr(registers_error), .hwif_in(status), .hwif_out(set)
   );
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) table_q <= 1'b0;
-    else table_q <= s_apb_psel && !s_apb_penable && s_apb_paddr[8];
+    if (!rst_ni) begin
+      {table_q, s_apb_pready} <= '0;
+    end else begin
+      table_q <= s_apb_psel && !s_apb_penable && s_apb_paddr[8];
+      s_apb_pready <= registers_ready || table_q;
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    s_apb_prdata <= registers_data;
+    s_apb_pslverr <= registers_error || (table_q && !s_apb_pwrite);
   end
   assign table_write = table_q && s_apb_pwrite;
-  assign s_apb_pready = registers_ready || table_q;
-  assign s_apb_pslverr = registers_error || (table_q && !s_apb_pwrite);
 
   assign {
     status.build.shear.next, status.build.converge.next, status.build.cross_cells.next,

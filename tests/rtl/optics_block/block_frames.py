@@ -93,7 +93,7 @@ class Block:
             await FallingEdge(dut.clk_i)
             clocks += 1
             assert clocks < 10, f"no answer at 0x{address:03x}"
-        assert clocks == (2 if address >= 0x100 else 4 if word is None else 3)
+        assert clocks == (3 if address >= 0x100 else 5 if word is None else 4)
         answer = dut.s_apb_prdata.value.to_unsigned(), bool(dut.s_apb_pslverr.value)
         await FallingEdge(dut.clk_i)
         dut.s_apb_psel.value = dut.s_apb_penable.value = 0
