@@ -2,8 +2,8 @@
 
 A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
 in one line of a module of rtl/ that is written by hand. It is made in a copy of the checkout. The tests of its module,
-tests/rtl/<module>, run first, then those of what the module is a part of. A fault is caught when a test fails that
-passes without the fault.
+tests/rtl/<module>, run first (a package: those of the modules beside it), then those of what the module is a part of. A
+fault is caught when a test fails that passes without the fault.
 
 Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
 """
@@ -51,6 +51,7 @@ SAME = {
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
     ("pixel_to_lattice.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("math_pkg.sv", "tree > 2 ? tree : 3"): "the larger of two equal numbers is either",
     ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
     ("math_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
     ("wide_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
@@ -139,6 +140,9 @@ def fate(fault: Fault, scratch: Scratch) -> str:
             return "refused"
     near = f"tests/rtl/{WITHIN.get(module, module)}"
     stages = [[near]] if (scratch.folder / near).is_dir() else []
+    if module.endswith("_pkg"):  # whoever uses it: the modules of its folder
+        users = (f"tests/rtl/{user.stem.removeprefix(PREFIX)}" for user in sorted(path.parent.glob("*.sv")))
+        stages.append([user for user in users if (scratch.folder / user).is_dir()])
     return scratch.fate(fault, [*stages, LAST.get(path.parent.name, BOARD)])
 
 
