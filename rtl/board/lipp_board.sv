@@ -143,19 +143,25 @@ module lipp_board #(
     .out_valid_o(decoded_valid), .out_ready_i(decoded_ready), .out_data_o(decoded_data),
     .out_end_o(decoded_end), .out_bad_o(decoded_bad)
   );
-  logic request_valid, request_ready, request_last;
-  logic [7:0] request_data;
+  logic packet_valid, packet_ready, packet_last, request_valid, request_ready, request_last;
+  logic [7:0] packet_data, request_data;
   logic accepted, dropped_long, dropped_cobs, dropped_short, dropped_crc;
   lipp_packet_fifo i_packet_fifo (
     .clk_i, .rst_ni(rst_n), .in_valid_i(decoded_valid), .in_ready_o(decoded_ready),
     .in_data_i(decoded_data), .in_end_i(decoded_end), .in_bad_i(decoded_bad),
-    .out_valid_o(request_valid), .out_ready_i(request_ready), .out_data_o(request_data),
-    .out_last_o(request_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
+    .out_valid_o(packet_valid), .out_ready_i(packet_ready), .out_data_o(packet_data),
+    .out_last_o(packet_last), .accepted_o(accepted), .dropped_long_o(dropped_long),
     .dropped_cobs_o(dropped_cobs), .dropped_short_o(dropped_short), .dropped_crc_o(dropped_crc)
+  );
+  // The ways of requests and replies are long, and whether a byte is taken hangs on much: no path
+  // leads through.
+  lipp_skid_buffer #(.Width(9)) i_request_buffer (
+    .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(packet_valid), .in_ready_o(packet_ready),
+    .in_data_i({packet_last, packet_data}), .out_valid_o(request_valid),
+    .out_ready_i(request_ready), .out_data_o({request_last, request_data})
   );
   logic answer_valid, answer_ready, answer_last, reply_valid, reply_ready, reply_last;
   logic [7:0] answer_data, reply_data;
-  // The way of a reply is long: no path leads through.
   lipp_skid_buffer #(.Width(9)) i_reply_buffer (
     .clk_i, .rst_ni(rst_n), .clear_i('0), .in_valid_i(answer_valid), .in_ready_o(answer_ready),
     .in_data_i({answer_last, answer_data}), .out_valid_o(reply_valid), .out_ready_i(reply_ready),

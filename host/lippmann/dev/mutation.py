@@ -28,7 +28,12 @@ SOURCES = Path("rtl")
 #: register block; those of the board are in the whole board, which is asked for anything.
 BATCH = ["tests/rtl/test_batch.py"]
 BOARD = ["tests/system/test_random_requests.py", "tests/system/test_board_requests.py"]
-LAST = {"common": [*BATCH, *BOARD], "math": BATCH, "optics": [*BATCH, "tests/rtl/optics_block"]}
+LAST = {
+    "bus": ["tests/rtl/bus"],
+    "common": [*BATCH, *BOARD],
+    "math": BATCH,
+    "optics": [*BATCH, "tests/rtl/optics_block"],
+}
 #: Modules that are tested as parts of another, and packages.
 WITHIN = {
     **dict.fromkeys(
@@ -51,6 +56,7 @@ SAME = {
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
     ("pixel_to_lattice.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("wishbone_to_apb.sv", "{3{asked}} & {ack_q, err_q}"): "the third bit has no place",
     ("math_pkg.sv", "tree > 2 ? tree : 3"): "the larger of two equal numbers is either",
     ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
     ("math_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",

@@ -43,10 +43,8 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
             ours = [render_shot(shot).radiance for shot in shots]
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
-            theirs = {
-                shot.frame: image.radiance
-                for shot, image in render_on_cluster(cluster.scheduler_address, device, shots)
-            }
+            rendered = render_on_cluster(cluster.scheduler_address, device, shots)
+            theirs = {shot.frame: image.radiance for shot, image in rendered}
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             yield {
                 "display": name,

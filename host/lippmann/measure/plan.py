@@ -63,7 +63,6 @@ QUICK = Plan(
     reference_samples=16,
     budget=("compact-square",),
     growth_px=150,
-    memory_rounds=3,
     pixels_across=(150, 300),
     lenslets_across=(4, 8),
     triangles=(200, 2_000),

@@ -23,10 +23,8 @@ class Load:
     def now(cls) -> Load:
         """Read the machine's counters; `everybody` is None where the system has none."""
         stat = Path("/proc/stat")
-        everybody = None
-        if stat.exists():
-            ticks = [int(word) for word in stat.read_text().splitlines()[0].split()[1:]]
-            everybody = sum(ticks[kind] for kind in BUSY) / os.sysconf("SC_CLK_TCK")
+        ticks = stat.read_text().splitlines()[0].split()[1:] if stat.exists() else None
+        everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK") if ticks else None
         return cls(os.getloadavg()[0], everybody, sum(os.times()[:4]))
 
 

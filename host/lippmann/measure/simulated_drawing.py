@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,44 +54,29 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
         while scene.status().frames - first < frames:
             time.sleep(QUERY_S)
         captured.board.panel_crc()
-    counts, panel = captured.counts, display.panel
-    differ = captured.frames[-1] != draw(display, board_build(display), stack, build)
-    return {
-        "display": display.name,
-        "simulated": "drawing board",
-        "processors": 1,
-        **_rates(panel.width_px * panel.height_px * counts["frames"], counts["seconds"], counts["processor_seconds"]),
-        "clocks": counts["clocks"],
-        "pixels_differ": int(differ.any(axis=2).sum()),
-    }
+    counts = captured.counts
+    differ = (captured.frames[-1] != draw(display, board_build(display), stack, build)).any(axis=2)
+    pixels, times = differ.size * counts["frames"], (counts["seconds"], counts["processor_seconds"])
+    return _row(display, "drawing board", 1, pixels, times, counts["clocks"], differ)
 
 
 def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: int) -> dict[str, Any]:
     """Draw a panel as `render --engine rtl` does, by some threads, and compare every pixel with the twin's."""
     optics = Build.of(display, "exact", COMPACT, aims=False)
-
-    def drawn() -> Any:
-        return draw(display, optics, stack, build, pipeline=rtl_pipeline, shade=rtl_scene, threads=threads)
-
+    drawn = partial(draw, display, optics, stack, build, pipeline=rtl_pipeline, shade=rtl_scene, threads=threads)
     drawn()  # compiled, and the textures are loaded
     started, used = time.perf_counter(), time.process_time()
     picture = drawn()
-    seconds, processor_seconds = time.perf_counter() - started, time.process_time() - used
-    differ = picture != draw(display, optics, stack, build)
-    return {
-        "display": display.name,
-        "simulated": "render --engine rtl",
-        "processors": threads,
-        **_rates(picture.size // 3, seconds, processor_seconds),
-        "clocks": None,
-        "pixels_differ": int(differ.any(axis=2).sum()),
-    }
+    times = (time.perf_counter() - started, time.process_time() - used)
+    differ = (picture != draw(display, optics, stack, build)).any(axis=2)
+    return _row(display, "render --engine rtl", threads, differ.size, times, None, differ)
 
 
-def _rates(pixels: int, seconds: float, processor_seconds: float) -> dict[str, Any]:
-    """Return the columns of so many pixels: their rates by the processors' time, and by the clock on the wall."""
-    return {
-        "pixels": pixels,
-        "pixels_per_processor_second": pixels / processor_seconds,
-        "pixels_per_second": pixels / seconds,
-    }
+def _row(
+    display: Display, simulated: str, threads: int, pixels: int, times: Sequence[float], clocks: int | None, differ: Any
+) -> dict[str, Any]:
+    """Return the row of so many pixels, simulated in `times`: by the clock on the wall, and of the processors."""
+    names = ("pixels_per_second", "pixels_per_processor_second")
+    rates = {name: pixels / seconds for name, seconds in zip(names, times, strict=True)}
+    row = {"display": display.name, "simulated": simulated, "processors": threads, "pixels": pixels, **rates}
+    return {**row, "clocks": clocks, "pixels_differ": int(differ.sum())}
