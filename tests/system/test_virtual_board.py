@@ -60,6 +60,14 @@ def small(grid="square", eye=None):
 #: answers and shows frames is asked over all four.
 USUAL = [pytest.param(line, marks=pytest.mark.full if line == "pty-bits" else ()) for line in LINES]
 over_all_lines = pytest.mark.parametrize("virtual", LINES, indirect=True)
+
+
+def often_over(*often):
+    """At every commit over some lines only: what another test asks over the others has to do with the same faults."""
+    rows = [pytest.param(line, marks=() if line in often else pytest.mark.full) for line in LINES]
+    return pytest.mark.parametrize("virtual", rows, indirect=True)
+
+
 #: What the simulator's process does is the same for a line of bytes and one of bits.
 over_bytes = pytest.mark.parametrize(
     "virtual",
@@ -421,7 +429,7 @@ FAULTS = {
 
 #: For every commit: all faults over one line, some over each.
 OFTEN = {
-    "socket-bytes": FAULTS, "pty-bytes": ("flip", "lose"), "socket-bits": ("flip", "cut"), "pty-bits": (),
+    "socket-bytes": FAULTS, "pty-bytes": ("flip", "lose"), "socket-bits": ("flip",), "pty-bits": (),
 }  # fmt: skip
 
 
@@ -458,6 +466,8 @@ def test_a_bad_line_never_shows_a_wrong_frame(virtual, fault):
     assert time.monotonic() - begun < 90
 
 
+# A true UART at a wrong rate is the next test's.
+@often_over("socket-bytes")
 def test_a_wrong_baud_rate_is_told_and_harms_nothing(virtual):
     image = random_image(12)
     with Board.open(virtual.url) as board:
@@ -498,6 +508,8 @@ def test_the_whole_loop():
     assert loop.clocks > 0
 
 
+# A UART is given bytes that are wrong in test_a_bad_line_never_shows_a_wrong_frame.
+@often_over("socket-bytes", "pty-bytes")
 def test_random_and_mutated_bytes_harm_nothing(virtual):
     random = np.random.default_rng([SEED, 13])
     image = random_image(13)
