@@ -15,12 +15,18 @@ import rtl_coverage
 #: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
 #: is made once; a long one at the end would leave the other workers idle. The run ends with the slowest tests.
 FIRST = (
-    "test_virtual_board.py", "test_report_command.py", "test_board_commands.py", "test_demo.py", "test_renderer.py",
-    "test_docs.py", "test_elaboration.py", "test_batch.py", "test_cells.py", "test_viewer.py", "test_fast_engine.py",
-    "test_povray_optics.py", "test_diagnose_regress.py", "test_formal.py", "test_povray_scene.py",
-    "test_link_faults.py", "test_fit.py", "test_fixed_error.py", "test_conditioning_cases.py",
-    "test_golden_exact.py", "test_ray_pipeline.py", "test_conditioning_registers.py", "test_select_model.py",
-    "test_capture_depth.py", "test_dispatcher.py", "test_tile_writer.py", "test_uart_rx.py", "test_aim.py",
+    "test_virtual_board.py", "test_renderer.py", "test_formal.py", "test_elaboration.py", "test_golden_exact.py",
+    "test_docs.py", "test_fast_engine.py", "test_board_scene.py", "test_demo.py", "test_site.py", "test_api.py",
+    "test_cells.py", "test_viewer.py", "test_dispatcher.py", "test_layers_cut.py", "test_ray_pipeline.py",
+    "test_povray_optics.py", "test_conditioning_cases.py", "test_batch.py", "test_aim.py", "test_cli.py",
+    "test_parallax.py", "test_fit.py", "test_bus.py", "test_panel.py", "test_povray_scene.py",
+    "test_diagnose_regress.py", "test_random_requests.py", "test_board_commands.py", "test_viewing.py",
+    "test_optics_block.py", "test_scan_out.py", "test_manifests.py", "test_film_cluster.py", "test_fixed_error.py",
+    "test_view_page.py", "test_report_command.py", "test_uart_rx.py", "test_link_faults.py", "test_observer.py",
+    "test_film.py", "test_host_mutation.py", "test_dev_commands.py", "test_truth.py", "test_select_model.py",
+    "test_packet_fifo.py", "test_exit_line.py", "test_scene.py", "test_conditioning_registers.py",
+    "test_register_bus.py", "test_capture_cli.py", "test_tile_writer.py", "test_presenter.py", "test_link_stream.py",
+    "test_converged.py", "test_packet_out.py", "test_capture_depth.py",
 )  # fmt: skip
 
 

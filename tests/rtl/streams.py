@@ -102,9 +102,18 @@ class Monitor:
         return into
 
     async def run(
-        self, words: list[int], idle: Iterator[bool], pressure: Iterator[bool], patience: int, count: int | None = None
+        self,
+        words: list[int],
+        idle: Iterator[bool],
+        pressure: Iterator[bool],
+        patience: int,
+        count: int | None = None,
+        rest: int | None = None,
     ) -> None:
-        """Pass words through, and see that no further ones follow. `count` come out, where not one for each."""
+        """Pass words through, and see that no further ones follow in `rest` clocks, a quarter of the patience.
+
+        `count` words come out, where not one for each.
+        """
         sent, waited, offered = 0, 0, False
         already = len(self.got)
         count = len(words) if count is None else count
@@ -116,6 +125,6 @@ class Monitor:
                 sent, offered = sent + 1, False
             waited = 0 if (sent, len(self.got)) > before else waited + 1
             assert waited < patience, f"nothing moved for {patience} clocks; {len(self.got) - already} of {count} came"
-        for _ in range(patience // 4):
+        for _ in range(patience // 4 if rest is None else rest):
             await self.clock(None, True)
         assert len(self.got) - already == count, "more words came out than were due"

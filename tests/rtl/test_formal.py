@@ -188,13 +188,12 @@ SANITY = {
     "an answer is withdrawn before it is taken",
     "a cycle is done twice",
     "binary count brought over",
-    "an abort waits for rays for ever",
+    "the bus is asked once and no more",
     "a late pixel is shown at the next one's place",
     "registers are taken while they are written",
     "read pointer stands still",
     "memory answers a clock early",
     "no credit: rays enter while there is no room",
-    "marks a clock early behind stage 64",
     "ray stored a clock early",
     "idle before the last ray has left",
     "optics change within a frame",
@@ -223,10 +222,16 @@ def labels(folder: Path, word: str) -> set[str]:
     return set(re.findall(rf"; yosys-smt2-{word} \d+ (\S+)", text))
 
 
-# The longest cover is no proof.
-@pytest.mark.parametrize(
-    "proof", [pytest.param(proof, marks=pytest.mark.full) if proof == "dispatcher cover" else proof for proof in PROOFS]
-)
+# Long covers, whose assumptions a broken design shows to have runs; latencies of which 1 and 65, a stage in a second
+# register of marks, have each part.
+LONG = {
+    "async_fifo cover",
+    "dispatcher cover",
+    *(f"flow_control prove{kind}_{latency}" for kind in ("", "_order") for latency in (43, 171)),
+}
+
+
+@pytest.mark.parametrize("proof", [pytest.param(p, marks=pytest.mark.full) if p in LONG else p for p in PROOFS])
 def test_proof(proof: str, tmp_path: Path) -> None:
     name, task = proof.split()
     verdict, log = sby(checkout(tmp_path), name, task)

@@ -35,12 +35,21 @@ def scenes(tmp_path_factory):
     return folder
 
 
+@pytest.fixture
+def few_pixels(monkeypatch):
+    """Views of the panels that are no larger than those are."""
+    for module in (demo, demo_drawn):
+        monkeypatch.setattr(module, "VIEW_WIDTH_PX", WIDTH)
+    monkeypatch.setattr(demo, "VIEW_SAMPLES", 4)
+
+
 def ran(scenes, out, capfd):
     code = run(["demo", "--scenes", str(scenes), "-o", str(out)])
     said, told = capfd.readouterr()
     return code, said, told
 
 
+@pytest.mark.usefixtures("few_pixels")
 def test_every_result_is_there(scenes, tmp_path, capfd):
     code, said, told = ran(scenes, tmp_path, capfd)
     assert code == 0, told
@@ -70,9 +79,12 @@ def test_every_result_is_there(scenes, tmp_path, capfd):
         assert path.name in said or path.name == "demo.json"
 
 
+@pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize("planted", ["a drawn pixel", pytest.param("a late pixel", marks=pytest.mark.full)])
 def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monkeypatch, planted):
     """The twin draws one pixel of a frame otherwise; or a pixel came too late. Exit code 1; the results are kept."""
+    monkeypatch.setattr(demo, "_views", lambda *_: ([], []))  # of the frame that was streamed, before
+    monkeypatch.delitem(demo_drawn.FILMS, "chart")  # drawn after it
     if planted == "a drawn pixel":
         draw, calls = drawn_loop.draw, []
 

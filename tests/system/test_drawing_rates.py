@@ -56,9 +56,8 @@ def test_four_layers_are_loaded_in_a_second(patient):
     assert seconds <= 1.0
 
 
-@pytest.mark.parametrize(
-    "cut_at", [pytest.param(1, marks=pytest.mark.full), 7, pytest.param(14, marks=pytest.mark.full)]
-)
+@pytest.mark.full  # a board of its own is compiled; test_board_scene cuts loads on lines of bytes
+@pytest.mark.parametrize("cut_at", [1, 7, 14])
 def test_a_load_that_was_cut_sends_one_packet_again(patient, monkeypatch, cut_at):
     """The line ends in the middle of a packet, on a UART: all blocks before it are kept, and it alone is sent again."""
     contents = {slot: np.random.default_rng([SEED, 30, slot]).bytes(USUAL.slot_bytes) for slot in range(4)}

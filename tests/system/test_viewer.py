@@ -87,6 +87,13 @@ def open_page(browser, folder, page):
     assert browser.evaluate("lippmann.viewer.then((viewer) => { globalThis.viewer = viewer; return true; })")
 
 
+def open_still(browser, folder, page):
+    """The same, but the page draws no view of its own: in software that takes longer than the pictures asked of it."""
+    open_page(browser, folder, page)
+    # What waits for a frame asks for none.
+    browser.evaluate("(() => { cancelAnimationFrame(viewer.waiting); viewer.waiting = true; })()")
+
+
 def settings(eye, pupil=0.0, focus=0.0, built=AS_DESIGNED, crosstalk=True):
     return {
         "eye": {"position": list(eye), "pupil": pupil, "focus": focus},
@@ -147,7 +154,7 @@ def test_the_page_shows_what_observe_shows(browser, mi, tmp_path, shape):
     """Both follow the same rays: a pixel that differs has one that rounding brought across an edge."""
     display = small(**shape)
     radiance = painted(display)
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 130)
     for chosen in EYES:
         built = chosen.get("built", AS_DESIGNED)
@@ -192,7 +199,7 @@ def test_a_panel_wider_than_textures_is_shown(browser, tmp_path):
     display = Display("wide", Panel(9000, 20, 0.05), Array("square", 1.0, 1.65, 1.5, 0.8, "panel"), 3.0)
     radiance = np.zeros((20, 9000, 3), np.float32)
     radiance[:, 8500:] = 1.0
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     assert browser.evaluate("viewer.renderer.gl.getParameter(viewer.renderer.gl.MAX_TEXTURE_SIZE)") < 9000
     seen = seen_in_page(browser, whole_window(display, 450), 4, eye=(0.0, 0.0, 40000.0))
     # From far away each lenslet shows the pixel behind it: 8500 of 9000 columns are black.
@@ -205,7 +212,7 @@ def test_a_wide_pupil_far_aside_is_observes(browser, mi, tmp_path, focus):
     """Where errors of a ray grow most: it goes through several lenslets at a slant."""
     display = load_display(ROOT / "scenes/displays/vga-hex.toml")
     radiance = painted(display)
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 200)
     chosen = {"eye": (150.0, 100.0, 120.0), "pupil": 20.0, "focus": focus}
     page = seen_in_page(browser, window, 1, **chosen)
@@ -227,7 +234,7 @@ def test_steep_domes_block_and_grow_with_the_pitch(browser, mi, tmp_path, side, 
     steep = dataclasses.replace(flat.array, radius_mm=0.73, index=index)
     display = dataclasses.replace(flat, array=dataclasses.replace(steep, thickness_mm=steep.sag_mm))
     radiance = painted(display)
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 130)
     for eye in ((60.0, 100.0, 40.0), (-130.0, 20.0, 40.0)):
         chosen = {"eye": eye, "built": {"pitchScale": 1.02}}
@@ -240,7 +247,7 @@ def test_steep_domes_block_and_grow_with_the_pitch(browser, mi, tmp_path, side, 
 def test_crosstalk_rotation_and_focus_matter(browser, mi, tmp_path):
     """The comparison above could tell them apart."""
     display = small()
-    open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+    open_still(browser, tmp_path, page_html(display, painted(display), "x"))
     window = whole_window(display, 130)
     plain = {"eye": (60.0, 0.0, 250.0), "pupil": 6.0, "focus": 25.0}
     first = seen_in_page(browser, window, 4, **plain)
@@ -255,7 +262,7 @@ def test_a_glance_is_the_golden_ray_of_each_pixel(browser, tmp_path, grid, side)
     display = small(grid, side)
     panel = display.panel
     radiance = painted(display)
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 120)
     eye = np.array([20.0, -30.0, 300.0])
     glance = seen_in_page(browser, window, 0, eye=eye.tolist(), pupil=5.0, focus=30.0)
@@ -297,7 +304,7 @@ def test_twenty_eyes_on_converged_displays(browser, mi, tmp_path, name):
     """With crosstalk and without, which only the pixels' owners tell apart."""
     display = converged(name)
     radiance = painted(display)
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 240)
     rng = np.random.default_rng(SEED)
     print(f"numpy.random.default_rng({SEED})")
@@ -324,7 +331,7 @@ def test_twenty_eyes_on_converged_displays(browser, mi, tmp_path, name):
 def test_the_panel_view_knows_whose_a_pixel_is(browser, tmp_path, name):
     """Each pixel that the page is asked for has golden's lenslet, and seams stand where owners change."""
     display = converged(name)
-    open_page(browser, tmp_path, page_html(display, painted(display), "x"))
+    open_still(browser, tmp_path, page_html(display, painted(display), "x"))
     rng = np.random.default_rng(SEED)
     pixels = rng.integers(0, (1200, 900), (300, 2))
     system = "systemOf(viewer.display, {rotation: 0, offset: [0, 0], gap: 0, pitchScale: 1})"
@@ -351,7 +358,7 @@ def test_twenty_eyes_on_the_papers_displays(browser, mi, tmp_path, name):
     scene = load_scene(ROOT / "scenes/fish/fish.xml")
     radiance = render_integral(scene, display, "exact", Settings(samples=4)).radiance
     radiance = decode(np.rint(encode(radiance, "srgb") * 255.0) / 255.0, "srgb")
-    open_page(browser, tmp_path, page_html(display, radiance, "x"))
+    open_still(browser, tmp_path, page_html(display, radiance, "x"))
     window = whole_window(display, 600)
     rng = np.random.default_rng(SEED)
     print(f"numpy.random.default_rng({SEED})")

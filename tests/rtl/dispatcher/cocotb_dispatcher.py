@@ -60,12 +60,15 @@ def packets(words):
     return found
 
 
-async def converse(monitor, reference, requests, wanted, idle="always", pressure="always"):
-    """Send requests; their replies must be those wanted, and all else as the reference has it."""
+async def converse(monitor, reference, requests, wanted, idle="always", pressure="always", rest=None):
+    """Send requests; their replies must be those wanted, and all else as the reference has it.
+
+    Nothing follows in `rest` clocks.
+    """
     already = len(monitor.got)
     words = [word for packet in requests for word in marked(packet)]
     count = sum(map(len, wanted))
-    await monitor.run(words, pattern(idle, random, 200), pattern(pressure, random, 200), 2000, count)
+    await monitor.run(words, pattern(idle, random, 200), pattern(pressure, random, 200), 2000, count, rest)
     for packet, got, reply in zip(requests, packets(monitor.got[already:]), wanted, strict=True):
         assert got == reply, f"{packet[:12].hex()} ({len(packet)} bytes): {got[:50].hex()}, not {reply[:50].hex()}"
         SEEN.append((packet[0], reply[3]))
@@ -79,9 +82,9 @@ async def converse(monitor, reference, requests, wanted, idle="always", pressure
 
 
 async def ask(monitor, reference, *requests):
-    """Send requests, and expect the reference's replies; their statuses."""
+    """Send requests, and expect the reference's replies; their statuses. What came later would be in the next ones."""
     wanted = [reference.reply(packet) for packet in requests]
-    await converse(monitor, reference, requests, wanted)
+    await converse(monitor, reference, requests, wanted, rest=50)
     return [reply[3] for reply in wanted]
 
 
