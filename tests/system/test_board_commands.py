@@ -128,6 +128,9 @@ def test_a_frame_is_streamed_verified_and_captured(place, port):
     assert info["shown_crc"] == frame["crc"]
     again = asked("stream", place / "second.exr", "--port", port)["frames"][0]
     assert (again["unchanged"], again["sends"]) == (True, 0)
+    found = asked("doctor", "--port", port)["checks"][-1]
+    assert (found["check"], found["ok"]) == (port, True)
+    assert found["detail"].startswith("a board")
     last = settled(place)[-1]
     shown = np.rint(encode(read_picture(last).radiance, "srgb") * 255).astype(np.uint8)
     np.testing.assert_array_equal(shown, wanted)
