@@ -32,7 +32,8 @@ LAST = {
     "bus": ["tests/rtl/bus"],
     "common": [*BATCH, *BOARD],
     "math": BATCH,
-    "optics": [*BATCH, "tests/rtl/optics_block"],
+    "optics": [*BATCH, "tests/rtl/optics_block", "tests/rtl/test_conditioning_registers.py"],
+    "scene": ["tests/rtl/scene", "tests/rtl/scene_block", *BOARD],
 }
 #: Modules that are tested as parts of another, and packages.
 WITHIN = {
@@ -56,6 +57,13 @@ SAME = {
     ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
     ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
     ("pixel_to_lattice.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
+    ("unit_slope.sv", ".Drop(SquareDrop), .Square(1'b0)) i_my2 ("): "a square as a product of two equal words",
+    ("blend.sv", "sum_q + (Wp + 0)'(4)"): "4 has no more bits, and a sum extends its words",
+    ("quadratic.sv", "+ (W1 + 0)'(turn)"): "turn has no more bits, and a sum extends its words",
+    ("leave_flat.sv", "clamped_q <= c_q[Ws-1] ? '1 :"): "a reflected ray does not use the root",
+    ("texel_fetch.sv", "for (int m = 0; m <= Slots; m++)"): "a bit beyond the last slot has no place",
+    ("ray_access.sv", "if (exit_valid_i || exit_ready_o) exit_q"): "rays are asked for one at a time",
+    ("board_with_store.sv", "fraction_bits: 5'd17"): "a default: every board names its build",
     ("wishbone_to_apb.sv", "{3{asked}} & {ack_q, err_q}"): "the third bit has no place",
     ("math_pkg.sv", "tree > 2 ? tree : 3"): "the larger of two equal numbers is either",
     ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
