@@ -110,12 +110,13 @@ module lipp_ray_access (
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  assign word_valid_o = state_q == Words;
+  logic moves_q;  // the next word comes up, a clock after the one before left: exit_q is wide and far
+  assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];
   always_ff @(posedge clk_i) begin
     if (state_q == Fetch) ray_o <= {word_i, ray_o[3:1]};
     if (exit_valid_i && exit_ready_o) exit_q <= exit_i;
-    else if (word_valid_o && word_ready_i) exit_q <= {32'd0, exit_q[8:1]};
+    else if (moves_q) exit_q <= {32'd0, exit_q[8:1]};
   end
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -124,12 +125,14 @@ module lipp_ray_access (
       status_o <= StatusOk;
       runs_o <= RunsNothing;
       {asked_q, signing_q, sign_refused_q, restore_q, pause_q, left_q, at_q} <= '0;
-      {exit_left_q, trace_o, sign_start_o, done_o, denied_o} <= '0;
+      {exit_left_q, trace_o, sign_start_o, done_o, denied_o, moves_q} <= '0;
     end else if (clear_i) begin
       state_q <= Idle;
       {asked_q, signing_q, sign_refused_q, restore_q, trace_o, sign_start_o, done_o} <= '0;
+      moves_q <= 1'b0;
     end else begin
       {done_o, sign_start_o} <= '0;
+      moves_q <= word_valid_o && word_ready_i;
       pause_q <= pause_q - 1'b1;
       if (on_bus) asked_q <= !heard;
       case (state_q)
@@ -205,7 +208,7 @@ module lipp_ray_access (
           restore_q <= left_q == '0;
           state_q <= left_q != '0 ? Words : Source;
         end
-        default: if (word_ready_i) begin  // Words
+        default: if (word_valid_o && word_ready_i) begin  // Words
           exit_left_q <= exit_left_q - 1'b1;
           if (exit_left_q == 4'd1) state_q <= left_q != '0 ? Place : Idle;
         end

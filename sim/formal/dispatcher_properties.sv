@@ -272,7 +272,8 @@ module dispatcher_properties #(
         else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
         else if (restoring) todo = asked ? 6'd7 - bus_for_q : 6'd8;
         else if (rays inside {[RayPlace:RayFetch]}) todo = 6'd32 - rays - 6'd3 * ray_at;
-        else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q : 6'd3;
+        else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q
+            : 6'd2 + 6'(i_dut.i_rays.moves_q);
       end
     endcase
     // The clock in which the reply's head comes into its register.
