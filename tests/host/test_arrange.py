@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import math
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import lippmann
@@ -13,7 +14,7 @@ from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.film.film import load_film
 from lippmann.film.shot import shots_of
-from lippmann.images import psnr_db
+from lippmann.images import psnr_db, read_picture
 from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import Placement
@@ -327,3 +328,21 @@ def test_what_is_not_used_is_told(mi, tmp_path):
         next(remarks(scene, small_display(), Settings(integrator="wizard")))
     # Mitsuba makes up an integrator for a file without one: nothing is ignored.
     assert noted(load_scene(write_scene(tmp_path / "lit.xml", card(-10.0) + POINT_LIGHT))) == []
+
+
+@pytest.mark.parametrize("options", [("--scale", 0.25), ("--fit",), ("--scale", 0.25, "--rotate", "0,30,0")])
+def test_a_scene_within_a_studio_is_seen_from_inside(mi, tmp_path, options):
+    """The knot stands in a dark sphere of 3.2 m: rays that began outside of it saw black."""
+    scenes, out = Path(__file__).parents[2] / "scenes", tmp_path / "knot.exr"
+    words = ("render", scenes / "knot/knot.xml", "--display", scenes / "displays/vga-square.toml")
+    assert run([*map(str, (*words, *options)), "--samples", "1", "-o", str(out)]) == 0
+    assert 0.1 < read_picture(out).radiance.mean() < 0.3
+
+
+def test_depths_of_a_file_move_with_its_scene():
+    own = Placement(scale=2.0, offset_mm=(0.0, 0.0, 5.0), near_mm=25.0, far_mm=-35.0)  # z = 10 and -20 in the scene
+    moved = Placement(scale=0.5, rotation_deg=(0.0, 0.0, 40.0), offset_mm=(1.0, 2.0, 3.0)).keeping_depths(own)
+    assert (moved.near_mm, moved.far_mm) == pytest.approx((8.0, -7.0), abs=1e-12)
+    assert dataclasses.replace(moved, near_mm=9.0, far_mm=None).keeping_depths(own).near_mm == 9.0
+    tilted = Placement(rotation_deg=(1.0, 0.0, 0.0)).keeping_depths(own)
+    assert (tilted.near_mm, tilted.far_mm) == (None, None)

@@ -78,6 +78,25 @@ class Placement:
         """(4, 4) inverse of `display_from_scene`."""
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
+    def keeping_depths(self, before: Placement) -> Placement:
+        """Return this placement with the depths of another one of the scene, moved as the scene is.
+
+        A depth that this one has stays. A turn that tilts the scene leaves its bounding box to tell the depths.
+        """
+        step = self.display_from_scene @ before.scene_from_display
+        if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
+            return self
+
+        def moved(z: float | None) -> float | None:
+            return None if z is None else float(step[2, 2] * z + step[2, 3])
+
+        near, far = moved(before.near_mm), moved(before.far_mm)
+        return replace(
+            self,
+            near_mm=near if self.near_mm is None else self.near_mm,
+            far_mm=far if self.far_mm is None else self.far_mm,
+        )
+
     def then(self, other: Placement) -> Placement:
         """Return the placement that stands a scene by this one and then moves all of it by another.
 

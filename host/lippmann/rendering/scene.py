@@ -18,6 +18,9 @@ from lippmann.errors import InputError, input_error, likely_file
 from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
 
+#: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
+SURROUNDS = 3.0
+
 #: Ids that an error message lists.
 LISTED_IDS = 8
 
@@ -195,25 +198,58 @@ def digest_of(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def _bounds(scene: Any) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units."""
-    boxes = [scene.bbox()]
+def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
+    """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
+    boxes = []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
-        if shape.is_mesh():
-            if not shape.bbox().valid():
-                shape.recompute_bbox()
-            boxes.append(shape.bbox())
-    low = np.min([np.array(box.min, np.float64).ravel() for box in boxes], axis=0)
-    return low, np.max([np.array(box.max, np.float64).ravel() for box in boxes], axis=0)
+        if shape.is_mesh() and not shape.bbox().valid():
+            shape.recompute_bbox()
+        boxes.append(shape.bbox())
+    return [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
+
+
+def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner of boxes; of none, an empty box."""
+    if not boxes:
+        return np.full(3, np.inf), np.full(3, -np.inf)
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+
+
+def _bounds(scene: Any) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units."""
+    return _union(_boxes(scene))
+
+
+def _contents(scene: Any) -> tuple[Matrix, Matrix]:
+    """Return `_bounds` without shapes that surround all others from afar: a studio, a sky."""
+    boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
+    while len(boxes) > 1:
+        (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
+        around = (outer_low <= low).all() and (outer_high >= high).all()
+        if not (around and (outer_high - outer_low >= SURROUNDS * (high - low)).all() and _closed(scene, low, high)):
+            break
+        boxes.pop()
+    return _union(boxes)
+
+
+def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
+    """Tell whether rays outwards from all six faces of a box hit something."""
+    mi = mitsuba()
+    middle, half = (low + high) / 2, (high - low) / 2
+    outwards = np.concatenate([np.eye(3), -np.eye(3)])
+    starts = middle + (half + 1e-3 * half.max()) * outwards
+    ray = mi.Ray3f(mi.Point3f(*starts.T), mi.Vector3f(*outwards.T))
+    return bool(np.array(scene.ray_test(ray)).all())
 
 
 def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
 
-    They are infinite if it is unbounded or empty.
+    A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out: rays from
+    its outside would see nothing else. The corners are infinite if the box is unbounded or empty.
     """
-    low, high = _bounds(scene)
+    low, high = _contents(scene)
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]

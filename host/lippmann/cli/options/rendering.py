@@ -78,16 +78,14 @@ class Moved:
 
     def placement(self, scene_path: Path) -> Placement:
         """Return the placement beside the scene, changed by the options."""
-        placement = placement_beside(scene_path)
-        if not self.given.keys().isdisjoint(("scale", "rotate", "offset", "depth")):
-            # The depths in the file are valid for the file's own placement only.
-            placement = replace(placement, near_mm=None, far_mm=None)
+        own = placement_beside(scene_path)
+        placement = replace(own, near_mm=None, far_mm=None)
         offset = placement.offset_mm if self.offset is None else self.offset
         if self.depth is not None:
             offset = (offset[0], offset[1], offset[2] + self.depth)
         names = {"scale": "scale", "rotate": "rotation_deg", "near": "near_mm", "far": "far_mm"}
         changed = {names[name]: value for name, value in self.given.items() if name in names}
-        return replace(placement, offset_mm=offset, **changed)
+        return replace(placement, offset_mm=offset, **changed).keeping_depths(own)
 
 
 #: The options of a scene's placement, as a `Moved`.
