@@ -23,10 +23,10 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # Point on the array's near plane: the flat face, or the domes' vertices. From the nearer end, whose last place
-    # counts: a pixel of a display for a near eye may be many lenslets aside.
+    # Point on the array's near plane: the flat face, or the domes' vertices. A pixel of a display for a near eye may be
+    # many lenslets aside: there from the nearer end, whose last place counts.
     share, rest = system.gap_mm / depth, (depth - system.gap_mm) / depth
-    if share < 0.5:
+    if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
     else:
         near_x, near_y = aim_x - rest * towards_x, aim_y - rest * towards_y
