@@ -458,6 +458,8 @@ def _check(display: Display, where: str) -> None:
                 f"give {in_focus:.4g}, in focus, or {farther}",
             )
             raise input_error(f"{where}gap_mm", what, remedy)
+        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
+            farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
 
 

@@ -558,6 +558,11 @@ def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
         refused(text, "array.thickness_mm: ", "sag", "at least", "leave it out")
 
 
+def test_a_viewing_distance_in_metres_is_noticed():
+    line = refused(toml(gap_mm=3.9, viewing_distance_mm=0.6), "viewing_distance_mm: ", "focal zone")
+    assert "give 600, if 0.6 m are meant" in line
+
+
 @pytest.mark.parametrize(
     ("array", "gap", "zone", "at_fault"),
     [

@@ -81,7 +81,12 @@ FILES = [
     ("thickness_mm = .*", "thickness_mm = 0.1", "array.thickness_mm", "leave it out for the thinnest lenslet"),
     ("offset_mm = .*", "offset_mm = 0.2", "array.offset_mm", "give [x, y]"),
     ("rotation_deg = .*", "rotation_deg = nan", "array.rotation_deg", "give a finite number"),
-    (TOP, "viewing_distance_mm = 2\n", "viewing_distance_mm", "give a viewing_distance_mm such as "),
+    (
+        TOP,
+        "viewing_distance_mm = 2\n",
+        "viewing_distance_mm",
+        "give 2000, if 2 m are meant, or a viewing_distance_mm such as ",
+    ),
     (TOP, "viewing_distance_mm = -600\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = '60 cm'\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = inf\n", "viewing_distance_mm", "give a finite number"),
