@@ -12,6 +12,7 @@ import time
 import tomllib
 from pathlib import Path
 
+import click
 import imageio_ffmpeg
 import numpy as np
 import pytest
@@ -852,3 +853,24 @@ def test_ctrl_c_at_any_moment_is_exit_code_130(place, delay):
     assert process.returncode == 130, err
     assert err.splitlines()[-1].startswith("lippmann: interrupted")
     assert not list(place.glob("*late*"))
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (PermissionError(13, "Permission denied", "a.exr"), "a.exr: you may not open it; change its permissions"),
+        (IsADirectoryError(21, "Is a directory", "out"), "out: is a folder; name a file"),
+        (NotADirectoryError(20, "Not a directory", "README.md/a.exr"), "README.md/a.exr: a part of the path is a file"),
+    ],
+)
+def test_a_file_that_cannot_be_opened_is_told_in_plain_words(capfd, monkeypatch, error, said):
+    monkeypatch.delenv("LIPPMANN_TRACEBACK", raising=False)
+
+    @click.command()
+    def opens():
+        raise error
+
+    assert run([], opens, "opens") == 2
+    line = capfd.readouterr().err.strip()
+    assert line.startswith(f"lippmann: {said}")
+    assert "Errno" not in line

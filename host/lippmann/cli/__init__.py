@@ -82,6 +82,14 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     return code if isinstance(code, int) else 0
 
 
+#: What is said of a file that cannot be opened, where its reader does not say it.
+CANNOT_OPEN: dict[type[OSError], str] = {
+    PermissionError: "you may not open it; change its permissions, or name another file",
+    IsADirectoryError: "is a folder; name a file",
+    NotADirectoryError: "a part of the path is a file; name a folder there",
+}
+
+
 def _explain(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code for an error."""
     if was_interrupted(error):
@@ -101,8 +109,11 @@ def _explain(error: BaseException) -> tuple[str, int]:
         raise error
     if isinstance(error, ImportError):
         return f"{error}; {to_install()}", MissingLibraryError.exit_code
-    what = f"{type(error).__name__}: {error}"
-    return f"{what}; check the input (LIPPMANN_TRACEBACK=1 shows where this came from)", InputError.exit_code
+    what = f"{type(error).__name__}: {error}; check the input (LIPPMANN_TRACEBACK=1 shows where this came from)"
+    for kind, remedy in CANNOT_OPEN.items():
+        if isinstance(error, kind) and error.filename:
+            what = f"{error.filename}: {remedy}"
+    return what, InputError.exit_code
 
 
 def was_interrupted(error: BaseException | None) -> bool:
