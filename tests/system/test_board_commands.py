@@ -257,6 +257,9 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
     for words in ("10", "5"), ("5", "5"):
         assert run([*start, "--trace", str(tmp_path / "a.fst"), "--trace-clocks", *words]) == 2
         assert "--trace-clocks: " in capsys.readouterr().err
+    for drawn in ("--slots", "3"), ("--slot", "32x32"), ("--bilinear",), ("--samples", "4"):
+        assert run([*start, *drawn]) == 2
+        assert "add --layers N" in capsys.readouterr().err
     assert run([*start, "--background"]) == 2
     assert capsys.readouterr().err.startswith("lippmann: --background needs --ready FILE")
     with socket.create_server(("127.0.0.1", 0)) as busy:
