@@ -294,7 +294,7 @@ module lipp_board #(
   logic [23:0] write_rgb, second_rgb_q, show_rgb_q;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc;
-  // The writer's readiness would reach as far as the packets' memory.
+  // Whether the writer is ready hangs on its state: that way ends here, not in the dispatcher.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),

@@ -25,9 +25,6 @@ from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
 
-#: Texels of a slot, unless told.
-SLOT = (256, 192)
-
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
 #: Longest time to write the last captured frames, after the simulator has ended, s.
@@ -53,7 +50,7 @@ def start_command(
     trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
     layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
     slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
-    slot: tuple[int, int] = option("Texels of a slot.", SLOT, Slot()),
+    slot: tuple[int, int] = option("Texels of a slot.", (SceneBuild.width, SceneBuild.height), Slot()),
     bilinear: bool = option("Interpolate its texels.", False),
     samples: int = option("Rays for each pixel: 1, 2 or 4.", 1, click.Choice([1, 2, 4])),
     background: bool = option("Return when the board is ready, and let it run; needs --ready.", False),
@@ -73,10 +70,11 @@ def start_command(
         raise input_error(
             "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
         )
-    if layers is None and (slots is not None or slot != SLOT or bilinear or samples != 1):
-        raise input_error("--slots, --slot, --bilinear, --samples", "are of a board that draws", "add --layers N")
     display = load_display(display_path)
-    scene = None if layers is None else SceneBuild(layers, slots, *slot, bilinear, samples)
+    drawing = SceneBuild(layers or 1, slots, *slot, bilinear, samples)
+    if layers is None and drawing != SceneBuild(1):
+        raise input_error("--slots, --slot, --bilinear, --samples", "are of a board that draws", "add --layers N")
+    scene = None if layers is None else drawing
     _check_places(capture, ready, trace)
     if background and not ready:
         raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")

@@ -125,6 +125,8 @@ def _registered_decode(block: str) -> str:
     decode, after = rest.split("    // Field logic\n")
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
     decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
+    if re.search(r"decoded_reg_strb\S* <= (?![^;]*cpuif_req_is_wr;)", decode):
+        raise InputError("PeakRDL-regblock's address decoder has another form: a strobe tells no write from a read")
     after = re.sub(r"(decoded_reg_strb\S*) && decoded_req_is_wr\)", r"\1)", after)
     after = re.sub(r"\((decoded_wr_data\S*) & decoded_wr_biten\S*\);", r"\1;", after)
     for old, new in (

@@ -68,10 +68,7 @@ SAME = {
     ("math_pkg.sv", "tree > 2 ? tree : 3"): "the larger of two equal numbers is either",
     ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
     ("math_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
-    (
-        "wide_product.sv",
-        "for (genvar k = 0; k <= Latency; k++) begin : gen_stage",
-    ): "nobody reads a stage behind the last",
+    ("wide_product.sv", "k <= Latency; k++) begin : gen_stage"): "nobody reads a stage behind the last",
     ("ring.sv", "initial at_q = '1;"): "it goes round from any place",
     ("wide_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
     ("lenslet_hex.sv", "assign near = q0_q[F+0:F] == '0"): "q0 = s + t/2 is below 1 where q1 = s/2 + t is below 1/2",
@@ -159,7 +156,7 @@ def fate(fault: Fault, scratch: Scratch) -> str:
             return "refused"
     near = f"tests/rtl/{WITHIN.get(module, module)}"
     stages = [[near]] if (scratch.folder / near).is_dir() else []
-    if module.endswith("_pkg"):  # whoever uses it: the modules of its folder
+    if module.endswith("_pkg"):  # the modules of the package's folder use it
         users = (f"tests/rtl/{user.stem.removeprefix(PREFIX)}" for user in sorted(path.parent.glob("*.sv")))
         stages.append([user for user in users if (scratch.folder / user).is_dir()])
     return scratch.fate(fault, [*stages, LAST.get(path.parent.name, BOARD)])

@@ -69,9 +69,10 @@ def draw(
         drawn = {}
         while not stopped.is_set():
             with one_at_a_time:
-                number, (u, v) = next(parts, (-1, (None, None)))
-            if u is None or v is None:
+                part = next(parts, None)
+            if part is None:
                 break
+            number, (u, v) = part
             rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
             drawn[number] = shade(rays, words, slots, table, scene_build, f)
         return drawn

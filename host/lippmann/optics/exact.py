@@ -24,7 +24,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
     # Point on the array's near plane: the flat face, or the domes' vertices. A pixel of a display for a near eye may be
-    # many lenslets aside: there from the nearer end, whose last place counts.
+    # many lenslets aside, where the last place counts: from the nearer end. Other displays keep the words they had.
     share, rest = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y

@@ -87,29 +87,20 @@ class Placement:
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
 
-        def moved(z: float | None) -> float | None:
-            return None if z is None else float(step[2, 2] * z + step[2, 3])
+        def depth(own: float | None, moved: float | None) -> float | None:
+            if own is None and moved is not None:
+                return float(step[2, 2] * moved + step[2, 3])
+            return own
 
-        near, far = moved(before.near_mm), moved(before.far_mm)
-        return replace(
-            self,
-            near_mm=near if self.near_mm is None else self.near_mm,
-            far_mm=far if self.far_mm is None else self.far_mm,
-        )
+        return replace(self, near_mm=depth(self.near_mm, before.near_mm), far_mm=depth(self.far_mm, before.far_mm))
 
     def then(self, other: Placement) -> Placement:
         """Return the placement that stands a scene by this one and then moves all of it by another.
 
-        Depths outlast a turn about z alone; other turns leave the scene's bounding box to tell them.
+        Its depths go with it (`keeping_depths`).
         """
-        upright = other.rotation_deg[:2] == (0.0, 0.0)
-
-        def moved(z: float | None) -> float | None:
-            return other.scale * z + other.offset_mm[2] if upright and z is not None else None
-
-        matrix = other.display_from_scene @ self.display_from_scene
-        placed = Placement.of(matrix, self.scale * other.scale)
-        return replace(placed, near_mm=moved(self.near_mm), far_mm=moved(self.far_mm))
+        placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
+        return placed.keeping_depths(self)
 
     @classmethod
     def of(cls, matrix: Matrix, scale: float) -> Placement:

@@ -217,12 +217,11 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
 
 
 def _bounds(scene: Any) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units."""
-    return _union(_boxes(scene))
+    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
 
-
-def _contents(scene: Any) -> tuple[Matrix, Matrix]:
-    """Return `_bounds` without shapes that surround all others from afar: a studio, a sky."""
+    A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
+    studio or a sky: rays from its outside would see nothing else.
+    """
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
         (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
@@ -246,10 +245,9 @@ def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
 def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
 
-    A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out: rays from
-    its outside would see nothing else. The corners are infinite if the box is unbounded or empty.
+    A closed shape around all others is left out (`_bounds`). The corners are infinite if the box is unbounded or empty.
     """
-    low, high = _contents(scene)
+    low, high = _bounds(scene)
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
