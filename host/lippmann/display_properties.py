@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from lippmann.display import Display, Pair
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.system import System
 from lippmann.toml import documented, key
-from lippmann.viewing import Zone, middle_eye, remedy, status_share, viewing_distance, zones
+from lippmann.viewing import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
 
 #: Distances of the eyes in the table of views, in viewing distances.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
@@ -74,6 +76,7 @@ class EyeView:
 
     eye_mm: Annotated[tuple[float, float, float], key("where the eye is")]
     status_share: Annotated[dict[str, float], key("share of the eye's rays to the panel by status, as of `observe`")]
+    sees_all: Annotated[bool, key("whether it sees the whole panel without crosstalk")]
     zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk; None without")]
     depth_range_mm: Annotated[Pair, key(f"(far, near): {_RANGE}")]
     view_step_mm: Annotated[float, key("distance of eyes that see neighbouring pixels: pixel pitch z / D")]
@@ -90,11 +93,13 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
     views = []
-    for eye, share, zone in zip(eyes_mm, shares, zones(display, [eye[2] for eye in eyes_mm]), strict=True):
+    whole = sees_all(display, np.array(eyes_mm, float)).tolist()
+    found = zones(display, [eye[2] for eye in eyes_mm])
+    for eye, share, all_right, zone in zip(eyes_mm, shares, whole, found, strict=True):
         z = eye[2]
         depths = (z * reach / (reach - z) if z > reach else -math.inf, z * reach / (reach + z))
         arcmin, moire = 60.0 * math.degrees(display.array.coarsest_mm / z), visible_moire(display, z)
-        views.append(EyeView(eye, share, zone, depths, z * step, arcmin, moire))
+        views.append(EyeView(eye, share, all_right, zone, depths, z * step, arcmin, moire))
     return views
 
 

@@ -98,6 +98,7 @@ def draw_display(display: Display, path: Path) -> None:
         inside = (abs(x) <= half[0]) & (abs(y) <= half[1])
         whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
         _edge(whole, half)
+        _border(whole, display, system)
         whole.set(
             title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
             + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
@@ -110,6 +111,7 @@ def draw_display(display: Display, path: Path) -> None:
         ):
             _draw_close(axis, display, system, np.array(place))
             _edge(axis, half)
+            _border(axis, display, system)
             axis.set_title(f"{name}: pixels, lenslets (blue), their elemental images (red)")
         for axis in (whole, centre, corner):
             axis.set(xlabel="x, mm", ylabel="y, mm")
@@ -128,6 +130,16 @@ def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every:
 def _edge(axis: Any, half: Floats) -> None:
     x, y = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
     axis.plot(x, y, color="black", scalex=False, scaley=False)
+
+
+def _border(axis: Any, display: Display, system: System) -> None:
+    """Draw where an array with an extent ends."""
+    if display.array.extent_mm is None:
+        return
+    half = 0.5 * np.array(display.array.extent_mm)
+    sides = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
+    x, y = system.frame.panel_from_array(*sides)
+    axis.plot(x, y, color=LENSLET, linestyle="--", gid="border", scalex=False, scaley=False)
 
 
 def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> None:

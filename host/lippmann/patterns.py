@@ -187,10 +187,12 @@ def draw(
     """
     if kind not in get_args(Kind):
         raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")
-    if (eye is None) == (kind == "white-for-eye"):
-        raise InputError("--eye belongs to the pattern white-for-eye; give both or neither")
+    if eye is None and kind == "white-for-eye":
+        raise InputError("white-for-eye is white for one eye; give its place, --eye X,Y,Z in mm")
+    if eye is not None and kind != "white-for-eye":
+        raise InputError("--eye belongs to the pattern white-for-eye; leave it out")
     if lens is not None and kind != "single-lens":
-        raise InputError("--lens belongs to the pattern single-lens; give both or neither")
+        raise InputError("--lens belongs to the pattern single-lens; leave it out")
     if fraction_bits is not None and kind not in ON_BOARD:
         raise InputError(f"--fraction-bits belongs to the patterns of a board, {', '.join(ON_BOARD)}; leave it out")
     panel = display.panel

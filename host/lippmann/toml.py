@@ -32,6 +32,11 @@ KINDS = {
 }  # fmt: skip
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
+#: Beginnings of names that people give to keys of other names.
+SYNONYMS = {
+    "skew": "shear", "slant": "shear", "angle": "rotation_deg", "tilt": "rotation_deg", "turn": "rotation_deg",
+    "layout": "subpixels", "stripes": "subpixels", "eye": "viewing_distance_mm",
+}  # fmt: skip
 #: Remedy for text that is not TOML.
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
@@ -160,6 +165,8 @@ def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
+        if "twice" in str(error) or "overwrite" in str(error):
+            raise input_error(source, f"a key is given twice ({error})", "leave one of the two") from None
         raise input_error(source, f"not TOML ({error})", remedy) from None
 
 
@@ -265,9 +272,12 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
     homes = [table for table, node in tables(top) if unknown in node["properties"]]
     places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
     hints = [f"it belongs {' or '.join(places)}"] if places else []
+    everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
+    last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
+    synonym = next((key for word, key in SYNONYMS.items() if unknown.lower().startswith(word) and key in last), None)
+    if synonym is not None and not places:
+        similar = [synonym if synonym in here["properties"] else last[synonym]]
     if not places and not similar:
-        everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
-        last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
         similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
         similar = similar or (list(missing) if len(missing) == 1 else [])
     if similar:

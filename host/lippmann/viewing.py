@@ -167,8 +167,8 @@ def _changes(display: Display, old: _Change) -> Iterator[_Change]:
         return change._replace(gap_mm=_rounded(max(0.0, change.focal_length_mm - in_glass), 4))
 
     yield focused(old)
-    for k in range(STEPS):
-        farther = old._replace(viewing_distance_mm=_rounded(usual * FACTOR**k, 2))
+    for eye in (*(_rounded(usual * FACTOR**k, 2) for k in range(STEPS)), VIEWING_DISTANCE_MM):
+        farther = old._replace(viewing_distance_mm=eye)
         yield from (farther, focused(farther))
     old = old._replace(viewing_distance_mm=usual)
     for k in range(STEPS):

@@ -2,14 +2,17 @@
 
 import dataclasses
 import io
+import subprocess
 import sys
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from lippmann.display import display_text
 from lippmann.errors import InputError
 from lippmann.images import encoded_values, read_picture, write_picture
 from lippmann.integral_image import IntegralImage
+from lippmann.rendering.renderer import BASE_MEMORY_MB
 from optics_cases import display_of
 from PIL import Image
 from scene_cases import generator
@@ -258,3 +261,36 @@ def test_a_view_is_saved_with_its_metadata(tmp_path):
     back = read_picture(tmp_path / "v.tif")
     np.testing.assert_array_equal(back.radiance, view.radiance)
     assert back.metadata == view.metadata
+
+
+#: Saves images of two sizes and prints the peak memory after each, MB.
+PEAKS = """
+import sys
+import numpy as np
+from lippmann.display import load_display
+from lippmann.integral_image import IntegralImage
+from lippmann.rendering.renderer import BASE_MEMORY_MB
+from lippmann.rendering.renderer import peak_memory_mb
+import dataclasses
+display = load_display(sys.argv[1])
+for width, height in SIZES:
+    panel = dataclasses.replace(display.panel, width_px=width, height_px=height)
+    light = np.full((height, width, 3), 0.5, np.float32)
+    IntegralImage(light, dataclasses.replace(display, panel=panel), {}).save(sys.argv[2])
+    print(peak_memory_mb())
+"""
+QUICK_SIZES = ((1280, 720), (3840, 2160))
+FULL_SIZES = ((1280, 720), (7680, 4320), (15360, 8640))
+
+
+@pytest.mark.parametrize("sizes", [QUICK_SIZES, pytest.param(FULL_SIZES, marks=pytest.mark.full)], ids=["4k", "16k"])
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".tif"])
+def test_files_are_written_within_the_memory_that_is_asked_for(tmp_path, suffix, sizes):
+    """`check_memory` allows three pictures in float32, 36 bytes a pixel, above the base: one is the image itself."""
+    (tmp_path / "it.toml").write_text(display_text(display_with()))
+    command = [sys.executable, "-c", PEAKS.replace("SIZES", repr(sizes)), "it.toml", f"a{suffix}"]
+    said = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    peaks, pixels = np.array(said.split(), float), np.array([width * height for width, height in sizes])
+    assert (peaks <= BASE_MEMORY_MB + 36e-6 * pixels).all()
+    assert (np.diff(peaks) <= 36e-6 * np.diff(pixels)).all()
+    assert peaks[-1] >= 12e-6 * pixels[-1]

@@ -263,7 +263,7 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["white-for-eye"], "--eye belongs to the pattern white-for-eye"),
+        (["white-for-eye"], "give its place, --eye X,Y,Z in mm"),
         (["ramp", "--eye", "0,0,600"], "--eye belongs to the pattern white-for-eye"),
         (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is behind the display"),
         (["cells", "--lens", "0,0"], "--lens belongs to the pattern single-lens"),

@@ -22,6 +22,7 @@ from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import focused_display, generator
 
 SEED = 1404
+DESKTOP = Path(__file__).parents[2] / "scenes/displays/desktop-hex.toml"
 SHIPPED = sorted((Path(__file__).parents[2] / "scenes/displays").glob("*.toml"))
 
 
@@ -268,6 +269,7 @@ def test_an_eye_behind_the_display_is_refused():
 HELPLESS = {
     "15.6 inch without a viewing distance": changed(laptop(), viewing_distance_mm=None),
     "1.2 m at 600 mm": laptop(600.0, 1200.0),
+    "an eye far too near": laptop(40.0),
     "out of focus": changed(focused_display("square", focal=3.0, width_px=900, height_px=600), gap_mm=5.0),
     "fast domes to the panel": focused_display("square", "viewer", focal=2.2, width_px=900, height_px=600),
     **{path.stem: load_display(path) for path in SHIPPED},
@@ -393,6 +395,17 @@ def test_the_distance_of_rows_is_said(tmp_path, capsys, grid, pitch, rows, advis
     assert advised is None or f"give pitch_mm = {advised}\n" in out
 
 
+@pytest.mark.parametrize(("x", "sees_all"), [(59.0, True), (61.0, False), (200.0, False)])
+def test_an_eye_beside_the_zone_is_told(tmp_path, capsys, x, sees_all):
+    """The zone of the 15.6 inch panel ends at 59.5 mm. Just outside, none of the 8192 rays of the share may see it."""
+    (tmp_path / "it.toml").write_text(display_text(load_display(DESKTOP)))
+    assert run(["inspect", str(tmp_path / "it.toml"), "--eye", f"{x},0,600"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (at,) = [k for k, line in enumerate(lines) if line.startswith("an eye at")]
+    assert ("outside the zone" in lines[at]) != sees_all
+    assert (lines[at + 2].split()[1:3] == ["0.0", "%"]) == sees_all
+
+
 def texts(path):
     """The words in an SVG."""
     return [" ".join(text.itertext()).strip() for text in ElementTree.parse(path).iter(f"{SVG}text")]
@@ -432,6 +445,26 @@ def test_the_drawing_shows_every_lenslet_and_the_numbers(inspected, grid, side):
         cells, images = (coloured(close, "stroke", colour) for colour in ("#0072b2", "#d55e00"))
         assert len(images) >= 16.0 / (0.5 * math.sqrt(3.0) if grid == "hex" else 1.0)
         assert len(cells) >= len(images)
+
+
+def test_the_border_of_an_array_is_drawn(inspected):
+    """15 x 10 mm about (0.2, 0.3) mm, turned by 30 degrees, on a panel that is wider: in the chart's own units."""
+    display = display_of("square", "panel", width_px=200, height_px=160, offset=(0.2, 0.3), rotation=30.0)
+    display = changed(display, array={"extent_mm": (15.0, 10.0)})
+    assert inspected(display, "--draw", "d.svg")[0] == 0
+    whole, *_ = axes_of("d.svg")
+
+    def points(path):
+        return np.array(re.findall(r"(-?[\d.]+) (-?[\d.]+)", path.get("d")), float)
+
+    # The only black line around something: axes and ticks have two points.
+    (frame,) = [points(path)[:4] for path in coloured(whole, "stroke", "#000000") if len(points(path)) == 5]
+    border = points(whole.find(f".//{SVG}g[@id='border']/{SVG}path"))[:4]
+    mm = display.panel.width_mm / np.ptp(frame[:, 0])
+    found = (border - frame.mean(axis=0)) * (mm, -mm)
+    turn = np.array([[math.sqrt(0.75), 0.5], [-0.5, math.sqrt(0.75)]])
+    corners = np.array([(-7.5, -5.0), (7.5, -5.0), (7.5, 5.0), (-7.5, 5.0)]) @ turn + (0.2, 0.3)
+    np.testing.assert_allclose(found, corners, atol=0.02)
 
 
 def test_drawings_are_reproducible(inspected):

@@ -97,8 +97,7 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
         del error.possibilities[1:]  # the likeliest only
     if isinstance(error, click.ClickException):
-        no_arguments = isinstance(error, click.exceptions.NoArgsIsHelpError)
-        return error.format_message() + ("" if no_arguments else " (see --help)"), InputError.exit_code
+        return error.format_message() + _usage(error), InputError.exit_code
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
     full = isinstance(error, OSError) and error.errno == errno.ENOSPC
@@ -114,6 +113,15 @@ def _explain(error: BaseException) -> tuple[str, int]:
         if isinstance(error, kind) and error.filename:
             what = f"{error.filename}: {remedy}"
     return what, InputError.exit_code
+
+
+def _usage(error: click.ClickException) -> str:
+    """Return where to read how to call the command; how, where an option is unlike all that it has."""
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        return ""
+    if isinstance(error, click.exceptions.NoSuchOption) and not error.possibilities and error.ctx is not None:
+        return f" {error.ctx.get_usage()} (see --help)"
+    return " (see --help)"
 
 
 def was_interrupted(error: BaseException | None) -> bool:

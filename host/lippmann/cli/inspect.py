@@ -100,7 +100,8 @@ def command(
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if seen is not None:
         x, y, z = seen.eye_mm
-        lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm", *_table(display, [seen])]
+        outside = "" if seen.sees_all else ": outside the zone, it sees crosstalk or dark lenslets somewhere"
+        lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm{outside}", *_table(display, [seen])]
     lines += ["", "eyes in the middle", *_table(display, views)]
     emit(result, lines + [f"warning: {warning}" for warning in derived.warnings])
 
@@ -119,7 +120,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
         yield form.format(
             f"{view.eye_mm[2]:g}",
-            percent(view.status_share["crosstalk"], sampled=zone is None),
+            percent(view.status_share["crosstalk"], sampled=not view.sees_all),
             size,
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",

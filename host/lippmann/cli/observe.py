@@ -23,6 +23,7 @@ from lippmann.optics.rays import Model
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
 
 MAX_VIEW_PX = 16384
+SWEEP_FRAMES = 21
 
 
 @make_command("observe")
@@ -44,7 +45,7 @@ def command(
     sweep: tuple[float, float] | None = option(
         "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2), metavar="X0,X1"
     ),
-    frames: int = option("Views of a sweep.", 21, click.IntRange(2, 1000)),
+    frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", None, click.IntRange(2, 1000)),
     sheet: str | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
     force: bool = option("Accept an image that was made for another display.", False),
     seed: int = SEED,
@@ -58,15 +59,17 @@ def command(
     """
     path = check_output(output, SUFFIXES if sweep is None else VIEW_SUFFIXES + ANIMATION_SUFFIXES)
     video = path.suffix.lower() in VIEW_SUFFIXES
+    of_a_sweep = [flag for flag, value in (("--sheet", sheet), ("--frames", frames)) if value is not None]
+    if sweep is None and of_a_sweep:
+        raise InputError(f"{of_a_sweep[0]} is for a sweep; give --sweep X0,X1 too")
     for written in filter(None, (output, sheet)):
         if Path(written).exists() and Path(image_path).exists() and Path(written).samefile(image_path):
             raise InputError(f"{written}: is the image itself; give the view another name")
     if sheet is not None:
         if Path(sheet).resolve() == path.resolve():
             raise InputError(f"{sheet}: is the animation too; give the sheet another name")
-        if sweep is None:
-            raise InputError("--sheet shows a sweep; give --sweep X0,X1 too")
         check_output(sheet, (".png",))
+    frames = frames or SWEEP_FRAMES
     display = load_display(display_path)
     panel = display.panel
     xs = [eye[0]] if sweep is None else np.linspace(sweep[0], sweep[1], frames).tolist()
