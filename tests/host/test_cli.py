@@ -525,9 +525,9 @@ def test_what_is_no_scene(place, capfd, mi):
 
 
 def test_bad_placement_beside_the_scene(place, capfd):
-    (place / "ball.toml").write_text("[placement]\nscale = 1.0\nturn = 3\n")
+    (place / "ball.toml").write_text("[placement]\nscale = 1.0\nflip = 3\n")
     line = refused(capfd, *render("-o", "a.exr"))
-    assert re.search(r"ball\.toml: placement\.turn: unknown key; known here: .*scale", line)
+    assert re.search(r"ball\.toml: placement\.flip: unknown key; known here: .*scale", line)
 
 
 # --- outputs and options --------------------------------------------------------------------------
