@@ -48,12 +48,14 @@ formal: $(READY) ## every formal proof of the RTL, its covers and its broken des
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
 lint: $(READY) ## style, format, types and import layers; every RTL module alone
-	@$(MAKE) --no-print-directory -j2 lint-host lint-rtl
+	@$(MAKE) --no-print-directory -k -j2 lint-host lint-imports lint-rtl
 
 lint-host:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy -n 2
+
+lint-imports:
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
 
 lint-rtl:

@@ -44,6 +44,11 @@ class MissingLibraryError(LippmannError):
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
+def reason(error: Exception) -> str:
+    """Return why a file could not be read, in words: the system's, without its number and the path."""
+    return str((isinstance(error, OSError) and error.strerror) or error)
+
+
 def to_install(extra: str = "") -> str:
     """Return the remedy for a missing package, or one of an extra: make in a checkout, pip elsewhere."""
     top = Path(__file__).resolve().parents[2]

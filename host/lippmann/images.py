@@ -145,6 +145,14 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     return path
 
 
+def check_input(path: str | Path) -> Path:
+    """Return an image's path; InputError when there is no such file."""
+    path = Path(path)
+    if not path.is_file():
+        raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
+    return path
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
@@ -271,9 +279,7 @@ def read_picture(
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
     oiio = _openimageio()
-    path = Path(path)
-    if not path.is_file():
-        raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
+    path = check_input(path)
     try:
         with silent_stderr():
             return _read(oiio, path, limit, accept)

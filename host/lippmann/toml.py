@@ -20,7 +20,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from lippmann.errors import InputError, input_error, likely_file
+from lippmann.errors import InputError, input_error, likely_file, reason
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
@@ -178,7 +178,7 @@ def load(path: Path, what: str) -> dict[str, Any]:
         remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(str(path), "no such file", remedy) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise input_error(str(path), f"cannot be read ({error})", f"give a {what} file (.toml)") from None
+        raise input_error(str(path), f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 

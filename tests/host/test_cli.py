@@ -656,6 +656,17 @@ def test_pictures_that_cannot_be_read(place, picture, capfd):
     assert "a.exr: is truncated or broken" in refused(capfd, *look, "a.exr")
 
 
+def test_what_display_and_board_start_refuse(place, capfd):
+    assert "absent.exr: no such image; render it first" in refused(capfd, "display", "absent.exr")
+    assert "tiny.toml is a file; name a folder" in refused(
+        capfd, "board", "start", "--display", "tiny.toml", "--capture", "tiny.toml"
+    )
+    (place / "huge.toml").write_text(re.sub("width_px = .*", "width_px = 16384", TINY))
+    said = refused(capfd, "board", "start", "--display", "huge.toml").splitlines()[-1]
+    assert "16384 x 48 pixels; give a board at most 16383 in each direction" in said
+    assert "cannot be read (Is a directory)" in refused(capfd, "inspect", ".")
+
+
 def test_json_errors(place, capfd):
     """With --json the error is one object on stdout too, the line on stderr stays."""
     for arguments in (("inspect", "absent.toml", "--json"), (*render("-o", "a.jpg"), "--json"), ("trace", "--json")):

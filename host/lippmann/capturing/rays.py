@@ -1,7 +1,7 @@
 """The path of a captured ray, traced against the light: camera or sensor, array, imaging lens, object.
 
 **One frame from the camera to the lens.** x is right and y up as the camera sees them, z runs from the camera to the
-lens. This mirrors a right-handed frame, which changes nothing for lenslets and lenses. So the display's own
+lens. This frame is left-handed; lenslets and lenses are symmetric, so their formulas hold in it. The display's own
 `leave_panel` traces the array, with the camera or sensor in place of the panel.
 """
 

@@ -93,7 +93,7 @@ class Setup:
     def image_distance(self, z_mm: npt.ArrayLike) -> Floats:
         """Return the distance from the lens to the images of depths z (mm, object's frame): s' = f s / (s - f), mm.
 
-        Without a lens an object is its own image, before the array where the image of a lens lies behind it: -s.
+        Without a lens an object is its own image. It is then in front of the array, and the distance is negative: -s.
         """
         s = self.subject.distance_mm - np.asarray(z_mm, np.float64)
         if self.lens is None:

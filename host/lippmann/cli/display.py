@@ -13,6 +13,7 @@ from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.fullscreen import show
+from lippmann.images import check_input
 
 
 @make_command("display")
@@ -33,6 +34,7 @@ def command(
 
     Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml --monitor 1
     """
+    check_input(image)
     if display_path is None and port is None:
         raise InputError("give the display with --display FILE, or a board that knows it with --port URL")
     panel = None

@@ -18,7 +18,7 @@ from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
-from lippmann.errors import input_error
+from lippmann.errors import input_error, reason
 from lippmann.images import check_output, replacing
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -136,5 +136,5 @@ def _table(path: Path) -> npt.NDArray[Any]:
                 del lines[0]
             return np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
     except (ValueError, OSError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "give columns u, v") from None
+        raise input_error(str(path), f"cannot be read ({reason(error)})", "give columns u, v") from None
     raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")

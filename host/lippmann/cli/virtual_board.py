@@ -71,6 +71,7 @@ def start_command(
             "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
         )
     display = load_display(display_path)
+    virtual_board.check_panel(display)
     drawing = SceneBuild(layers or 1, slots, *slot, bilinear, samples)
     if layers is None and drawing != SceneBuild(1):
         raise input_error("--slots, --slot, --bilinear, --samples", "are of a board that draws", "add --layers N")
@@ -129,7 +130,9 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
         ("--ready", ready and ready.parent),
         ("--trace", trace and trace.parent),
     ):
-        if place and not place.is_dir():
+        if place and place.exists() and not place.is_dir():
+            raise input_error(name, f"{place} is a file", "name a folder")
+        if place and not place.exists():
             raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
             raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")

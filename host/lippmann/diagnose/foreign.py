@@ -16,7 +16,7 @@ from lippmann.conditioning.search import Floats
 from lippmann.conditioning.vectors import FROM_WORLD, INPUTS, OUTPUTS, STATUS_BITS, text_of, widths, words_of_memory
 from lippmann.diagnose.faults import FIELDS
 from lippmann.display import Display
-from lippmann.errors import input_error
+from lippmann.errors import input_error, reason
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
@@ -122,7 +122,7 @@ def _of_arrays(path: Path, display: Display, model: Model) -> Foreign:
                 raise input_error(str(path), "holds rays from the world", remedy)
             raw = {name: file[name] for name in (*INPUT_ARRAYS, *FIELDS) if name in file.files}
     except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "give an .npz of numbers") from None
+        raise input_error(str(path), f"cannot be read ({reason(error)})", "give an .npz of numbers") from None
     arrays = {}
     for name, array in raw.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":

@@ -19,7 +19,7 @@ import numpy as np
 
 from lippmann import toml
 from lippmann.display import Display
-from lippmann.errors import InputError, input_error, likely_file
+from lippmann.errors import InputError, input_error, likely_file, reason
 from lippmann.images import check_output, replacing
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.toml import documented, key
@@ -185,7 +185,7 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
     except UnidentifiedImageError:
         raise input_error(str(path), "is not a whole PNG picture", "write it again") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "write it again") from None
+        raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
     palette = np.zeros((COLOURS, 4), np.uint8)
     palette[: len(colours), :3], palette[: len(colours), 3] = colours, 255
     if isinstance(clear, int):  # Pillow's form of a palette with one transparent colour

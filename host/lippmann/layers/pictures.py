@@ -11,7 +11,7 @@ import numpy as np
 
 from lippmann import toml
 from lippmann.display import Display, Pair
-from lippmann.errors import input_error, likely_file
+from lippmann.errors import input_error, likely_file, reason
 from lippmann.images import decode
 from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
 from lippmann.layers.depths import Slab
@@ -110,7 +110,7 @@ def _read(path: Path) -> Floats:
     except UnidentifiedImageError:
         raise input_error(str(path), "is not a whole PNG picture", "give a PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise input_error(str(path), f"cannot be read ({error})", "write it again") from None
+        raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
     values[..., :3] = decode(values[..., :3], "srgb") * values[..., 3:]
     return values
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from lippmann import interrupts
 from lippmann.display import Display
-from lippmann.errors import DeviceError, InputError, LippmannError, device_error
+from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
@@ -36,6 +36,8 @@ Port = Literal["tcp", "pty"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
+#: Largest side of a board's panel, px: that of the video timing's counters (rtl/board/lipp_board.sv).
+MAX_SIDE_PX = 16383
 #: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
 CLOCKS_OF_A_BIT = 8
 #: Longest time until a simulator is ready, and until it has ended, s.
@@ -122,6 +124,14 @@ def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:
     return replace(Build.of(display, "exact", fraction_bits, aims=False), cross_cells=True)
 
 
+def check_panel(display: Display) -> None:
+    """Raise InputError for a panel that is too large for a board."""
+    panel = display.panel
+    if max(panel.width_px, panel.height_px) > MAX_SIDE_PX:
+        what = f"the panel has {panel.width_px} x {panel.height_px} pixels"
+        raise input_error(f"display '{display.name}'", what, f"give a board at most {MAX_SIDE_PX} in each direction")
+
+
 def start(
     display: Display,
     *,
@@ -140,8 +150,8 @@ def start(
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a baud rate that
-    does not fit the clock.
+    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a panel that is
+    too large, and for a baud rate that does not fit the clock.
 
     Parameters
     ----------
@@ -162,6 +172,7 @@ def start(
     scene
         The build of a board that draws; None: a board that shows stored frames only.
     """
+    check_panel(display)
     step = 0 if baud is None else step_of(baud, clock_hz)
     build = board_build(display, fraction_bits)
     program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
