@@ -33,7 +33,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
 # Workers and processes of the tests read modules that one of them has compiled, whatever this is set to outside.
-test test-full formal: unexport PYTHONDONTWRITEBYTECODE
+test test-full formal: export PYTHONDONTWRITEBYTECODE =
 
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
