@@ -32,6 +32,9 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
+# Workers and processes of the tests read modules that one of them has compiled, whatever this is set to outside.
+test test-full formal: export PYTHONDONTWRITEBYTECODE =
+
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
 test: export LIPPMANN_SEED ?= 1908

@@ -15,18 +15,22 @@ import rtl_coverage
 #: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
 #: is made once; a long one at the end would leave the other workers idle. The run ends with the slowest tests.
 FIRST = (
-    "test_virtual_board.py", "test_renderer.py", "test_formal.py", "test_elaboration.py", "test_golden_exact.py",
-    "test_docs.py", "test_fast_engine.py", "test_board_scene.py", "test_demo.py", "test_site.py", "test_api.py",
-    "test_cells.py", "test_viewer.py", "test_dispatcher.py", "test_layers_cut.py", "test_ray_pipeline.py",
-    "test_povray_optics.py", "test_conditioning_cases.py", "test_batch.py", "test_aim.py", "test_cli.py",
-    "test_parallax.py", "test_fit.py", "test_bus.py", "test_panel.py", "test_povray_scene.py",
-    "test_diagnose_regress.py", "test_random_requests.py", "test_board_commands.py", "test_viewing.py",
-    "test_optics_block.py", "test_scan_out.py", "test_manifests.py", "test_film_cluster.py", "test_fixed_error.py",
-    "test_view_page.py", "test_report_command.py", "test_uart_rx.py", "test_link_faults.py", "test_observer.py",
-    "test_film.py", "test_host_mutation.py", "test_dev_commands.py", "test_truth.py", "test_select_model.py",
-    "test_packet_fifo.py", "test_exit_line.py", "test_scene.py", "test_conditioning_registers.py",
-    "test_register_bus.py", "test_capture_cli.py", "test_tile_writer.py", "test_presenter.py", "test_link_stream.py",
-    "test_converged.py", "test_packet_out.py", "test_capture_depth.py",
+    "test_virtual_board.py", "test_formal.py", "test_viewer.py", "test_elaboration.py", "test_cells.py", "test_docs.py",
+    "test_board_scene.py", "test_fixed_error.py", "test_povray_scene.py", "test_fit.py", "test_batch.py",
+    "test_manifests.py", "test_link_faults.py", "test_scan_out.py", "test_capture_depth.py", "test_film_cluster.py",
+    "test_golden_exact.py", "test_dev_commands.py", "test_demo.py", "test_report_command.py",
+    "test_diagnose_regress.py", "test_board_commands.py", "test_host_mutation.py", "test_conditioning_cases.py",
+    "test_site.py", "test_random_requests.py", "test_fast_engine.py", "test_optics_block.py", "test_povray_optics.py",
+    "test_mitsuba_sensor.py", "test_renderer.py", "test_link_stream.py", "test_film.py", "test_cli.py",
+    "test_ray_pipeline.py", "test_dispatcher.py", "test_bus.py", "test_aim.py", "test_golden_pictures.py",
+    "test_viewing.py", "test_display_properties.py", "test_uart_rx.py", "test_api.py", "test_packet_fifo.py",
+    "test_tile_writer.py", "test_arrange.py", "test_capture_cli.py", "test_scene.py", "test_converged.py",
+    "test_select_model.py", "test_packet_out.py", "test_simulated_rates.py", "test_exit_line.py", "test_panel.py",
+    "test_truth.py", "test_conditioning_fixed.py", "test_conditioning_registers.py", "test_board_requests.py",
+    "test_file_declarations.py", "test_view_page.py", "test_register_bus.py", "test_cobs_encoder.py",
+    "test_fixed_affine.py", "test_layers_bench.py", "test_presenter.py", "test_golden_analytic.py", "test_images.py",
+    "test_raster.py", "test_observer.py", "test_uart_tx.py", "test_cobs_decoder.py", "test_reply_writer.py",
+    "test_capture_rotation.py", "test_scene_twin.py", "test_ray_lenslet.py", "test_display.py",
 )  # fmt: skip
 
 

@@ -366,7 +366,8 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     white, black = panel["white_cd_m2"], panel["black_cd_m2"]
     if black and not black < (white or 0.0):
         what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
-        raise input_error(f"{where}panel.black_cd_m2", what, "give both, in cd/m2, from the data sheet")
+        mend = "give both, in cd/m2, from the data sheet" + ("; are they exchanged?" if white is not None else "")
+        raise input_error(f"{where}panel.black_cd_m2", what, mend)
     array["pitch_mm"] = plain_pitch(array["pitch_mm"])
     array["index"] = index_of_keys(keys.array, f"{where}array.")
     if focal_mm is not None:
@@ -435,6 +436,10 @@ def _check(display: Display, where: str) -> None:
     check_array(array, f"{where}array.")
     if not display.gap_mm >= 0.0:
         raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
+    if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:
+        what = f"{pixel_mm:g} mm is coarser than a lenslet ({array.finest_mm:g} mm)"
+        mend = f"give {0.001 * pixel_mm:g}, if {pixel_mm:g} micrometres are meant"
+        raise input_error(f"{where}panel.pixel_pitch_mm", what, mend)
     if array.finest_mm < pixel_mm:
         what = f"{array.finest_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
         raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")

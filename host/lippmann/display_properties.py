@@ -25,6 +25,8 @@ MOIRE_FROM_LENSLETS = 4.0
 MOIRE_BELOW_PIXELS = 60.0
 #: A lattice turned by less than this counts as parallel to the pixels, degrees.
 PARALLEL_DEG = 0.05
+#: Who gives a viewing distance beyond this has not meant millimetres, or needs none.
+FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
 _ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
@@ -239,11 +241,25 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
             "elemental image; shorten the focal length and the gap"
         )
-    if zone is None:
+    beside = [
+        abs(at) > 0.5 * side
+        for at, side in zip(display.viewing_axis_mm, (panel.width_mm, panel.height_mm), strict=True)
+    ]
+    if any(beside):
+        found.append(
+            f"viewing_axis_mm, {display.viewing_axis_mm[0]:g}, {display.viewing_axis_mm[1]:g}, is beside the panel of "
+            f"{panel.width_mm:.4g} x {panel.height_mm:.4g} mm; give the point of the panel that the eye is in front of"
+        )
+    elif zone is None:
         share = status_share(display, middle_eye(display, distance))["crosstalk"]
         found.append(
             f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "
             f"middle is crosstalk; {remedy(display)}"
+        )
+    if (display.viewing_distance_mm or 0.0) > FAR_MM:
+        found.append(
+            f"an eye {display.viewing_distance_mm:g} mm away is {distance / 1000.0:g} m away; give millimetres, or "
+            "leave viewing_distance_mm out for elemental images right behind their lenslets"
         )
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:

@@ -99,6 +99,8 @@ def draw_display(display: Display, path: Path) -> None:
         whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
         _edge(whole, half)
         _border(whole, display, system)
+        if display.array.extent_mm is not None:
+            whole.legend(loc="upper right")
         whole.set(
             title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
             + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
@@ -107,7 +109,7 @@ def draw_display(display: Display, path: Path) -> None:
         _draw_section(section, display)
         for axis, name, place in (
             (centre, "middle", (0.0, 0.0)),
-            (corner, "top right corner", half - display.array.coarsest_mm),
+            (corner, "top right corner", np.minimum(half, _end(display, system)) - display.array.coarsest_mm),
         ):
             _draw_close(axis, display, system, np.array(place))
             _edge(axis, half)
@@ -132,6 +134,14 @@ def _edge(axis: Any, half: Floats) -> None:
     axis.plot(x, y, color="black", scalex=False, scaley=False)
 
 
+def _end(display: Display, system: System) -> Floats:
+    """Return the top right corner of an array that ends, mm on the panel; without an end, infinity."""
+    if display.array.extent_mm is None:
+        return np.full(2, np.inf)
+    width, height = display.array.extent_mm
+    return np.array(system.frame.panel_from_array(0.5 * width, 0.5 * height))
+
+
 def _border(axis: Any, display: Display, system: System) -> None:
     """Draw where an array with an extent ends."""
     if display.array.extent_mm is None:
@@ -139,7 +149,7 @@ def _border(axis: Any, display: Display, system: System) -> None:
     half = 0.5 * np.array(display.array.extent_mm)
     sides = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
     x, y = system.frame.panel_from_array(*sides)
-    axis.plot(x, y, color=LENSLET, linestyle="--", gid="border", scalex=False, scaley=False)
+    axis.plot(x, y, color=LENSLET, linestyle="--", gid="border", label="end of the array", scalex=False, scaley=False)
 
 
 def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> None:

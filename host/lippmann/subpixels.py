@@ -118,7 +118,8 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
         colour, x, y, w, h = sub
         named = f"the {colour} sub-pixel at [{x:g}, {y:g}]"
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
-            raise InputError(f"{named} is not in the {MAX_PERIOD} pixels right of and below the first; move it there")
+            place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
+            raise InputError(f"{named} {place}; give x and y in pixels from the first one's centre, y upwards")
         room = 0.5 + ROUNDING
         if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
             raise InputError(f"{named}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")

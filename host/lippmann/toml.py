@@ -165,8 +165,12 @@ def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
-        if "twice" in str(error) or "overwrite" in str(error):
-            raise input_error(source, f"a key is given twice ({error})", "leave one of the two") from None
+        line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
+        if line:
+            name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
+            raise input_error(
+                source, f"{name} is given a second time in line {line[1]}", "leave one of the two"
+            ) from None
         raise input_error(source, f"not TOML ({error})", remedy) from None
 
 
@@ -289,7 +293,10 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
 
 def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
     shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
-    return input_error(f"{source}: {name}", f"{shown} is not valid", remedy(node, re.sub(r"\[\d+\]", "", name)))
+    words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
+    meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]
+    guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""
+    return input_error(f"{source}: {name}", f"{shown} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
 
 
 def remedy(node: Schema, name: str) -> str:

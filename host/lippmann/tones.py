@@ -48,6 +48,8 @@ def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
     falls = np.flatnonzero(~(np.diff(curve, axis=0) > 0.0).all(axis=1))
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
+        if (np.diff(curve, axis=0) < 0.0).all():
+            remedy = f"turn the list round: {remedy}"
         raise InputError(f"the curve is not monotonic: {after} follows {before}; {remedy}")
     value, light = curve[0].tolist()
     if value or light:

@@ -537,7 +537,7 @@ def test_unknown_extensions(place, capfd):
     for arguments, suffix in (
         (render("-o", "a.jpg"), ".exr"),
         (("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.txt"), ".npz"),
-        (("observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.gif"), ".png"),
+        (("observe", "a.exr", "--display", "tiny.toml", "--eye", "0,0,600", "-o", "v.jpg"), ".png"),
     ):
         line = refused(capfd, *arguments)
         assert re.search(rf"unknown extension '\.\w+'; choose from .*{re.escape(suffix)}", line)

@@ -130,6 +130,21 @@ def test_planted_faults_of_the_lattice_are_named(grid, made, fault, says):
         assert (verdict.stage, verdict.fault) == ("lenslet", says), verdict
 
 
+def test_a_tracer_whose_thickness_follows_its_own_cell():
+    """Both leave thickness_mm to its default, the sag: without the shear the cell is smaller, and so is the sag."""
+    display = skewed_display_for("hex")
+    tracers, right = (
+        dataclasses.replace(array, thickness_mm=array.sag_mm)
+        for array in (dataclasses.replace(display.array, shear=shear) for shear in (0.0, 0.03))
+    )
+    assert tracers.thickness_mm != right.thickness_mm
+    display = dataclasses.replace(display, array=right)
+    pixels, aims = inner_rays_for(display)
+    arrays = traced(dataclasses.replace(display, array=tracers), pixels, aims)
+    verdict = judged(display, arrays)
+    assert (verdict.stage, verdict.fault) == ("lenslet", "shear left out"), verdict
+
+
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_an_array_without_its_end_is_named(grid):
     """Where lenslets are missing a ray is blocked; the directions of the others are right."""

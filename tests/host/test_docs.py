@@ -62,6 +62,7 @@ NOT_RUN = {
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),
     r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
+    r"lippmann bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
 }
 

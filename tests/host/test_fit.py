@@ -108,7 +108,7 @@ def test_auto_is_within_tolerance_and_no_dearer_than_brute_force(number):
     assert choice.model == next(model for model in MODELS if true[model] <= tolerance or model == "exact")
 
 
-@pytest.mark.parametrize("number", [*range(8), *(pytest.param(k, marks=pytest.mark.full) for k in range(8, 200))])
+@pytest.mark.parametrize("number", [*range(5), *(pytest.param(k, marks=pytest.mark.full) for k in range(5, 200))])
 def test_the_build_is_within_tolerance_and_no_dearer_than_brute_force(number):
     rng = generator(SEED, "build", number)
     display, depths, tolerance = random_case(rng)

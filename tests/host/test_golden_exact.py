@@ -200,7 +200,16 @@ def wild_rays(rng, grid, side, fate, kind):
     return display, pixels, np.column_stack([rng.choice((-1, 1), n) * rng.uniform(80, 200, n), y])
 
 
-@somewhere
+#: At every commit each grid and each side once with kind "far", and one case each of the other kinds.
+@pytest.mark.parametrize(
+    ("kind", "grid", "side"),
+    [
+        pytest.param(kind, grid, side, marks=() if often else pytest.mark.full)
+        for kind in KEYS
+        for grid, side in itertools.product(GRIDS, SIDES)
+        for often in [(grid, side) == ("hex", "viewer") or (kind, grid, side) == ("far", "square", "panel")]
+    ],
+)
 def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
     rng = generator(2, grid, side, *KEYS[kind])
     seen = dict.fromkeys(range(5), 0)

@@ -297,6 +297,22 @@ def test_the_remedy_of_the_warning_opens_a_zone(name):
     assert not [words for words in display_properties(better).warnings if "sees the whole panel" in words]
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"viewing_axis_mm": (800.0, 0.0)}, "viewing_axis_mm, 800, 0, is beside the panel of 344.2 x 193.6 mm"),
+        ({"viewing_axis_mm": (0.0, -97.0)}, "viewing_axis_mm, 0, -97, is beside the panel"),
+        ({"viewing_axis_mm": (170.0, -96.0)}, None),
+        ({"viewing_distance_mm": 600000.0}, "an eye 600000 mm away is 600 m away"),
+    ],
+)
+def test_an_eye_that_nobody_has_is_noticed(changes, said):
+    warnings = display_properties(changed(laptop(), **changes)).warnings
+    beside = [words for words in warnings if "beside the panel" in words or "m away" in words]
+    assert [said in words for words in beside] == [True] if said else not beside
+    assert not (said and "beside" in said and any("sees the whole panel" in words for words in warnings))
+
+
 # --- the command ----------------------------------------------------------------------------------
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -70,6 +70,8 @@ def compiled(
     sources = needed(bench or module, rtl_sources(TOP))
     sources += [CHECKS / f"{path.stem}_checks.sv" for path in sources if (CHECKS / f"{path.stem}_checks.sv").exists()]
     options, link = list(OPTIONS), []
+    # A C++ main is through before an optimiser would be.
+    flags = SHORT if main is None else ("-O0",)
     if main is None:
         main = cocotb_tools.config.share_dir / "lib" / "verilator" / "verilator.cpp"
         libraries = cocotb_tools.config.libs_dir
@@ -82,9 +84,9 @@ def compiled(
         for file, text in beside.items():
             program.with_name(file).write_text(text)
         files = [*sources, *(program.with_name(file) for file, text in beside.items() if text)]
-        verilated(program, module, files, [main], parameters, options=options, flags=SHORT, link=link)
+        verilated(program, module, files, [main], parameters, options=options, flags=flags, link=link)
 
-    inputs = [*sources, main, bench, *map(repr, (top, parameters, options)), *link, version("cocotb")]
+    inputs = [*sources, main, bench, *map(repr, (top, parameters, options, flags)), *link, version("cocotb")]
     return kept(BUILD / name, inputs, make)
 
 

@@ -308,17 +308,17 @@ def test_no_pixel_is_late_while_the_line_is_full(usual):
 
 
 FAULTS = {
-    "flip": Faults(flip=1e-3),
-    "drop": Faults(drop=1e-3),
-    "insert": Faults(insert=1e-3),
-    "duplicate": Faults(duplicate=1e-3),
-    "garble": Faults(garble=1e-3),
-    "reorder": Faults(reorder=1e-3),
-    "cut": Faults(cut=2e-4, run=200),
-    "stall": Faults(stall=5e-4, stall_s=0.1),
-    "lose": Faults(lose=0.1),
-    "repeat": Faults(repeat=0.3),
-    "swap": Faults(swap=0.1),
+    "flip": Faults(flip=2e-3),
+    "drop": Faults(drop=2e-3),
+    "insert": Faults(insert=2e-3),
+    "duplicate": Faults(duplicate=2e-3),
+    "garble": Faults(garble=2e-3),
+    "reorder": Faults(reorder=2e-3),
+    "cut": Faults(cut=4e-4, run=200),
+    "stall": Faults(stall=1e-3, stall_s=0.1),
+    "lose": Faults(lose=0.2),
+    "repeat": Faults(repeat=0.6),
+    "swap": Faults(swap=0.2),
     "delay": Faults(delay_s=0.01),
 }
 
@@ -335,7 +335,7 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
     with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=3.0) as board:
         scene = SceneBoard(board)
         line.down = line.up = FAULTS[fault]
-        for _ in range(20):
+        for _ in range(10):
             stack = moved(rng, display, build, stack)
             wanted.add(twin(display, stack, build).tobytes())
             try:

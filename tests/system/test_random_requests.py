@@ -506,7 +506,7 @@ class Traffic:
     ids=["square", "square-scene", "square-bits", "hex"],
 )
 def test_each_request_has_the_models_reply(grid, line, scene):
-    count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 1 if scene else 2)
+    count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 2)
     print(f"seed {SEED}, {count} requests")
     rng = random.Random(f"{SEED} {grid} {line}{' scene' * bool(scene)}")
     display = display_of(grid)

@@ -16,10 +16,20 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import click
 from click.shell_completion import CompletionItem
 
+from lippmann.errors import did_you_mean
+
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
 #: The option that each command has; see `lippmann.cli.output`.
 JSON = click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
+
+
+class Choice(click.Choice[Any]):
+    """One of some values; a wrong one is answered with the likeliest."""
+
+    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+        """Return what is wrong with a value, and the remedy."""
+        return f"{super().get_invalid_choice_message(value, ctx)} {did_you_mean(str(value), map(str, self.choices))}"
 
 
 @dataclass(frozen=True)
@@ -35,7 +45,7 @@ class Declared:
             kind = get_args(kind)[0]
         attributes = dict(self.attributes)
         if attributes["type"] is None:
-            attributes["type"] = click.Choice(get_args(kind)) if get_origin(kind) is Literal else kind
+            attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else kind
         if attributes["type"] is str:  # mostly a file, and nothing else is known of it
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from lippmann import drawing
-from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.frame import Choice, argument, make_command, option
 from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
@@ -55,7 +55,7 @@ def schema_of(kind: str) -> dict[str, Any]:
 def command(
     display_path: str | None = argument("DISPLAY.toml", None),
     kind: str | None = option(
-        "Print the JSON Schema of a kind of TOML file.", None, click.Choice(tuple(FILES)), flag="--schema"
+        "Print the JSON Schema of a kind of TOML file.", None, Choice(tuple(FILES)), flag="--schema"
     ),
     eye: Point | None = option("Tell what an eye sees from here, mm.", None, Vector(3)),
     zones: str | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),

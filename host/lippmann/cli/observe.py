@@ -14,7 +14,7 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.film.video import VIEW_SUFFIXES, even_window, write_video
 from lippmann.images import SUFFIXES, check_output, encoded_values
 from lippmann.integral_image import IntegralImage
@@ -43,7 +43,7 @@ def command(
     gap_error: float = option("Change of the gap, mm.", 0.0, Finite()),
     pitch_scale: float = option("Factor on the array's pitch.", 1.0, Finite()),
     sweep: tuple[float, float] | None = option(
-        "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2), metavar="X0,X1"
+        "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2, "X0,X1")
     ),
     frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", None, click.IntRange(2, 1000)),
     sheet: str | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
@@ -57,18 +57,8 @@ def command(
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
-    path = check_output(output, SUFFIXES if sweep is None else VIEW_SUFFIXES + ANIMATION_SUFFIXES)
+    path = _check_files(image_path, output, sheet, frames, sweep is not None)
     video = path.suffix.lower() in VIEW_SUFFIXES
-    of_a_sweep = [flag for flag, value in (("--sheet", sheet), ("--frames", frames)) if value is not None]
-    if sweep is None and of_a_sweep:
-        raise InputError(f"{of_a_sweep[0]} is for a sweep; give --sweep X0,X1 too")
-    for written in filter(None, (output, sheet)):
-        if Path(written).exists() and Path(image_path).exists() and Path(written).samefile(image_path):
-            raise InputError(f"{written}: is the image itself; give the view another name")
-    if sheet is not None:
-        if Path(sheet).resolve() == path.resolve():
-            raise InputError(f"{sheet}: is the animation too; give the sheet another name")
-        check_output(sheet, (".png",))
     frames = frames or SWEEP_FRAMES
     display = load_display(display_path)
     panel = display.panel
@@ -125,3 +115,21 @@ def command(
 
     share = np.mean([view.status_share["crosstalk"] for view in views])
     emit(result, f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")
+
+
+def _check_files(image: str, output: str, sheet: str | None, frames: int | None, moves: bool) -> Path:
+    """Refuse outputs and options that do not go together; return the output's path."""
+    if not moves and Path(output).suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
+        raise input_error(output, "is a moving view", f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}")
+    path = check_output(output, VIEW_SUFFIXES + ANIMATION_SUFFIXES if moves else SUFFIXES)
+    of_a_sweep = [flag for flag, value in (("--sheet", sheet), ("--frames", frames)) if value is not None]
+    if of_a_sweep and not moves:
+        raise InputError(f"{of_a_sweep[0]} is for a sweep; give --sweep X0,X1 too")
+    for written in filter(None, (output, sheet)):
+        if Path(written).exists() and Path(image).exists() and Path(written).samefile(image):
+            raise InputError(f"{written}: is the image itself; give the view another name")
+    if sheet is not None:
+        if Path(sheet).resolve() == path.resolve():
+            raise InputError(f"{sheet}: is the animation too; give the sheet another name")
+        check_output(sheet, (".png",))
+    return path

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
-from lippmann.cli.output import emit
+from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.images import check_output
 from lippmann.observer import Eye
@@ -17,7 +17,7 @@ from lippmann.variant import own_variant
 
 @make_command("pattern")
 def command(
-    kind: Kind = argument(),
+    kind: Kind = argument("KIND"),
     display_path: str = DISPLAY,
     output: str = option(".png for the panel; .exr or .tif linear.", flag="-o", metavar="OUT"),
     eye: Point | None = option("The eye of white-for-eye, mm; the display is at z = 0.", None, Vector(3)),
@@ -39,6 +39,8 @@ def command(
         image = draw(display, kind, None if eye is None else Eye(eye), lens, fraction_bits)
     image.save(path)
     lit = float(image.radiance.any(axis=2).mean())
+    if eye is not None and not lit:
+        log("note: this eye sees no pixel through its own lenslet, so the panel is black; see lippmann inspect --eye")
     result = {
         "output": str(path), "kind": kind, "display": display.name, "identity": display.identity,
         "width_px": panel.width_px, "height_px": panel.height_px, "lit_share": lit,

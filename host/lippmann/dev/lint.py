@@ -40,9 +40,13 @@ def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subp
     subprocess.TimeoutExpired after a minute: a refused module must not compute its tables first.
     """
     top = repository()
-    known = [*rtl_folders(top)]
-    folders = known[: known.index(folder_of_modules()[module]) + 1]
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, rtl_sources(top, *folders))]
+    found: list[Path] = []
+    for some in rtl_folders(top).values():
+        found += some
+        if any(path.stem == PREFIX + module for path in some):
+            break
+    packages_first = sorted(found, key=lambda path: not path.stem.endswith("_pkg"))
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, packages_first)]
     return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 

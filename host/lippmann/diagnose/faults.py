@@ -96,7 +96,10 @@ def _with_number(name: str, value: Any, given: Out) -> Out:
     if part == "panel":
         changes = {part: replace(display.panel, **changes)}
     elif part == "array":
-        changes = {part: replace(display.array, **{"glass": None, **changes})}
+        array = replace(display.array, **{"glass": None, **changes})
+        if key in ("pitch_mm", "shear") and display.array.thickness_mm == display.array.sag_mm:
+            array = replace(array, thickness_mm=array.sag_mm)  # by default: the tracer's follows its own cell
+        changes = {part: array}
     return replace(given, display=replace(display, **changes))
 
 

@@ -389,11 +389,11 @@ async def a_byte_each_clock(dut):
 @cocotb.test()
 async def waits_for_the_table(dut):
     monitor, reference = await start(dut)
-    dut.table_busy_i.value = 1
+    monitor.dut.table_busy_i.value = 1
     packet = request(TILES, 1, struct.pack("<BHH", 0, 0, 3))
     for _ in range(50):
         assert not await monitor.clock(packet[0], True)
-    dut.table_busy_i.value = 0
+    monitor.dut.table_busy_i.value = 0
     await ask(monitor, reference, packet)
 
 

@@ -7,14 +7,56 @@ from packets import Joined
 from streams import Monitor
 
 
+class Pin:
+    """A handle that is written only when its value changes: cocotb takes microseconds to write one."""
+
+    def __init__(self, handle):
+        self._handle, self._written, self._told = handle, None, True
+
+    def __len__(self) -> int:
+        return len(self._handle)
+
+    @property
+    def value(self):
+        return self._handle.value
+
+    @value.setter
+    def value(self, value: int) -> None:
+        self._told = True
+        self._write(value)
+
+    def noise(self, bits: int) -> None:
+        """Another word than what was told, and now and then another again."""
+        if self._told or not random.getrandbits(2):
+            self._told = False
+            self._write(random.getrandbits(bits))
+
+    def _write(self, value: int) -> None:
+        if value != self._written:
+            self._handle.value = self._written = value
+
+
+class Pins:
+    """The dispatcher's ports. Who writes one writes it here: what was written last is known."""
+
+    def __init__(self, dut):
+        self._dut = dut
+
+    def __getattr__(self, name: str) -> Pin:
+        pin = Pin(getattr(self._dut, name))
+        setattr(self, name, pin)
+        return pin
+
+
 class Neighbours(Monitor):
     """Each neighbour takes a random time, up to `slow` clocks and its own least; what nobody says is noise."""
 
     def __init__(self, dut, epoch: int, slow: int):
+        clock, dut = dut.clk_i, Pins(dut)
         put = Joined(dut.in_last_i, dut.in_data_i).put
         out = Joined(dut.out_last_o, dut.out_data_o)
         streams = (dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i)
-        super().__init__(dut.clk_i, *streams, out, put, through=True)
+        super().__init__(clock, *streams, out, put, through=True)
         self.dut, self.epoch, self.slow = dut, epoch, slow
         self.stale = self.tile_bad = 0
         #: The scene's words written while `update_o` was high, each time that it was.
@@ -97,7 +139,8 @@ class Neighbours(Monitor):
     def _registers(self) -> None:
         dut = self.dut
         dut.bus_done_i.value = 0
-        dut.bus_word_i.value, dut.bus_error_i.value = random.getrandbits(32), random.getrandbits(1)
+        dut.bus_word_i.noise(32)
+        dut.bus_error_i.noise(1)
         if dut.bus_start_o.value:
             assert self._bus is None, "an access began before the one before it was answered"
             asked = (dut.bus_write_o, dut.bus_at_o, dut.bus_word_o)
@@ -138,7 +181,7 @@ class Neighbours(Monitor):
     def _tiles(self) -> None:
         dut = self.dut
         dut.tile_done_i.value = 0
-        dut.tile_ok_i.value = random.getrandbits(1)
+        dut.tile_ok_i.noise(1)
         if dut.tile_start_o.value:
             assert self._tile is None
             place = (int(dut.tile_o.value), int(dut.tile_coding_o.value))
@@ -197,14 +240,18 @@ class Neighbours(Monitor):
                     self._block = None
                     dut.block_done_i.value = 1
         at = None if self._block is None else self._words_at[-1]
-        dut.block_word_at_i.value = random.getrandbits(8) if at is None else at
+        if at is None:
+            dut.block_word_at_i.noise(8)
+        else:
+            dut.block_word_at_i.value = at
 
     def _frames(self) -> None:
         """Of the table an answer three clocks old; of the presenter a status, and an epoch with it."""
         dut = self.dut
         dut.table_crc_i.value = self._asked.pop(0)
         self._asked.append(rules.table_crc(bool(dut.table_front_o.value), int(dut.table_at_o.value)))
-        dut.present_done_i.value, dut.present_status_i.value = 0, random.randrange(10)
+        dut.present_done_i.value = 0
+        dut.present_status_i.noise(3)
         if dut.present_start_o.value:
             assert self._present is None
             self._present = [self.wait(1), int(dut.present_epoch_o.value), int(dut.present_crc_o.value)]
@@ -225,13 +272,16 @@ class Neighbours(Monitor):
         if dut.sign_start_o.value:
             self._signing, self._signed = True, False
         frames = self.optics.frames
-        count, crc = rules.signature(frames) if self._signed else (rules.so_far(frames), random.getrandbits(32))
-        dut.sign_rays_i.value, dut.sign_crc_i.value = count, crc
+        if self._signed:
+            dut.sign_rays_i.value, dut.sign_crc_i.value = rules.signature(frames)
+        else:
+            dut.sign_rays_i.value = rules.so_far(frames)
+            dut.sign_crc_i.noise(32)
         assert not (dut.trace_o.value and dut.sign_o.value)
         if self.optics.running:
             assert not dut.trace_o.value, "rays of a frame go to a trace"
         # Of the pipeline: one ray at a time, of the list or of a frame.
-        dut.exit_i.value = random.getrandbits(288)
+        dut.exit_i.noise(288)
         if self.optics.running and not self.optics.stream:
             dut.exit_valid_i.value = random.getrandbits(1)
         elif self._ray is None:

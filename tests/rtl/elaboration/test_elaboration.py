@@ -187,6 +187,9 @@ NO_SCENES = [
     drawn(width_bits=10, height=3, bilinear=1), drawn(samples_bits=3),
 ]  # fmt: skip
 
+#: The rays that a board elaborates soonest, where its rays do not matter.
+LIGHT = built(F=14, Model=0)
+
 #: Parameters that must stop elaboration, and the message of each.
 REFUSED = [
     *((module, {"F": f}, f"{module}: F must be 14 to 23") for module in STEPS for f in (13, 24)),
@@ -273,13 +276,13 @@ REFUSED = [
     ("ray_pipeline", built(Walk=1), "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell"),
     ("ray_pipeline", built(Walk=5, Aims=1), "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
     *(("ray_pipeline", built(F=f), "ray_pipeline: F must be 14 to 23") for f in (13, 24)),
-    ("board", built(Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
-    ("board", {"Width": 16384}, "board: Width and Height must be 1 to 16383"),
-    ("board", {"Height": 0}, "board: Width and Height must be 1 to 16383"),
-    ("board", {"HFront": -1}, "board: porches must be 0 or more, and syncs 1 or more"),
-    ("board", {"ClockHz": -1}, "board: ClockHz must be 1 or more"),
-    ("board", {"StoreLatency": 0}, "board: StoreLatency must be 1 or more"),
-    ("board", drawn(4, 3, 8, 192), "board: Scene must be a legal build, or have no layers"),
+    ("board", built(F=14, Model=1, Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
+    ("board", {"Width": 16384, **LIGHT}, "board: Width and Height must be 1 to 16383"),
+    ("board", {"Height": 0, **LIGHT}, "board: Width and Height must be 1 to 16383"),
+    ("board", {"HFront": -1, **LIGHT}, "board: porches must be 0 or more, and syncs 1 or more"),
+    ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
+    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 or more"),
+    ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
     (
         "board",
         {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
