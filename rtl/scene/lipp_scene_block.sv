@@ -8,8 +8,9 @@
 /// while the scene is shown (shown_i), or in those written, while the scene is to be shown
 /// (source_o). Bit 15 is the panel's curve, which every scene needs.
 ///
-/// The port is APB4; a write changes the bytes whose strobe is set. rtl/registers.rdl defines the
-/// registers. Those of layers that the build lacks are not there.
+/// The port is APB4; a write changes the bytes whose strobe is set. An access to a layer takes three
+/// clocks, because its word is found in two steps: in each layer, then among the layers.
+/// rtl/registers.rdl defines the registers. Those of layers that the build lacks are not there.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (
@@ -42,7 +43,7 @@ module lipp_scene_block #(
   localparam logic [31:0] LookBits = 32'h0001_FFF3;
 
   // ---- addresses: common registers, layers, nothing ----
-  logic common, layers, other_q, layers_q, write, ready, error;
+  logic common, layers, looked_q, there_q, other_q, layers_q, write, ready, error;
   logic [31:0] word;
   assign common = s_apb_paddr[9:6] == '0;
   assign layers = s_apb_paddr[9] && int'(s_apb_paddr[8:2]) < Words;
@@ -58,14 +59,16 @@ module lipp_scene_block #(
 
   // ---- the layers ----
   logic [Words-1:0][31:0] words_q;
+  logic [Layers-1:0][31:0] own_word_q;
   logic [31:0] layer_word_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {other_q, layers_q} <= '0;
+      {looked_q, there_q, other_q, layers_q} <= '0;
       words_q <= '0;
     end else begin
-      other_q <= s_apb_psel && !s_apb_penable && !common;
-      layers_q <= s_apb_psel && !s_apb_penable && layers;
+      looked_q <= s_apb_psel && !s_apb_penable && !common;
+      there_q <= s_apb_psel && !s_apb_penable && layers;
+      {other_q, layers_q} <= {looked_q, there_q};
       for (int k = 0; k < Words; k++) begin
         for (int part = 0; part < 4; part++) begin
           if (write && int'(s_apb_paddr[8:2]) == k && s_apb_pstrb[part]) begin
@@ -79,8 +82,9 @@ module lipp_scene_block #(
   assign write = layers_q && s_apb_pwrite;
   always_ff @(posedge clk_i) begin
     layer_word_q <= '0;
-    for (int k = 0; k < Words; k++) begin
-      if (int'(s_apb_paddr[8:2]) == k) layer_word_q <= words_q[k];
+    for (int layer = 0; layer < Layers; layer++) begin
+      own_word_q[layer] <= words_q[8*layer+int'(s_apb_paddr[4:2])];
+      if (int'(s_apb_paddr[8:5]) == layer) layer_word_q <= own_word_q[layer];
     end
   end
   assign s_apb_pready = ready || other_q;
