@@ -133,7 +133,6 @@ def display_properties(display: Display) -> DisplayProperties:
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
     # In focus, but for rounding: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
-    reach = pitch * distance / panel.coarsest_mm
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
         **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
@@ -147,12 +146,18 @@ def display_properties(display: Display) -> DisplayProperties:
         crosstalk_angle_deg=half_field_deg,
         viewing_zone_mm=0.0 if zone is None else 0.5 * (zone.right_mm - zone.left_mm),
         central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
-        depth_range_mm=(-reach, reach),
+        depth_range_mm=depth_reach_mm(display),
         angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
         spatial_resolution_mm=array.coarsest_mm,
         views=math.floor(image / panel.coarsest_mm + 1e-9),
         warnings=tuple(_warnings(display, half_field_deg, zone)),
     )
+
+
+def depth_reach_mm(display: Display) -> Pair:
+    """Return the farthest and the nearest depth at which a pixel's beam is at most as wide as a lenslet, mm."""
+    reach = display.array.finest_mm * display.aperture_distance_mm / display.panel.coarsest_mm
+    return -reach, reach
 
 
 def _lenslets(display: Display) -> Lenslets:

@@ -9,9 +9,12 @@ from lippmann.errors import InputError
 from lippmann.film.layer_film import check_keys, load_layer_film
 from lippmann.layers.folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
+from optics_cases import display_of
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 PALETTE = np.arange(1024, dtype=np.uint32).astype(np.uint8).reshape(256, 4)
+
+DISPLAY = display_of("square", "panel")
 
 
 def layer(depth, matrix, brightness=1.0):
@@ -116,6 +119,15 @@ def test_bad_films_are_refused(place, text, says):
 
 
 def test_a_frame_that_cannot_be_made_is_named(place):
-    film = film_of(place, '[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }, { frame = 8, offset_mm = [0, 0, 4e6] }]\n')
+    film = film_of(place, '[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }, { frame = 8, offset_mm = [0, 0, -4e6] }]\n')
     with pytest.raises(InputError, match=r"film.toml: frame \d: layer: depth_mm .* is out of range"):
-        check_keys(film, "film.toml")
+        check_keys(film, DISPLAY, "film.toml")
+
+
+def test_a_layer_that_passes_the_eyes_is_named(place):
+    """They are at 600 mm, and the fish gets there in the film, not at rest."""
+    film = film_of(place, '[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }, { frame = 8, offset_mm = [0, 0, 900] }]\n')
+    with pytest.raises(
+        InputError, match=r"film.toml: frame \d: layer 'fish': depth: .* in front of the eyes .* 600 mm"
+    ):
+        check_keys(film, DISPLAY, "film.toml")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass
 from typing import Annotated
@@ -9,6 +10,7 @@ from typing import Annotated
 from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.board.stream import Progress
 from lippmann.display import Display
+from lippmann.errors import InputError
 from lippmann.film.layer_film import LayerFilm
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
@@ -37,10 +39,21 @@ def load_textures(
     InputError, before anything is sent, for layers that do not fit the build and for motion beyond a register's range;
     DeviceError when too few slots are free, and as `SceneBoard.load`.
     """
-    contents = [slot_bytes(layer, scene.build).tobytes() for layer in film.stack.layers]
+    contents = []
+    for name, layer in zip(film.names, film.stack.layers, strict=True):
+        try:
+            contents.append(slot_bytes(layer, scene.build).tobytes())
+        except InputError as error:
+            raise InputError(f"layer '{name}': {str(error).removeprefix('layer: ')}") from None
     for frame in range(film.frames):
         stack, numbers = film.at(frame)
-        scene_words(display, stack, scene.build, numbers)
+        try:
+            scene_words(display, stack, scene.build, numbers)
+        except InputError as error:
+            words = str(error)
+            if place := re.match(r"layer (\d+)", words):
+                words = f"layer '{film.names[numbers[int(place[1])]]}'{words[place.end() :]}"
+            raise InputError(f"frame {frame}: {words}") from None
     loaded = Loaded()
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)

@@ -10,10 +10,11 @@ import numpy as np
 from msgspec import Meta
 
 from lippmann import toml
+from lippmann.display import Display
 from lippmann.errors import InputError, did_you_mean, input_error
 from lippmann.film.film import MAX_FRAMES
 from lippmann.film.path import Motion, interpolated
-from lippmann.layers.folder import is_layers, load_named_layers
+from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.rendering.placement import ORIGIN, Scale, Triple
 from lippmann.toml import documented, key, values
@@ -154,10 +155,12 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
     )
 
 
-def check_keys(film: LayerFilm, path: str | Path) -> None:
-    """Refuse a film whose layers cannot be made at some frame, such as at a depth out of range."""
+def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
+    """Refuse a film whose layers cannot be made at some frame, such as at a depth behind the display's eyes."""
     for frame in range(film.frames):
         try:
-            film.at(frame)
+            stack, numbers = film.at(frame)
         except InputError as error:
             raise InputError(f"{path}: frame {frame}: {error}") from None
+        for number, layer in zip(numbers, stack.layers, strict=True):
+            check_depth(layer.depth_mm, display, f"{path}: frame {frame}: layer '{film.names[number]}': depth")

@@ -105,7 +105,7 @@ def layer_words(display: Display, layer: Layer, number: int, slot: int) -> Layer
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
     words = {"depth": _word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer)}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
-        finer = "the texture is too small: give it fewer texels, or make it larger"
+        finer = "the texture is too small, or sheared too far: give it fewer texels, or make it larger"
         words[register] = _word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer)
     for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
         beside = "the texture is too far beside the display for its size: bring it nearer to the middle"

@@ -140,7 +140,7 @@ class Layer:
         """
         if self.width > width or self.height > height:
             what = f"layer: the texture of {self.width} x {self.height} texels is larger than a slot"
-            raise InputError(f"{what} of {width} x {height}; make it smaller")
+            raise InputError(f"{what} of {width} x {height}; cut the scene again with --slot {width}x{height}")
         if (self.width, self.height) == (width, height):
             return self.texels
         clear = np.flatnonzero(self.palette[:, 3] == 0)
