@@ -15,10 +15,12 @@ from lippmann.board.board import Board
 from lippmann.board.check_rays import check_rays
 from lippmann.board.closed_loop import capturing
 from lippmann.board.drawn_loop import frames_differ
+from lippmann.board.film_player import load_textures, play_film
 from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.board.stream import send_frame
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
+from lippmann.film.layer_film import LayerFilm
 from lippmann.fixed.drawing import draw
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
@@ -411,6 +413,20 @@ def test_reset_and_a_stored_frame_end_the_scene(usual):
         scene = SceneBoard(board)
         show(scene, display, stack)
         assert board.panel_crc() == zlib.crc32(twin(display, stack, build).tobytes())
+
+
+def test_a_film_on_a_board_that_is_reset_fails(usual):
+    """Its frames are written all the same, and show nothing."""
+    rng = np.random.default_rng([SEED, 9])
+    stack = random_stack(rng, usual.display, usual.build)
+    names = tuple(f"layer {k}" for k in range(len(stack.layers)))
+    film = LayerFilm(stack, names, frames=4, frames_per_second=1000.0)
+    with Board.open(usual.url) as board:
+        scene = SceneBoard(board)
+        _, slots = load_textures(scene, usual.display, film)
+        assert play_film(scene, usual.display, film, slots).frames == 4
+        with pytest.raises(DeviceError, match=r"draws the scene no longer: .*; play the film again"):
+            play_film(scene, usual.display, film, slots, progress=lambda done, _: done == 2 and board.reset())
 
 
 def test_a_board_without_a_scene_says_so(tmp_path):

@@ -10,7 +10,7 @@ from typing import Annotated
 from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.board.stream import Progress
 from lippmann.display import Display
-from lippmann.errors import InputError
+from lippmann.errors import DeviceError, InputError
 from lippmann.film.layer_film import LayerFilm
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
@@ -91,7 +91,7 @@ def play_film(
     Raises
     ------
     DeviceError
-        When the board refuses a write, or its panel does not change.
+        When the board refuses a write, its panel does not change, or it shows no scene at the end.
     """
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
@@ -127,5 +127,10 @@ def play_film(
     seconds = time.monotonic() - begun
     if every_frame:
         scene.wait(True)
-    underflows = (scene.status().underflows - before.underflows) % (1 << 32)
+    after = scene.status()
+    if not after.shown:
+        raise DeviceError.at(
+            line.url, "the board draws the scene no longer: it was reset, or ended", "play the film again"
+        )
+    underflows = (after.underflows - before.underflows) % (1 << 32)
     return Played(frames, seconds, sent, most, late, underflows)
