@@ -105,16 +105,21 @@ def draw_display(display: Display, path: Path) -> None:
             title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
             + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
             aspect="equal",
+            # An array may be far larger than the panel.
+            xlim=(-1.06 * half[0], 1.06 * half[0]),
+            ylim=(-1.06 * half[1], 1.06 * half[1]),
         )
         _draw_section(section, display)
-        for axis, name, place in (
+        end = np.minimum(half, _end(display, system))
+        name = "top right corner" if (end == half).all() else "top right corner of the array"
+        for axis, what, place in (
             (centre, "middle", (0.0, 0.0)),
-            (corner, "top right corner", np.minimum(half, _end(display, system)) - display.array.coarsest_mm),
+            (corner, name, end - display.array.coarsest_mm),
         ):
             _draw_close(axis, display, system, np.array(place))
             _edge(axis, half)
             _border(axis, display, system)
-            axis.set_title(f"{name}: pixels, lenslets (blue), their elemental images (red)")
+            axis.set_title(f"{what}: pixels, lenslets (blue), their elemental images (red)")
         for axis in (whole, centre, corner):
             axis.set(xlabel="x, mm", ylabel="y, mm")
 

@@ -148,6 +148,8 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 def check_input(path: str | Path) -> Path:
     """Return an image's path; InputError when there is no such file."""
     path = Path(path)
+    if path.is_dir():
+        raise input_error(str(path), "is a folder", "give an image")
     if not path.is_file():
         raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
     return path

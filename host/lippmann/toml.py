@@ -34,8 +34,9 @@ KINDS = {
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
 #: Beginnings of names that people give to keys of other names.
 SYNONYMS = {
-    "skew": "shear", "slant": "shear", "angle": "rotation_deg", "tilt": "rotation_deg", "turn": "rotation_deg",
-    "layout": "subpixels", "stripes": "subpixels", "eye": "viewing_distance_mm",
+    "skew": ("shear",), "slant": ("shear",), "angle": ("rotation_deg",), "tilt": ("rotation_deg",),
+    "turn": ("rotation_deg",), "layout": ("grid", "subpixels"), "stripes": ("subpixels",),
+    "eye": ("viewing_distance_mm",),
 }  # fmt: skip
 #: Remedy for text that is not TOML.
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"
@@ -278,9 +279,11 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
     hints = [f"it belongs {' or '.join(places)}"] if places else []
     everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
-    synonym = next((key for word, key in SYNONYMS.items() if unknown.lower().startswith(word) and key in last), None)
-    if synonym is not None and not places:
-        similar = [synonym if synonym in here["properties"] else last[synonym]]
+    synonyms = [key for word, keys in SYNONYMS.items() if unknown.lower().startswith(word) for key in keys]
+    # Of the same table rather than of another one.
+    known = [key for key in synonyms if key in here["properties"]] + [last[key] for key in synonyms if key in last]
+    if known and not places:
+        similar = known[:1]
     if not places and not similar:
         similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
         similar = similar or (list(missing) if len(missing) == 1 else [])

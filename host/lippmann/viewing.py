@@ -24,6 +24,8 @@ from lippmann.optics.system import System
 
 #: Distance of the eyes that is assumed for a display without a viewing distance, mm.
 VIEWING_DISTANCE_MM = 600.0
+#: Farthest place of an eye, mm: a thousand kilometres.
+FARTHEST_EYE_MM = 1e9
 #: Number of rays from an eye that measure its share of crosstalk.
 SHARE_RAYS = 1 << 13
 #: Lenslets across and down through which an eye's rays are traced to find any crosstalk. The rays pass each lenslet at
@@ -65,7 +67,7 @@ def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[s
     Raises
     ------
     InputError
-        When the eye is not in front of the display.
+        When the eye is not in front of the display, or absurdly far away.
     """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
@@ -77,6 +79,8 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
     if not nearest > front:
         what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
         raise InputError(f"eye: {what}; move the eye towards +z")
+    if not np.abs(eyes_mm).max() <= FARTHEST_EYE_MM:
+        raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
     steps = np.arange(1, rays + 1)[:, None] * R2_STEPS % 1.0
     points = np.pad((steps - 0.5) * (display.panel.width_mm, display.panel.height_mm), ((0, 0), (0, 1)))
     status = _statuses(display, eyes_mm, points, inside=False)

@@ -188,7 +188,7 @@ def test_files_that_are_no_image_are_refused(tmp_path, name):
         read_picture(path)
     with pytest.raises(InputError, match="no such image"):
         read_picture(tmp_path / "absent.exr")
-    with pytest.raises(InputError, match="no such image"):
+    with pytest.raises(InputError, match="is a folder; give an image"):
         read_picture(tmp_path)
 
 

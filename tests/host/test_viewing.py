@@ -411,6 +411,13 @@ def test_the_distance_of_rows_is_said(tmp_path, capsys, grid, pitch, rows, advis
     assert advised is None or f"give pitch_mm = {advised}\n" in out
 
 
+def test_an_eye_that_sees_nothing_is_not_told_of_little_crosstalk(capsys):
+    assert run(["inspect", str(DESKTOP), "--eye", "1e8,0,600"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (at,) = [k for k, line in enumerate(lines) if line.startswith("an eye at")]
+    assert lines[at + 2].split()[1] == "dark"
+
+
 @pytest.mark.parametrize(("x", "sees_all"), [(59.0, True), (61.0, False), (200.0, False)])
 def test_an_eye_beside_the_zone_is_told(tmp_path, capsys, x, sees_all):
     """The zone of the 15.6 inch panel ends at 59.5 mm. Just outside, none of the 8192 rays of the share may see it."""
@@ -464,10 +471,11 @@ def test_the_drawing_shows_every_lenslet_and_the_numbers(inspected, grid, side):
 
 
 def test_the_border_of_an_array_is_drawn(inspected):
-    """15 x 10 mm about (0.2, 0.3) mm, turned by 30 degrees, on a panel that is wider: in the chart's own units."""
+    """9 x 5 mm about (0.2, 0.3) mm, turned by 30 degrees, on a panel that is wider: in the chart's own units."""
     display = display_of("square", "panel", width_px=200, height_px=160, offset=(0.2, 0.3), rotation=30.0)
-    display = changed(display, array={"extent_mm": (15.0, 10.0)})
+    display = changed(display, array={"extent_mm": (9.0, 5.0)})
     assert inspected(display, "--draw", "d.svg")[0] == 0
+    assert "end of the array" in texts("d.svg")
     whole, *_ = axes_of("d.svg")
 
     def points(path):
@@ -479,7 +487,7 @@ def test_the_border_of_an_array_is_drawn(inspected):
     mm = display.panel.width_mm / np.ptp(frame[:, 0])
     found = (border - frame.mean(axis=0)) * (mm, -mm)
     turn = np.array([[math.sqrt(0.75), 0.5], [-0.5, math.sqrt(0.75)]])
-    corners = np.array([(-7.5, -5.0), (7.5, -5.0), (7.5, 5.0), (-7.5, 5.0)]) @ turn + (0.2, 0.3)
+    corners = np.array([(-4.5, -2.5), (4.5, -2.5), (4.5, 2.5), (-4.5, 2.5)]) @ turn + (0.2, 0.3)
     np.testing.assert_allclose(found, corners, atol=0.02)
 
 

@@ -111,6 +111,12 @@ def _as_json(view: EyeView) -> dict[str, Any]:
     return {**dataclasses.asdict(view), "zone_mm": None if zone is None else zone._asdict()}
 
 
+def _crosstalk(view: EyeView) -> str:
+    """Return the share of crosstalk in words; an eye that gets no light sees none, and nothing else either."""
+    share = view.status_share
+    return percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
+
+
 def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
     """Yield a line of headings and a line for each eye."""
     form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
@@ -120,7 +126,7 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
         size = "none" if zone is None else f"{zone.right_mm - zone.left_mm:.4g} x {zone.top_mm - zone.bottom_mm:.4g}"
         yield form.format(
             f"{view.eye_mm[2]:g}",
-            percent(view.status_share["crosstalk"], sampled=not view.sees_all),
+            _crosstalk(view),
             size,
             f"{far:+.4g} to {near:+.4g}",
             f"{view.view_step_mm:.3g} mm",
