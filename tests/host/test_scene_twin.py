@@ -348,6 +348,12 @@ def test_layers_out_of_range_are_refused(layers, message):
         scene_words(display, LayerStack(tuple(layers)), SceneBuild(4))
 
 
+def test_a_layer_with_a_name_is_called_by_it():
+    display, stack = load_display(DISPLAYS / "vga-square.toml"), LayerStack((layer(), layer(9000.0)))
+    with pytest.raises(InputError, match="layer 'weed', register depth: "):
+        scene_words(display, stack, SceneBuild(4), names=("fish", "weed"))
+
+
 def test_slots_out_of_range_are_refused():
     display = load_display(DISPLAYS / "vga-square.toml")
     stack = LayerStack((layer(), layer()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from dataclasses import dataclass
 from typing import Annotated
@@ -48,12 +47,9 @@ def load_textures(
     for frame in range(film.frames):
         stack, numbers = film.at(frame)
         try:
-            scene_words(display, stack, scene.build, numbers)
+            scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
         except InputError as error:
-            words = str(error)
-            if place := re.match(r"layer (\d+)", words):
-                words = f"layer '{film.names[numbers[int(place[1])]]}'{words[place.end() :]}"
-            raise InputError(f"frame {frame}: {words}") from None
+            raise InputError(f"frame {frame}: {error}") from None
     loaded = Loaded()
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)

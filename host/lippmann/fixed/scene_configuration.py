@@ -9,6 +9,7 @@ The array's rotation and offset go into each layer's words: the RTL's lines are 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,12 +51,17 @@ _STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_m
 
 
 def scene_words(
-    display: Display, stack: LayerStack, build: SceneBuild, slots: tuple[int, ...] | None = None
+    display: Display,
+    stack: LayerStack,
+    build: SceneBuild,
+    slots: tuple[int, ...] | None = None,
+    names: Sequence[str] | None = None,
 ) -> SceneWords:
     """Return the registers with which a build draws a stack on a display.
 
-    `slots` are the slots that hold the layers' textures; left out, layer k is in slot k. Raises InputError when the
-    build has fewer layers or slots, and when a register cannot hold a value.
+    `slots` are the slots that hold the layers' textures; left out, layer k is in slot k. `names` are what errors call
+    the layers; left out, their numbers. Raises InputError when the build has fewer layers or slots, and when a register
+    cannot hold a value.
     """
     if len(stack.layers) > build.layers:
         raise InputError(
@@ -63,17 +69,16 @@ def scene_words(
             f"with layers = {len(stack.layers)}"
         )
     slots = tuple(range(len(stack.layers))) if slots is None else slots
-    for k, slot in enumerate(slots):
+    calls = list(map(str, range(len(slots)))) if names is None else [f"'{name}'" for name in names]
+    for call, slot in zip(calls, slots, strict=True):
         if not 0 <= slot < build.slots_built:
             raise InputError(
-                f"layer {k}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
+                f"layer {call}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
             )
     if len(set(slots)) < len(slots):
         raise InputError(f"registers look: slots {', '.join(map(str, slots))}: give each layer a slot of its own")
     _check_place(display)
-    layers = tuple(
-        layer_words(display, layer, k, slot) for k, (layer, slot) in enumerate(zip(stack.layers, slots, strict=True))
-    )
+    layers = tuple(layer_words(display, *one) for one in zip(stack.layers, calls, slots, strict=True))
     radius = display.array.radius_mm
     lattice = Lattice.of(display.array)
     (xi, _), (xj, yj) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
@@ -85,8 +90,8 @@ def scene_words(
     return SceneWords(layers, **steps, background=(red, green, blue))
 
 
-def layer_words(display: Display, layer: Layer, number: int, slot: int) -> LayerWords:
-    """Return the registers of a layer, `number` of its stack, whose texture is in a slot.
+def layer_words(display: Display, layer: Layer, number: int | str, slot: int) -> LayerWords:
+    """Return the registers of a layer whose texture is in a slot; errors call it by `number`, or by a name.
 
     With (x, y) = turn(X, Y) R + offset, the array's frame in radii: s = s0 + a X' + b Y' at the layer's plane, where
     (a, b) = R (m00, m01) turn and s0 = m02 + (m00, m01) offset. A sky has slopes for x and y, and no offset.
@@ -153,7 +158,9 @@ def _check_place(display: Display) -> None:
         )
 
 
-def _check_reach(layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int) -> None:
+def _check_reach(
+    layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str
+) -> None:
     """Refuse a texture with a corner farther from the array's origin than the position's word holds."""
     if np.linalg.det(linear) == 0.0:
         return  # all along a line it shows the same texels, so that it has no corners

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lippmann.cli.frame import option
+from lippmann.cli.frame import Choice, option
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
@@ -58,7 +58,7 @@ class Finite(click.types.FloatParamType):
 
 DISPLAY = option("Display file (.toml).", flag="--display", metavar="FILE")
 SCENES = option("The project's folder of scenes.", "scenes")
-DEVICE = option("Where the fast engine and Mitsuba run.", "auto", click.Choice(["auto", "llvm", "cuda"]))
+DEVICE = option("Where the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
 LENS_MODEL = option("Lens model.", "exact")
 SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
 FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
