@@ -155,6 +155,24 @@ module lipp_dispatcher #(
     endcase
   end
 
+  // ---- may it be executed? The request stands still from the clock before Judge ----
+  logic no_block;  // no such slot, or block of it
+  reply_status_e refusal, refusal_q;
+  always_comb begin
+    refusal = StatusOk;
+    case (request.kind)
+      RequestHello: if (request.arguments[0] != ProtocolVersion) refusal = StatusVersion;
+      RequestTiles: begin
+        if ({1'b0, table_first} + {1'b0, table_count} > 17'(Tiles) || request.arguments[0] > 8'd1)
+          refusal = StatusNoTile;
+      end
+      RequestBlock, RequestBlocks: if (no_block) refusal = StatusNoTile;
+      default: ;
+    endcase
+    if (read_status != StatusOk) refusal = read_status;
+  end
+  always_ff @(posedge clk_i) refusal_q <= refusal;
+
   // ---- executed before? ----
   logic repeated, older, hello;
   reply_status_e executed_status;
@@ -250,7 +268,6 @@ module lipp_dispatcher #(
   assign slot_blocks = request.arguments[0][3:0] == 4'd15 ? 9'(CurveBlocks) : 9'(Blocks);
   assign blocks_end = {1'b0, request.arguments[1]}
       + (request.kind == RequestBlock ? 9'd1 : {1'b0, request.arguments[2]});
-  logic no_block;  // no such slot, or block of it
   assign no_block = !slot_there || blocks_end > slot_blocks;
 
   // ---- other neighbours ----
@@ -315,12 +332,13 @@ module lipp_dispatcher #(
       endcase
     end
   end
+  // The head stands still while it is sent.
   always_ff @(posedge clk_i) begin
-    {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
+    if (reply_ready) {head_q, head_bytes_q, words_q} <= {head, head_bytes, words};
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) reply_q <= 1'b0;
-    else reply_q <= state_q == Reply && !answer;
+    else reply_q <= state_q == Reply && reply_ready && !answer;
   end
   always_comb begin
     case (request.kind)
@@ -362,8 +380,8 @@ module lipp_dispatcher #(
         Judge: begin
           status_q <= StatusOk;
           state_q <= Reply;
-          if (read_status != StatusOk) begin
-            status_q <= read_status;
+          if (refusal_q != StatusOk) begin
+            status_q <= refusal_q;
           end else if (once && repeated && request.kind != RequestSign) begin
             status_q <= executed_status;
           end else if (once && older) begin
@@ -372,29 +390,18 @@ module lipp_dispatcher #(
             executed_q <= once;
             case (request.kind)
               RequestHello: begin
-                if (request.arguments[0] != ProtocolVersion) begin
-                  status_q <= StatusVersion;
-                end else begin
-                  {hello, register_start} <= 2'b11;
-                  state_q <= Execute;
-                end
+                {hello, register_start} <= 2'b11;
+                state_q <= Execute;
               end
-              RequestTiles: begin
-                if ({1'b0, table_first} + {1'b0, table_count} > 17'(Tiles)
-                    || request.arguments[0] > 8'd1) status_q <= StatusNoTile;
-                else table_start <= 1'b1;
-              end
+              RequestTiles, RequestBlocks: table_start <= 1'b1;
               RequestBlock: begin
-                if (no_block) begin
-                  status_q <= StatusNoTile;
-                end else if (slots_i[request.arguments[0][3:0]]) begin
+                if (slots_i[request.arguments[0][3:0]]) begin
                   status_q <= StatusBusy;
                 end else begin
                   block_start <= Scene;
                   state_q <= Execute;
                 end
               end
-              RequestBlocks: if (no_block) status_q <= StatusNoTile; else table_start <= 1'b1;
               default: begin
                 register_start <= request.kind == RequestRead
                     || (is_write && !on_optics && !draws);

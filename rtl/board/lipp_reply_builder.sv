@@ -3,9 +3,10 @@
 
 /// Builds the reply to a request: its head, and the words that follow.
 ///
-/// start_i begins while ready_o is high; head_i and bytes_i are read in the clock after it. words_i
-/// words are then taken from the stream, each as four bytes, the low one first; words_done_o is a
-/// pulse with the last. The next start waits until the last bytes have been sent.
+/// start_i begins while ready_o is high. The head is held from then on until ready_o is high again.
+/// It is sent four bytes at a time. words_i words are then taken from the stream, each as four
+/// bytes, the low one first; words_done_o is a pulse with the last. The next start waits until the
+/// last bytes have been sent. The first byte is there two clocks after the start.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
@@ -27,35 +28,45 @@ module lipp_reply_builder #(
   output logic                           out_last_o
 );
 
-  logic [9:0] left_q;  // words
-  logic busy, take, start, head_waits_q;
-  assign ready_o = !busy && !head_waits_q && left_q == '0;
+  localparam int HeadWords = (HeadBytes + 3) / 4;
+  localparam int AtBits = $clog2(HeadWords + 1);
+  localparam int CountBits = $clog2(HeadBytes + 1);
+
+  logic [9:0] left_q;                 // words
+  logic [CountBits-1:0] head_left_q;  // bytes of the head
+  logic busy, head_load, take, start;
+  assign ready_o = !busy && head_left_q == '0 && left_q == '0;
   assign start = start_i && ready_o;
-  assign word_ready_o = !busy && !head_waits_q && left_q != '0;
+  assign head_load = !busy && head_left_q != '0;
+  assign word_ready_o = !busy && head_left_q == '0 && left_q != '0;
   assign take = word_valid_i && word_ready_o;
   assign words_done_o = take && left_q == 10'd1;
+
+  // Four bytes of the head, chosen a clock before they are sent.
+  logic head_ends;
+  logic [AtBits-1:0] at_q;
+  logic [HeadWords-1:0][31:0] head;
+  logic [31:0] part_q;
+  assign head = (32 * HeadWords)'(head_i);
+  assign head_ends = head_left_q <= CountBits'(4);
+  always_ff @(posedge clk_i) part_q <= head[at_q];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      left_q <= '0;
-      head_waits_q <= 1'b0;
+      {left_q, head_left_q, at_q} <= '0;
     end else begin
-      head_waits_q <= start;
-      if (start) left_q <= words_i;
+      if (start) {left_q, head_left_q} <= {words_i, bytes_i};
       else if (take) left_q <= left_q - 1'b1;
+      if (head_load) begin
+        head_left_q <= head_ends ? '0 : head_left_q - CountBits'(4);
+        at_q <= head_ends ? '0 : at_q + 1'b1;
+      end
     end
   end
 
-  // A word is the low four bytes; the others are not sent, and need no choice.
-  logic [8*HeadBytes-1:0] bytes;
-  always_comb begin
-    bytes = head_i;
-    if (!head_waits_q) bytes[31:0] = word_i;
-  end
-  lipp_reply_writer #(.Bytes(HeadBytes)) i_writer (
-    .clk_i, .rst_ni, .load_i(head_waits_q || take),
-    .bytes_i(bytes),
-    .count_i(head_waits_q ? bytes_i : ($clog2(HeadBytes + 1))'(4)),
-    .last_i(left_q == (head_waits_q ? '0 : 10'd1)), .busy_o(busy),
+  lipp_reply_writer #(.Bytes(4)) i_writer (
+    .clk_i, .rst_ni, .load_i(head_load || take), .bytes_i(head_load ? part_q : word_i),
+    .count_i(head_load && head_ends ? head_left_q[2:0] : 3'd4),
+    .last_i(head_load ? head_ends && left_q == '0 : left_q == 10'd1), .busy_o(busy),
     .valid_o(out_valid_o), .ready_i(out_ready_i), .data_o(out_data_o), .last_o(out_last_o)
   );
 

@@ -6,7 +6,7 @@
 /// load_i loads bytes_i and their number, and whether the last byte ends its packet. It is ignored
 /// while busy_o is high.
 module lipp_reply_writer #(
-  parameter int Bytes = 34
+  parameter int Bytes = 4
 ) (
   input  logic                       clk_i,
   input  logic                       rst_ni,

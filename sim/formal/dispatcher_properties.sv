@@ -152,8 +152,9 @@ module dispatcher_properties #(
   // ---- what is proved ----
   logic [4:0] still_q;    // clocks in which nothing moved that could
   logic [1:0] unsent_q;   // requests received, replies not sent to their end
-  wire head_waits = i_dut.i_reply.head_waits_q;
-  wire sends = out_valid || head_waits;
+  wire [5:0] head_left = i_dut.i_reply.head_left_q;
+  wire sends = out_valid || head_left != '0;
+  wire gap = sends && !out_valid;  // between two parts of a head
   wire moves = in_take || out_take || bus_done_i || tile_take || tile_done_i || present_done_i
       || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;  // a word is looked up
   wire line_waits = (in_ready && !in_valid_i) || (out_valid && !out_ready_i) || table_q;
@@ -267,7 +268,7 @@ module dispatcher_properties #(
       end
       Reply: todo = i_dut.reply_q ? 6'd11 : 6'd12;
       default: begin
-        if (sends) todo = 6'd1 + 6'(head_waits);
+        if (sends) todo = 6'd1;
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
         else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
         else if (restoring) todo = asked ? 6'd7 - bus_for_q : 6'd8;
@@ -278,6 +279,7 @@ module dispatcher_properties #(
     endcase
     // The clock in which the reply's head comes into its register.
     if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo + 6'd1;
+    if (gap) todo = todo + 6'd1;
   end
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
@@ -290,15 +292,15 @@ module dispatcher_properties #(
       in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
           && kind inside {RequestRead, RequestTrace, RequestTiles}))
           || (i_dut.i_reader.length_ok && kind inside {[RequestHello:RequestReset]}));
+      in_judge: assert (state != Judge || i_dut.refusal_q == i_dut.refusal);
       in_unsent: assert (unsent_q == 2'(reader == ReaderDone && state != Words)
           + 2'(state == Words || sends));
-      in_last: assert (!out_valid || i_dut.i_reply.i_writer.last_q == (state != Words));
-      in_out: assert (!out_valid || i_dut.i_reply.i_writer.left_q <= 6'd34);
-      in_head: assert (!i_dut.reply_q || (state == Reply && i_dut.words_q == i_dut.words
+      in_last: assert (!out_valid || i_dut.i_reply.i_writer.last_q == (state != Words && head_left == '0));
+      in_out: assert (!out_valid || i_dut.i_reply.i_writer.left_q <= 3'd4);
+      in_head: assert (!i_dut.reply_q || (state == Reply && i_dut.reply_ready && i_dut.words_q == i_dut.words
           && i_dut.head_bytes_q inside {[6'd4:6'd34]}));
       in_reply: assert ((state == Words) == (reply_left != '0));
-      in_head_waits: assert (!head_waits || (!out_valid && (state == Words || (state == Receive && reader == 3'd0))
-          && i_dut.head_bytes_q inside {[6'd4:6'd34]}));
+      in_head_left: assert (head_left <= 6'd34);
       in_order: assert (!(state inside {Judge, Execute}) || kind == RequestHello
           || i_dut.i_order.repeated_o == (i_dut.i_order.known_q && i_dut.i_order.same));
       in_passed: assert (!i_dut.i_order.passed_q || state == Words || (state == Receive && reader == 3'd0));
