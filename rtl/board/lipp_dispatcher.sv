@@ -340,14 +340,18 @@ module lipp_dispatcher #(
     if (!rst_ni) reply_q <= 1'b0;
     else reply_q <= state_q == Reply && reply_ready && !answer;
   end
-  always_comb begin
-    case (request.kind)
-      RequestTiles, RequestBlocks: {word_valid, reply_word} = {table_valid, table_word};
-      RequestTrace: {word_valid, reply_word} = {exit_word_valid, exit_word};
-      default: {word_valid, reply_word} = {register_valid && !is_hello, register_word};
-    endcase
+  logic from_table_q, from_rays_q, keeps_word_q;  // whose words; that of HELLO's READ is in its head
+  always_ff @(posedge clk_i) begin
+    from_table_q <= request.kind inside {RequestTiles, RequestBlocks};
+    from_rays_q <= request.kind == RequestTrace;
+    keeps_word_q <= is_hello;
   end
-  assign register_ready = word_ready || is_hello;
+  always_comb begin
+    {word_valid, reply_word} = {register_valid && !keeps_word_q, register_word};
+    if (from_table_q) {word_valid, reply_word} = {table_valid, table_word};
+    if (from_rays_q) {word_valid, reply_word} = {exit_word_valid, exit_word};
+  end
+  assign register_ready = word_ready || keeps_word_q;
   assign {table_ready, exit_word_ready} = {2{word_ready}};
   lipp_reply_builder #(.HeadBytes(HeadBytes)) i_reply (
     .clk_i, .rst_ni, .start_i(state_q == Reply && reply_q), .ready_o(reply_ready), .head_i(head_q),
@@ -356,7 +360,7 @@ module lipp_dispatcher #(
     .out_last_o
   );
   assign next = (answer && words_q == '0) || words_done;
-  always_ff @(posedge clk_i) if (register_valid && is_hello) build_q <= register_word;
+  always_ff @(posedge clk_i) if (register_valid && keeps_word_q) build_q <= register_word;
 
   // ---- the order of events ----
   logic [3:0] reset_q;  // clocks of a RESET; reset_o is high in the first 8

@@ -6,7 +6,7 @@
 /// start_i begins while ready_o is high. The head is held from then on until ready_o is high again.
 /// It is sent four bytes at a time. words_i words are then taken from the stream, each as four
 /// bytes, the low one first; words_done_o is a pulse with the last. The next start waits until the
-/// last bytes have been sent. The first byte is there two clocks after the start.
+/// last bytes have been sent. A word takes 6 clocks. Both ready flags are registers. The first byte is there two clocks after the start.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
@@ -35,10 +35,8 @@ module lipp_reply_builder #(
   logic [9:0] left_q;                 // words
   logic [CountBits-1:0] head_left_q;  // bytes of the head
   logic busy, head_load, take, start;
-  assign ready_o = !busy && head_left_q == '0 && left_q == '0;
   assign start = start_i && ready_o;
   assign head_load = !busy && head_left_q != '0;
-  assign word_ready_o = !busy && head_left_q == '0 && left_q != '0;
   assign take = word_valid_i && word_ready_o;
   assign words_done_o = take && left_q == 10'd1;
 
@@ -52,8 +50,10 @@ module lipp_reply_builder #(
   always_ff @(posedge clk_i) part_q <= head[at_q];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {left_q, head_left_q, at_q} <= '0;
+      {left_q, head_left_q, at_q, ready_o, word_ready_o} <= '0;
     end else begin
+      ready_o <= !busy && head_left_q == '0 && left_q == '0 && !start;
+      word_ready_o <= !busy && head_left_q == '0 && left_q != '0 && !take;
       if (start) {left_q, head_left_q} <= {words_i, bytes_i};
       else if (take) left_q <= left_q - 1'b1;
       if (head_load) begin

@@ -266,7 +266,7 @@ module dispatcher_properties #(
         else if (kind == RequestPresent) todo = present_start ? 6'd18 : 6'd17 - present_for_q;
         else if (kind == RequestReset) todo = 6'd13 + i_dut.reset_q;
       end
-      Reply: todo = i_dut.reply_q ? 6'd11 : 6'd12;
+      Reply: todo = i_dut.reply_q ? 6'd11 : i_dut.reply_ready ? 6'd12 : 6'd13;
       default: begin
         if (sends) todo = 6'd1;
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
@@ -277,8 +277,9 @@ module dispatcher_properties #(
             : 6'd2 + 6'(i_dut.i_rays.moves_q);
       end
     endcase
-    // The clock in which the reply's head comes into its register.
-    if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo + 6'd1;
+    // The clocks in which the reply's head comes into its register, and the reply before it has ended.
+    if (state inside {Judge, Execute} || (state == Receive && reader == ReaderDone)) todo = todo + 6'd2;
+    if (state == Words && !sends && !i_dut.word_ready) todo = todo + 6'd1;
     if (gap) todo = todo + 6'd1;
   end
   always_ff @(posedge clk_i) begin
@@ -292,6 +293,10 @@ module dispatcher_properties #(
       in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
           && kind inside {RequestRead, RequestTrace, RequestTiles}))
           || (i_dut.i_reader.length_ok && kind inside {[RequestHello:RequestReset]}));
+      in_reply_ready: assert (!i_dut.reply_ready || (!sends && reply_left == '0));
+      in_word_ready: assert (!i_dut.word_ready || (!sends && reply_left != '0));
+      in_source: assert (state == Receive || (i_dut.from_rays_q == (kind == RequestTrace)
+          && i_dut.from_table_q == (kind inside {RequestTiles, RequestBlocks}) && i_dut.keeps_word_q == (kind == RequestHello)));
       in_judge: assert (state != Judge || i_dut.refusal_q == i_dut.refusal);
       in_unsent: assert (unsent_q == 2'(reader == ReaderDone && state != Words)
           + 2'(state == Words || sends));
