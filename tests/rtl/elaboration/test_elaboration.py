@@ -281,8 +281,8 @@ REFUSED = [
     ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
     *(("ray_pipeline", built(F=f, Model=0), "ray_pipeline: F must be 14 to 23") for f in (13, 24)),
     ("board", built(F=14, Model=1, Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
-    ("board", {"Height": 0, **LIGHT}, "board: Width and Height must be 1 to 16383"),
     ("board", {"Width": 16384, **LIGHT}, "board: Width and Height must be 1 to 16383"),
+    ("board", {"Height": 0, **LIGHT}, "board: Width and Height must be 1 to 16383"),
     ("board", {"HFront": -1, **LIGHT}, "board: porches must be 0 or more, and syncs 1 or more"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
     ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 or more"),
@@ -360,7 +360,8 @@ BEYOND = [(module, limit) for module in STEPS for limit in ({"F": 24}, {"F": 99}
 #: What is handed on: optics_block's F goes through ray_lenslet, and tests of frames fail with a wrong Grid.
 BEYOND += [("ray_lenslet", built(F=13))]
 
-#: Boards that are elaborated side by side, one for each message: Verilator gives a line's message once.
+#: Boards that are elaborated side by side, one for each message: Verilator gives a line's message once. The one of no
+#: height, the last of its message, stops it early.
 BOARDS = {message: parameters for module, parameters, message in REFUSED if module == "board"}
 
 
