@@ -10,6 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).with_name("host")))
 sys.path.insert(0, str(Path(__file__).with_name("rtl")))
 
+import pytest
 import rtl_coverage
 
 #: Files that take longest, the longest first. `make test` gives each file to one worker, so that what its tests share
@@ -40,6 +41,22 @@ def pytest_sessionstart(session):
     # xdist's workers share the folder; their controller clears it before they start.
     if not hasattr(session.config, "workerinput"):
         rtl_coverage.clear()
+        return
+    # Workers have a processor each: Dr.Jit's threads wait busily for each other, which takes it from the other workers.
+    import drjit as dr
+
+    dr.set_thread_count(1)
+
+
+@pytest.fixture
+def four_threads():
+    """Four threads of Dr.Jit, for tests of what must not depend on their order."""
+    import drjit as dr
+
+    before = dr.thread_count()
+    dr.set_thread_count(4)
+    yield
+    dr.set_thread_count(before)
 
 
 def pytest_collection_modifyitems(config, items):

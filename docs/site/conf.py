@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Annotated, get_origin, get_type_hints
 
 import lippmann
+from jinja2.sandbox import SandboxedEnvironment
+from numpydoc import docscrape_sphinx
 from sphinx.util.inspect import stringify_signature
 
 project = "Lippmann"
@@ -49,6 +51,20 @@ PARTS = {
     "Reports": "docs/reports/",
     "The project": ("scenes/README", "CONTRIBUTING", "CHANGELOG"),
 }
+
+
+class Environment(SandboxedEnvironment):
+    """Keeps its templates: numpydoc makes an environment for each docstring, and compiles its one template in each."""
+
+    compiled = {}  # noqa: RUF012
+
+    def get_template(self, name):
+        if name not in self.compiled:
+            self.compiled[name] = super().get_template(name)
+        return self.compiled[name]
+
+
+docscrape_sphinx.SandboxedEnvironment = Environment
 
 
 def add_contents(app, docname, source):

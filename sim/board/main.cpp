@@ -122,8 +122,9 @@ class Board {
     const std::clock_t used = std::clock();
     while (!stop.load(std::memory_order_relaxed)) {
       if (reset.exchange(false, std::memory_order_relaxed)) restart();
-      for (int k = 0; k < 1024; ++k) step();
-      if (idle()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      const bool waits = idle();
+      if (waits) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      for (int k = 0; k < (waits ? 64 : 1024); ++k) step();
     }
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
     const double processor_seconds = static_cast<double>(std::clock() - used) / CLOCKS_PER_SEC;

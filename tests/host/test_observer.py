@@ -301,6 +301,7 @@ def test_furnace(mi, grid, model):
     assert whole.radiance.mean(dtype=np.float64) == pytest.approx(share["ok"] + share["crosstalk"], abs=1e-6)
 
 
+@pytest.mark.usefixtures("four_threads")
 def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
     display = display_for()
     rng = generator(SEED, "chunks")

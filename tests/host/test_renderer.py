@@ -245,6 +245,7 @@ def lit(mi, tmp_path_factory):
     return load_scene(write_scene(path, *parts, placement="near_mm = 20.0\nfar_mm = -20.0"))
 
 
+@pytest.mark.usefixtures("four_threads")
 @pytest.mark.parametrize("integrator", ["path", "direct", "lights"])
 def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
     display = display_for()

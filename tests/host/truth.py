@@ -41,6 +41,7 @@ Where optics.md leaves room this file reads it so:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -361,6 +362,7 @@ def owner_of(optics: Optics, x: Any, y: Any) -> Lenslet:
     return lenslet_of(optics, *seen_through(optics, x, y))
 
 
+@lru_cache(maxsize=4096)
 def centre_of(optics: Optics, lenslet: Lenslet) -> tuple[Mpf, Mpf]:
     """Return the panel-frame centre (x, y) of a lenslet, mm."""
     m = _model(optics)
@@ -447,12 +449,14 @@ def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = 
     stopped: list[tuple[Mpf, Mpf]] = []  # t, margin
     met: list[tuple[Mpf, Mpf, _Meeting]] = []  # t, clearance in the cell, what
     missed: list[tuple[Mpf, Mpf]] = []  # t, distance in pitches
+    walled = bool(m.shear) or m.p != m.py
+    line = [_lattice(optics, *q[:2]) for q in (p, _along(p, d, mp.mpf(1)))] if walled else []
     for lenslet in _lenslets_near(optics, _along(p, d, t_first), _along(p, d, t_last)):
         ball = _ball(optics, lenslet)
-        if m.shear or m.p != m.py:
-            for t, far, stops in _walls(optics, p, d, lenslet, leaving):
-                if t_first < t <= t_last:
-                    (stopped if stops else missed).append((t, far))
+        if walled:
+            here, ahead = (projections(optics.grid, *q, lenslet) for q in line)
+            for t, far, stops in _walls(optics, p, d, ball, here, ahead, (t_first, t_last), leaving):
+                (stopped if stops else missed).append((t, far))
         t_foot = _dot(_minus(ball, p), d)
         from_ball = _minus(_along(p, d, t_foot), ball)
         h2 = _dot(from_ball, from_ball)
@@ -484,17 +488,22 @@ def _meet(optics: Optics, p: Vec, d: Vec, *, leaving: bool, after: Mpf | None = 
     return meeting, min([margin, *(far for t_other, far in missed if t_other <= t)])
 
 
-def _walls(optics: Optics, p: Vec, d: Vec, lenslet: Lenslet, leaving: bool) -> list[tuple[Mpf, Mpf, bool]]:
+def _walls(
+    optics: Optics, p: Vec, d: Vec, ball: Vec, here: Sequence[Mpf], ahead: Sequence[Mpf], span: tuple[Mpf, Mpf],
+    leaving: bool,
+) -> list[tuple[Mpf, Mpf, bool]]:  # fmt: skip
     """Return t where a line comes into a lenslet's cell, the margin, and whether a wall stops it.
 
-    There the ray stays in the glass, or in the air, or there is a wall between two domes.
+    There the ray stays in the glass, or in the air, or there is a wall between two domes. `here` and `ahead` are the
+    projections of p and p + d; t lies in the span, without its begin.
     """
-    m, ball, found = _model(optics), _ball(optics, lenslet), []
-    here, ahead = (projections(optics.grid, *_lattice(optics, *q[:2]), lenslet) for q in (p, _along(p, d, mp.mpf(1))))
+    m, found = _model(optics), []
     for k, (q, r) in enumerate(zip(here, ahead, strict=True)):
         if q == r:
             continue
         t = ((-1 if r > q else 1) / mp.mpf(2) - q) / (r - q)
+        if not span[0] < t <= span[1]:
+            continue
         point = _along(p, d, t)
         from_ball = _minus(point, ball)
         height = mp.sqrt(_dot(from_ball, from_ball)) - m.R

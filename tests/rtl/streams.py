@@ -57,7 +57,8 @@ class Monitor:
         self.left: list[int] = []
         self.got: list[int] = []
         self.seen: dict[str, int] = {}
-        self._offered = False
+        #: What the valid of the input and the ready of the output were set to; None after anyone else set them.
+        self.driven: tuple[bool, bool] | None = None
         self._stalled: int | None = None
 
     def count(self, name: str, seen: bool) -> None:
@@ -77,8 +78,8 @@ class Monitor:
         offered = word is not None and (self.ready_o is not None or inside < self.room)
         if word is not None:
             self.put(word)
-        self.valid_i.value = offered
-        self.ready_i.value = take
+        if (offered, take) != self.driven:  # cocotb takes microseconds to write a handle
+            self.valid_i.value, self.ready_i.value = self.driven = offered, take
         if self.through:
             await ReadOnly()
             self.settled()

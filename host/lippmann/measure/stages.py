@@ -30,26 +30,11 @@ from lippmann.optics.rays import Floats
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
 
-#: Fraction bits beyond F of the words, but for those of `_fractions`. Other names are whole numbers.
+#: Fraction bits beyond F of the words, before those of `_EXTRA`. Other names are whole numbers.
 _FRACTIONS = {
-    **dict.fromkeys(
-        (
-            "slope_x",
-            "slope_y",
-            "slope_aim_x",
-            "slope_aim_y",
-            "point_x",
-            "point_y",
-            "point_aim_x",
-            "point_aim_y",
-            "cx",
-            "cy",
-            "rx",
-            "g",
-            "lean",
-        ),
-        0,
-    ),
+    **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"), 0),
+    **dict.fromkeys(("point_x", "point_y", "point_aim_x", "point_aim_y"), 0),
+    **dict.fromkeys(("cx", "cy", "rx", "g", "lean"), 0),
     **dict.fromkeys(("index", "index_square", "index_inverse_square", "depth"), 0),
     **dict.fromkeys(("index_inverse", "exit_z", "half", "half_y", "rise"), 1),
     "depth_rest": 3,
@@ -59,13 +44,6 @@ _FRACTIONS = {
     **dict.fromkeys(("out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
     "s": 3,
 }
-
-
-def _fractions(build: Build) -> dict[str, int]:
-    """Return the fraction bits beyond F of a build's words."""
-    return {name: bits + build.extra * _EXTRA.get(name, 0) for name, bits in _FRACTIONS.items()}
-
-
 #: Those with more bits in some builds, by `Build.extra` times so many.
 _EXTRA = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
@@ -122,9 +100,10 @@ def hybrids(
 def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
     """Take the remaining steps in float64; returns what `hybrids` yields."""
     state = dict(state)
-    for name, bits in _fractions(build).items():
+    for name, beyond in _FRACTIONS.items():
         if name in state:
-            state[name] = np.ldexp(np.asarray(state[name], np.float64), -(build.fraction_bits + bits))
+            bits = build.fraction_bits + beyond + build.extra * _EXTRA.get(name, 0)
+            state[name] = np.ldexp(np.asarray(state[name], np.float64), -bits)
     for name in steps:
         _take(name, FLOAT, state, build)
     if build.viewer:

@@ -80,7 +80,7 @@ class Neighbours(Monitor):
 
     def idle(self) -> None:
         """Say nothing."""
-        dut = self.dut
+        self.driven, dut = None, self.dut
         for handle in (
             dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_last_i, dut.bus_done_i, dut.tile_ready_i,
             dut.tile_done_i, dut.table_busy_i, dut.present_done_i, dut.ray_ready_i, dut.exit_valid_i, dut.sign_done_i,

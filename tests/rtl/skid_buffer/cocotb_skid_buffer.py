@@ -70,6 +70,7 @@ async def no_path_leads_through(dut):
             dut.in_data_i.value = random.getrandbits(len(dut.in_data_i))
             await cocotb.triggers.Timer(10, "ps")
             assert (bool(dut.in_ready_o.value), bool(dut.out_valid_o.value), int(dut.out_data_o.value)) == was
+        monitor.driven = None
 
 
 @cocotb.test()
