@@ -6,7 +6,7 @@ import cocotb
 from cocotb.clock import Clock
 from packets import Joined, edges, frame, marked, some_bytes, with_crc
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SEEN: dict[str, int] = {}
 
@@ -29,7 +29,7 @@ def sent(dut, body):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def encodes(dut, idle, pressure):
     bodies = edges(random, 800)
     bodies += [some_bytes(random, random.randrange(1, 400)) for _ in range(20)]

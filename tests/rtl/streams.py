@@ -10,6 +10,10 @@ from cocotb.triggers import FallingEdge, ReadOnly
 
 #: How both ends of a stream behave: each yields whether it is active in the next clock.
 PATTERNS = ("always", "light", "heavy", "bursts", "stuck")
+#: Both ends alike, or one of them without pauses: full, empty, and all between in bursts at both.
+PAIRS = [
+    (idle, pressure) for idle in PATTERNS for pressure in PATTERNS if idle == pressure or "always" in (idle, pressure)
+]
 
 
 def pattern(name: str, random_: random.Random, stuck: int) -> Iterator[bool]:

@@ -7,7 +7,7 @@ from cobs import cobs
 from cocotb.clock import Clock
 from packets import Joined, decode_cut, edges, some_bytes
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SEEN: dict[str, int] = {}
 END, BAD = 0x200, 0x100
@@ -67,7 +67,7 @@ def expected(encoded):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def decodes(dut, idle, pressure):
     frames = traffic()
     frames = frames[: 8 if "heavy" in (idle, pressure) else 20]

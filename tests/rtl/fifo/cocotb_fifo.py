@@ -5,7 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SEEN: dict[str, int] = {}
 
@@ -39,7 +39,7 @@ def sizes(dut):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def keeps_order_and_contract(dut, idle, pressure):
     room, words = sizes(dut)
     monitor = await start(dut, room)

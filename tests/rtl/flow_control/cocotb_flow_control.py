@@ -5,7 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 LATENCY = int(cocotb.plusargs["latency"])
 ROOM = 1 << int(cocotb.plusargs["address_bits"])
@@ -47,7 +47,7 @@ def some_words(dut, count):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def keeps_order_and_contract(dut, idle, pressure):
     monitor = await start(dut)
     words = some_words(dut, 8 * ROOM + 100)

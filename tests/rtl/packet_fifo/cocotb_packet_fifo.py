@@ -6,7 +6,7 @@ import cocotb
 from cocotb.clock import Clock
 from packets import CRC, CUT, LONG, LONGEST, SHORT, SHORTEST, TAKEN, Joined, marked, some_bytes, with_crc
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SEEN: dict[str, int] = {}
 CAUSES = TAKEN + LONG + CUT + SHORT + CRC
@@ -68,7 +68,7 @@ def packets(count, longest):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def gives_out_whole_packets_only(dut, idle, pressure):
     slow = "heavy" in (idle, pressure)
     beats, causes, wanted = [], "", []

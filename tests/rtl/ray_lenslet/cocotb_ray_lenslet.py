@@ -8,7 +8,7 @@ from pathlib import Path
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, PATTERNS, Monitor, pattern
 
 PLAN = json.loads(Path(os.environ["LIPPMANN_PLAN"]).read_text())
 RAYS = PLAN["rays"]
@@ -50,7 +50,7 @@ async def reset(dut, monitor):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def traces_in_order(dut, idle, pressure):
     monitor, latency = await start(dut)
     stuck = 4 * latency + 40

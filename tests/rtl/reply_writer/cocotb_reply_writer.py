@@ -6,7 +6,7 @@ import cocotb
 from cocotb.clock import Clock
 from packets import Joined
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SIZE = int(cocotb.plusargs["Bytes"])
 SEEN: dict[str, int] = {}
@@ -56,7 +56,7 @@ def words(given):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def sends_all_bytes_in_order(dut, idle, pressure):
     given = loads(40)
     monitor = await start(dut)

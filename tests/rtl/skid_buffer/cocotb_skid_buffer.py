@@ -5,7 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PATTERNS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern
 
 SEEN: dict[str, int] = {}
 
@@ -37,7 +37,7 @@ async def start(dut):
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
+@cocotb.parametrize((("idle", "pressure"), PAIRS))
 async def keeps_order_and_contract(dut, idle, pressure):
     monitor, words = await start(dut)
     await monitor.run(words, pattern(idle, random, 8), pattern(pressure, random, 8), 200)
