@@ -61,6 +61,7 @@ SAME = {
     ("blend.sv", "sum_q + (Wp + 0)'(4)"): "4 has no more bits, and a sum extends its words",
     ("quadratic.sv", "+ (W1 + 0)'(turn)"): "turn has no more bits, and a sum extends its words",
     ("leave_flat.sv", "clamped_q <= c_q[Ws-1] ? '1 :"): "a reflected ray does not use the root",
+    ("scene_block.sv", "layer <= Layers"): "an access beyond the last layer is refused, and its data mean nothing",
     ("texel_fetch.sv", "for (int m = 0; m <= Slots; m++)"): "a bit beyond the last slot has no place",
     ("ray_access.sv", "if (exit_valid_i || exit_ready_o) exit_q"): "rays are asked for one at a time",
     ("board_with_store.sv", "fraction_bits: 5'd17"): "a default: every board names its build",
