@@ -155,23 +155,27 @@ module lipp_dispatcher #(
     endcase
   end
 
-  // ---- may it be executed? The request stands still from the clock before Judge ----
+  // ---- may it be executed? The request stands still from two clocks before Judge ----
   logic no_block;  // no such slot, or block of it
+  logic no_tile, version, no_block_q, no_tile_q, version_q;
   reply_status_e refusal, refusal_q;
+  assign version = request.arguments[0] == ProtocolVersion;
+  assign no_tile = {1'b0, table_first} + {1'b0, table_count} > 17'(Tiles)
+      || request.arguments[0] > 8'd1;
   always_comb begin
     refusal = StatusOk;
     case (request.kind)
-      RequestHello: if (request.arguments[0] != ProtocolVersion) refusal = StatusVersion;
-      RequestTiles: begin
-        if ({1'b0, table_first} + {1'b0, table_count} > 17'(Tiles) || request.arguments[0] > 8'd1)
-          refusal = StatusNoTile;
-      end
-      RequestBlock, RequestBlocks: if (no_block) refusal = StatusNoTile;
+      RequestHello: if (!version_q) refusal = StatusVersion;
+      RequestTiles: if (no_tile_q) refusal = StatusNoTile;
+      RequestBlock, RequestBlocks: if (no_block_q) refusal = StatusNoTile;
       default: ;
     endcase
     if (read_status != StatusOk) refusal = read_status;
   end
-  always_ff @(posedge clk_i) refusal_q <= refusal;
+  always_ff @(posedge clk_i) begin
+    {version_q, no_tile_q, no_block_q} <= {version, no_tile, no_block};
+    refusal_q <= refusal;
+  end
 
   // ---- executed before? ----
   logic repeated, older, hello;

@@ -8,8 +8,9 @@
 /// is refused is read to its end, and so is a TRACE of a pixel (u, v) that PixelBits do not hold:
 /// StatusLength.
 ///
-/// done_o is high from the clock after the last byte until next_i; request_o and status_o are valid
-/// then. No byte is taken meanwhile. A request has 3 bytes or more: packet_fifo sees to it.
+/// done_o is high from two clocks after the last byte until next_i; request_o and status_o are valid
+/// then, request_o a clock before. No byte is taken meanwhile. A request has 3 bytes or more:
+/// packet_fifo sees to it.
 module lipp_request_reader #(
   parameter int Width = 640,  // of the panel, in pixels
   parameter int Height = 480,
@@ -52,13 +53,12 @@ module lipp_request_reader #(
 
   request_t request_q;
   reply_status_e status_q;
-  logic take, tile_step;
-  assign done_o = state_q == Done;
+  logic tile_step, done_q, length_ok, length_ok_q;
+  assign done_o = done_q;
   assign request_o = request_q;
   assign in_ready_o = (state_q == Kind && open_i)
       || state_q inside {NumberLow, NumberHigh, Arguments, Words, Rest}
       || (state_q == Tile && tile_step);
-  assign take = in_valid_i && in_ready_o;
 
   function automatic logic [2:0] arguments_of(request_e kind);
     case (kind)
@@ -80,16 +80,15 @@ module lipp_request_reader #(
   assign word = {in_data_i, collected_q};
   logic collect_word, full;
   assign full = request_q.words[8];
-  assign collect_word = state_q == Words && take && byte_q == 2'd3 && !full;
+  assign collect_word = state_q == Words && in_valid_i && byte_q == 2'd3 && !full;
   always_ff @(posedge clk_i) begin
-    if (state_q == Words && take) collected_q <= {in_data_i, collected_q[23:8]};
+    if (state_q == Words && in_valid_i) collected_q <= {in_data_i, collected_q[23:8]};
     if (collect_word) words[request_q.words[7:0]] <= word;
     read_q <= words[word_at_i];
     word_o <= read_q;
   end
 
   // ---- counts ----
-  logic length_ok;
   logic [15:0] table_count;
   assign table_count = request_q.arguments[4:3];
   always_comb begin
@@ -104,7 +103,8 @@ module lipp_request_reader #(
       default: length_ok = 1'b1;
     endcase
   end
-  assign status_o = status_q == StatusOk && !length_ok ? StatusLength : status_q;
+  always_ff @(posedge clk_i) length_ok_q <= length_ok;
+  assign status_o = status_q == StatusOk && !length_ok_q ? StatusLength : status_q;
 
   // ---- data of a tile ----
   assign tile_step = !tile_valid_o || tile_ready_i;
@@ -124,22 +124,23 @@ module lipp_request_reader #(
       state_q <= Kind;
       request_q <= '{kind: RequestHello, number: '0, arguments: '0, words: '0, odd: 1'b0};
       status_q <= StatusOk;
-      {argument_q, byte_q, wide_q, tile_start_o, tile_empty_o} <= '0;
+      {argument_q, byte_q, wide_q, tile_start_o, tile_empty_o, done_q} <= '0;
     end else begin
       tile_start_o <= 1'b0;
+      done_q <= state_q == Done && !next_i;
       case (state_q)
-        Kind: if (take) begin
+        Kind: if (in_valid_i && open_i) begin
           request_q.kind <= request_e'(in_data_i);
           request_q.words <= '0;
           status_q <= StatusOk;
           {argument_q, byte_q, wide_q} <= '0;
           state_q <= NumberLow;
         end
-        NumberLow: if (take) begin
+        NumberLow: if (in_valid_i) begin
           request_q.number[7:0] <= in_data_i;
           state_q <= NumberHigh;
         end
-        NumberHigh: if (take) begin
+        NumberHigh: if (in_valid_i) begin
           request_q.number[15:8] <= in_data_i;
           if (!(request_q.kind inside {[RequestHello:RequestReset]} || (Scene
               && request_q.kind inside {RequestBlock, RequestBlocks}))) begin
@@ -154,7 +155,7 @@ module lipp_request_reader #(
             state_q <= request_q.kind == RequestTrace ? Words : Arguments;
           end
         end
-        Arguments: if (take) begin
+        Arguments: if (in_valid_i) begin
           request_q.arguments[argument_q] <= in_data_i;
           argument_q <= argument_q + 1'b1;
           if (argument_q + 1'b1 != arguments_of(request_q.kind)) begin
@@ -181,7 +182,7 @@ module lipp_request_reader #(
             state_q <= in_last_i ? Done : Words;
           end
         end
-        Words: if (take) begin
+        Words: if (in_valid_i) begin
           byte_q <= byte_q + 1'b1;
           if (collect_word) begin
             request_q.words <= request_q.words + 1'b1;
@@ -195,7 +196,8 @@ module lipp_request_reader #(
             state_q <= Done;
           end
         end
-        Tile, Rest: if (take && in_last_i) state_q <= Done;
+        Tile: if (in_valid_i && tile_step && in_last_i) state_q <= Done;
+        Rest: if (in_valid_i && in_last_i) state_q <= Done;
         default: if (next_i) state_q <= Kind;  // Done
       endcase
     end

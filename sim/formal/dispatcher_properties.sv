@@ -191,6 +191,7 @@ module dispatcher_properties #(
   wire [2:0] reader = i_dut.i_reader.state_q;
   wire [2:0] regs = i_dut.i_registers.state_q;
   wire [3:0] rays = i_dut.i_rays.state_q;
+  wire read_done = i_dut.read_done;
   wire [7:0] kind = i_dut.request.kind;
   wire ok = i_dut.status_q == StatusOk;
   wire [9:0] reply_left = i_dut.i_reply.left_q;
@@ -249,7 +250,7 @@ module dispatcher_properties #(
   always_comb begin
     todo = 6'd10;
     case (state)
-      Receive: todo = reader == ReaderDone ? 6'd25 : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
+      Receive: todo = reader == ReaderDone ? 6'd26 - read_done : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
       Judge: todo = 6'd24;
       Execute: begin
         todo = 6'd12;
@@ -297,6 +298,9 @@ module dispatcher_properties #(
       in_word_ready: assert (!i_dut.word_ready || (!sends && reply_left != '0));
       in_source: assert (state == Receive || (i_dut.from_rays_q == (kind == RequestTrace)
           && i_dut.from_table_q == (kind inside {RequestTiles, RequestBlocks}) && i_dut.keeps_word_q == (kind == RequestHello)));
+      in_done: assert (!read_done || (reader == ReaderDone && i_dut.i_reader.length_ok_q == i_dut.i_reader.length_ok
+          && i_dut.version_q == i_dut.version && i_dut.no_tile_q == i_dut.no_tile));
+      in_still: assert (state == Receive || read_done);
       in_judge: assert (state != Judge || i_dut.refusal_q == i_dut.refusal);
       in_unsent: assert (unsent_q == 2'(reader == ReaderDone && state != Words)
           + 2'(state == Words || sends));
@@ -320,7 +324,7 @@ module dispatcher_properties #(
       in_reader_words: assert (reader != 3'd4 || kind inside {RequestWrite, RequestTrace});
       in_reader_rest: assert (reader != 3'd6 || i_dut.i_reader.status_q != StatusOk);
       in_reader_arguments: assert (reader != 3'd3 || kind inside {[RequestHello:RequestTiles]});
-      in_reader_kind: assert (reader != ReaderDone || i_dut.read_status != StatusOk
+      in_reader_kind: assert (reader != ReaderDone || i_dut.i_reader.status_q != StatusOk
           || kind inside {[RequestHello:RequestReset]});
       in_reader_fine: assert (!(reader inside {[3'd1:3'd5]}) || i_dut.i_reader.status_q == StatusOk);
       in_tile_start: assert (!tile_start || state == Receive);
@@ -366,7 +370,7 @@ module dispatcher_properties #(
       in_sign_start: assert (!sign_start || rays == 4'd4);
       in_bus: assert (bus_q == (regs == RegWait || asked));
       in_asked: assert (!asked || (rays <= RayEnded && regs == RegIdle));
-      in_tile: assert (!tile_busy || (kind == RequestTile && i_dut.read_status == StatusOk && (reader == ReaderTile
+      in_tile: assert (!tile_busy || (kind == RequestTile && i_dut.i_reader.status_q == StatusOk && (reader == ReaderTile
           || (reader == ReaderDone && state inside {Receive, Judge, Execute}))));
       in_tile_reader: assert (reader != ReaderTile
           || (kind == RequestTile && (tile_start || tile_open_q) && !tile_end_q));
@@ -376,9 +380,9 @@ module dispatcher_properties #(
       in_tile_one: assert (!(tile_open_q && tile_end_q) && !(tile_start && (tile_open_q || tile_end_q)));
       in_tile_done: assert (!i_dut.tile_done_q || !(tile_open_q || tile_end_q));
       in_tile_executed: assert (!(kind == RequestTile && reader == ReaderDone
-          && i_dut.read_status == StatusOk && state inside {Receive, Judge, Execute})
+          && i_dut.i_reader.status_q == StatusOk && state inside {Receive, Judge, Execute})
           || tile_busy || i_dut.tile_done_q);
-      in_tile_state: assert (state != Execute || kind != RequestTile || i_dut.read_status == StatusOk);
+      in_tile_state: assert (state != Execute || kind != RequestTile || i_dut.i_reader.status_q == StatusOk);
       in_polls: assert (!ray_looks || asked || polls_q <= 3'd2);
       in_polls_new: assert (!((asked && !ray_looks) || rays == RaySettle) || polls_q == '0);
       in_looks: assert (polls_q <= 3'(looks_q));
