@@ -55,6 +55,7 @@ def table() -> list[str]:
         counts = modules.setdefault(kept["module"], {})
         for name, count in kept["seen"].items():
             counts[name] = counts.get(name, 0) + count
+    modules = {module: counts for module, counts in modules.items() if counts}  # none: its bench failed at once
     if not modules:
         return []
     lines = ["| module | situations seen | seen least |", "|---|---|---|"]

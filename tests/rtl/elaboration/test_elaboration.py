@@ -126,7 +126,7 @@ PARAMETERS = {
     "exit_line": [*F_SETS, *CELLS],
     "layer_coordinate": [*F_SETS, *CELLS, {"F": 16, "Bilinear": 1}],
     "texel_memory": [{"Depth": d} for d in (2, 1024, 1536, 12288, 49152, 261120)],
-    "texel_slot": SCENES,
+    "texel_slot": [*SCENES, drawn(1, 1, 10, 255)],
     "texel_fetch": SCENES,
     "texel_blend": [{"Taps": n} for n in (1, 4)],
     "composite": [{"Layers": n} for n in (1, 2, 8)],

@@ -34,6 +34,7 @@ async def reset(dut, monitor):
     for _ in range(3):
         await monitor.edge
         assert not dut.valid_o.value
+        assert not dut.ready_o.value, "a ray that came now would be lost"
     dut.rst_ni.value = 1
     monitor._stalled = None
     monitor.accepted, monitor.left, monitor.got = [], [], []
