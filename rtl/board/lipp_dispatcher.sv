@@ -116,6 +116,16 @@ module lipp_dispatcher #(
   localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
   localparam bit Scene = Layers > 0;
   localparam logic [7:0] ProtocolVersion = Scene ? 8'd3 : 8'd2;
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_dispatcher: Width and Height must be 1 to 16383");
+  end
+  if (ClockHz < 1) begin : gen_illegal_clock
+    $fatal(1, "lipp_dispatcher: ClockHz must be 1 or more");
+  end
+  if (Layers < 0 || Layers > 8 || Slots < 1 || Slots > 15 || Blocks < 1 || Blocks > 256) begin : gen_illegal_scene
+    $fatal(1, "lipp_dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256");
+  end
+
   localparam int CurveBlocks = 8;  // of slot 15
   localparam int HeadBytes = 34;  // of the longest reply without words, that of HELLO
   localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400, AtDraw = 16'h40C;

@@ -38,6 +38,10 @@ module lipp_register_access #(
 );
   import lipp_link_pkg::*;
 
+  if (Layers < 0 || Layers > 8) begin : gen_illegal
+    $fatal(1, "lipp_register_access: Layers must be 0 to 8");
+  end
+
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
   logic write_q, board_q, optics_q, scene_q;  // the range is in this block

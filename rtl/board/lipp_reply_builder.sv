@@ -5,20 +5,21 @@
 ///
 /// start_i begins while ready_o is high. The head is held from then on until ready_o is high again.
 /// It is sent four bytes at a time. words_i words are then taken from the stream, each as four
-/// bytes, the low one first; words_done_o is a pulse with the last. The next start waits until the
-/// last bytes have been sent. A word takes 6 clocks. Both ready flags are registers. The first byte is there two clocks after the start.
+/// bytes, the low one first, one in six clocks; words_done_o is a pulse with the last. The next
+/// start waits until the last bytes have been sent. The first byte is there two clocks after the
+/// start.
 module lipp_reply_builder #(
   parameter int HeadBytes = 34
 ) (
   input  logic                           clk_i,
   input  logic                           rst_ni,
   input  logic                           start_i,
-  output logic                           ready_o,
+  output logic                           ready_o,       // a register
   input  logic [8*HeadBytes-1:0]         head_i,
   input  logic [$clog2(HeadBytes+1)-1:0] bytes_i,       // of the head
   input  logic [9:0]                     words_i,
   input  logic                           word_valid_i,
-  output logic                           word_ready_o,
+  output logic                           word_ready_o,  // a register
   input  logic [31:0]                    word_i,
   output logic                           words_done_o,
 
@@ -27,6 +28,10 @@ module lipp_reply_builder #(
   output logic [7:0]                     out_data_o,
   output logic                           out_last_o
 );
+
+  if (HeadBytes < 4) begin : gen_illegal
+    $fatal(1, "lipp_reply_builder: HeadBytes must be 4 or more");
+  end
 
   localparam int HeadWords = (HeadBytes + 3) / 4;
   localparam int AtBits = $clog2(HeadWords + 1);

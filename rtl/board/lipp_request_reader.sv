@@ -4,8 +4,8 @@
 /// Reads a request from a stream of bytes: type, number and arguments.
 ///
 /// The words of a WRITE, a TRACE and a BLOCK are collected in a memory. The data of a TILE go to the
-/// tile writer as they come, a register later, since they are more than a memory holds. A request that
-/// is refused is read to its end, and so is a TRACE of a pixel (u, v) that PixelBits do not hold:
+/// tile writer as they come, a register later: no memory here holds a whole tile. A request that is
+/// refused is read to its end. A TRACE of a pixel (u, v) that PixelBits do not hold is refused with
 /// StatusLength.
 ///
 /// done_o is high from two clocks after the last byte until next_i; request_o and status_o are valid
@@ -44,6 +44,10 @@ module lipp_request_reader #(
   import lipp_optics_pkg::PixelBits, lipp_optics_pkg::beyond_bits;
 
   localparam int Tiles = lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height);
+
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_request_reader: Width and Height must be 1 to 16383");
+  end
 
   typedef enum logic [2:0] {
     Kind, NumberLow, NumberHigh, Arguments, Words, Tile, Rest, Done

@@ -26,6 +26,9 @@ module lipp_frame_store #(
   input  logic [PlaceBits-1:0] b_at_i,
   output logic [23:0]          b_rgb_o
 );
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_frame_store: Width and Height must be 1 to 16383");
+  end
 
   logic [23:0] pixels[2 << PlaceBits];
   logic [23:0] a_rgb_q, b_rgb_q;

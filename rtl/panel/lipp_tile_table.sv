@@ -23,6 +23,9 @@ module lipp_tile_table #(
   input  logic [TileBits-1:0] read_tile_i,
   output logic [31:0]         read_crc_o
 );
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_tile_table: Width and Height must be 1 to 16383");
+  end
 
   logic [TileBits+1:0] cleared_q;  // number of cleared entries; the top bit: all
   assign busy_o = !cleared_q[TileBits+1];

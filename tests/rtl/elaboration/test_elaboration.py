@@ -228,6 +228,18 @@ REFUSED = [
     *(("composite", {"Layers": n}, "composite: Layers must be 1 to 8") for n in (0, 9)),
     *(("sample_mean", {"SamplesBits": n}, "sample_mean: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("small_product", {a: n}, "small_product: Wa and Wb must be 1 to 17") for a in ("Wa", "Wb") for n in (0, 18)),
+    *(
+        (module, {"Width": w, "Height": h}, f"{module}: Width and Height must be 1 to 16383")
+        for module in ("dispatcher", "request_reader", "tile_table", "frame_store")
+        for w, h in ((0, 8), (8, 0), (16384, 8), (8, 16384))
+    ),
+    ("dispatcher", {"ClockHz": 0}, "dispatcher: ClockHz must be 1 or more"),
+    *(
+        ("dispatcher", {"Layers": 2, name: n}, "dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256")
+        for name, n in (("Layers", -1), ("Layers", 9), ("Slots", 0), ("Slots", 16), ("Blocks", 0), ("Blocks", 257))
+    ),
+    *(("register_access", {"Layers": n}, "register_access: Layers must be 0 to 8") for n in (-1, 9)),
+    ("reply_builder", {"HeadBytes": 3}, "reply_builder: HeadBytes must be 4 or more"),
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
