@@ -1,4 +1,4 @@
-"""Ctrl-C, noted: some libraries drop the exception while they load, so long work asks again between its steps."""
+"""Ctrl-C, noted: some libraries drop the exception while they load, so work that takes long asks between its steps."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def observe(
     Raises
     ------
     InputError
-        When the image has not the panel's size, or samples is out of range.
+        When the image's size is not the panel's, or samples is out of range.
     """
     mi = mitsuba()
     import drjit as dr

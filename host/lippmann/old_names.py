@@ -21,6 +21,9 @@ MOVED = {
     "optics.status": "lippmann.optics.rays",
     "optics.trace": "lippmann.engines, lippmann.optics.rays and lippmann.optics.pixel_rays",
     "render": "lippmann.rendering; lippmann.render is a function now",
+    "sim.generate_registers": "lippmann.dev.generate_registers",
+    "sim.mutation": "lippmann.dev.mutation",
+    "sim.synthesis": "lippmann.dev.synthesis",
     "view": "lippmann.viewer; lippmann.view is a function now",
 }
 

@@ -3,7 +3,7 @@
 
 /// Tells whether a register holds more than the word that a build reads of it.
 ///
-/// Such optics belong to no ray: all of them are missed. The optics stand still while rays are in
+/// With such optics every ray is missed. The optics stand still while rays are in
 /// the pipeline, far longer than these clocks. Latency 3.
 module lipp_config_range #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare

@@ -111,9 +111,14 @@ def test_what_a_file_does_not_name_is_supplied_or_told(tmp_path):
     ]
     linear = load_frame(tmp_path / "old.exr", HELLO, None, panel_of("linear", 6), note=pytest.fail)
     np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
-    for panel in (None, panel_of("linear", 8)):
-        frame = load_frame(tmp_path / "old.png", HELLO, None, panel, note=pytest.fail)
+    notes.clear()
+    for panel, note in ((None, notes.append), (panel_of("linear", 8), pytest.fail)):
+        frame = load_frame(tmp_path / "old.png", HELLO, None, panel, note=note)
         np.testing.assert_array_equal(frame, np.rint(light * 255))
+    # No board tells its panel's tones.
+    assert [note.partition(": ")[2] for note in notes] == [
+        "made for linear and 8 bits; have the board's panel checked with --display FILE"
+    ]
     with pytest.raises(InputError, match="--transfer, linear in --display"):
         load_frame(tmp_path / "old.exr", HELLO, "srgb", panel_of("linear", 6))
 

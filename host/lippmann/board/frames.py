@@ -90,10 +90,13 @@ def load_frame(
 
     picture = read_picture(path, (target.width, target.height), accept)
     tones: dict[str, Any] = {"transfer": "srgb", "bits": 8} | agreed
+    curve = transfer_name(tones["transfer"])
     # An encoded file needs no bits: its values are quantised already.
     if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
-        curve = transfer_name(tones["transfer"])
         note(f"{path}: {curve} and {tones['bits']} bits are assumed; name the panel with --display FILE")
+    elif panel is None and transfer is None and tones != {"transfer": "srgb", "bits": 8}:
+        # A board does not tell its panel's tones, and its identity leaves them out.
+        note(f"{path}: made for {curve} and {tones['bits']} bits; have the board's panel checked with --display FILE")
     return panel_values(picture.radiance, **tones)
 
 

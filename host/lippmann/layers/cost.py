@@ -22,14 +22,14 @@ from lippmann.rendering.scene import Scene
 
 #: Bytes of a palette.
 PALETTE_BYTES = 4 * COLOURS
-#: Bytes of a block RAM of the ECP5 (DP16KD). A palette, of half as many bytes, needs its width of 32 bits, so one more.
+#: Bytes of a block RAM of the ECP5 (DP16KD). A palette takes a whole one: it has half as many bytes, of 32-bit words.
 BLOCK_RAM_BYTES = 2048
 #: Bytes of the table of the panel's curve, of which each colour has a copy.
 CURVE_BYTES = 8192
 #: Multipliers of the steps of rtl/scene: of exit_line, of layer_coordinate, of texel_blend for each texel, of composite
 #: for each layer behind the first, and of the background behind them.
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
-#: Places of a moving eye, in the reach of the eyes to each side, and rays for each pixel of its view.
+#: Places of a moving eye, as shares of the reach to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
 #: Samples for each pixel of the full render.
 FULL_SAMPLES = 4

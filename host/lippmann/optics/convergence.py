@@ -1,4 +1,4 @@
-"""Step 2 on a display for a near eye: elemental images that converge on it.
+"""Step 3 on a display for a near eye: elemental images that converge on it.
 
 A pixel belongs to the lenslet through which an eye sees it. The eye is in front of the axis point a, at the distance E
 from the aperture plane. This plane is at the distance D from the panel. The line from the eye to the pixel's point x
