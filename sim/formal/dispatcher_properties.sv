@@ -1,4 +1,4 @@
-/// `lipp_dispatcher`: each request is answered, whatever it is and however slow its neighbours are.
+/// `lipp_dispatcher`: each request is answered, whatever it is.
 ///
 /// Neighbours answer within Slow clocks, each as its module says; otherwise they do as they like,
 /// and so do both ends of the line. Proved: within Bound clocks something moves, unless the line
