@@ -382,13 +382,14 @@ class Traffic:
                 kind = rng.choice([BLOCK, BLOCK, BLOCKS])
             unknown = rng.randrange(BLOCKS + 1 if self.judge.scene else BLOCK, 256)
             kind = rng.choices([kind, PRESENT, RESET, 0, unknown], [97, 1, 0.5, 0.5, 1])[0]
+            if kind == PRESENT and rng.random() < 0.7:
+                self.want_frame()
+                return self.packet()
             body = {
                 HELLO: self.hello, READ: self.read, WRITE: self.write, TILE: self.tile, PRESENT: self.present,
                 TILES: self.tiles, TRACE: self.trace,
                 BLOCK: self.block, BLOCKS: self.blocks,
             }.get(kind, bytes)()  # fmt: skip
-            if body is None:  # a frame waits
-                kind, body = self.wanted.popleft()
             if rng.random() < 0.05:
                 body = rng.choice(
                     [body[:-1], body + b"\1", body + rng.randbytes(4), rng.randbytes(rng.choice([1, 40]))]
@@ -481,14 +482,11 @@ class Traffic:
         return struct.pack("<HHB", epoch % 65536, tile, coding) + (data if rng.random() < 0.9 else b"12")
 
     def present(self):
-        """Of what the model knows, which is often not sure; mostly of a frame whose tiles are all sent before it."""
-        if self.rng.random() < 0.7:
-            return self.frame()
         right = zlib.crc32(self.judge.buffers[1 - self.judge.front].tobytes())
         return struct.pack("<HI", self.judge.epoch, self.rng.choice([right, right, right, 5]))
 
-    def frame(self):
-        """Let all tiles of a frame wait, and a PRESENT of it."""
+    def want_frame(self):
+        """All tiles of a frame come next, then a PRESENT of it: what the model knows of a buffer is often not sure."""
         rng, epoch = self.rng, self.judge.epoch
         frame = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
         bodies = []

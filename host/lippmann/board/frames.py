@@ -57,6 +57,10 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     return panel_values(image.radiance, **tones)
 
 
+#: Tones of a panel of which nothing is said.
+USUAL_TONES: dict[str, Any] = {"transfer": "srgb", "bits": 8}
+
+
 def load_frame(
     path: str | Path,
     target: Hello | Target,
@@ -89,12 +93,12 @@ def load_frame(
         agreed.update(_agreed(str(path), file, option, display))
 
     picture = read_picture(path, (target.width, target.height), accept)
-    tones: dict[str, Any] = {"transfer": "srgb", "bits": 8} | agreed
+    tones = USUAL_TONES | agreed
     curve = transfer_name(tones["transfer"])
     # An encoded file needs no bits: its values are quantised already.
     if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
         note(f"{path}: {curve} and {tones['bits']} bits are assumed; name the panel with --display FILE")
-    elif panel is None and transfer is None and tones != {"transfer": "srgb", "bits": 8}:
+    elif tones != USUAL_TONES and panel is None and transfer is None:
         # A board does not tell its panel's tones, and its identity leaves them out.
         note(f"{path}: made for {curve} and {tones['bits']} bits; have the board's panel checked with --display FILE")
     return panel_values(picture.radiance, **tones)

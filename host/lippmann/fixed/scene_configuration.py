@@ -69,16 +69,17 @@ def scene_words(
             f"with layers = {len(stack.layers)}"
         )
     slots = tuple(range(len(stack.layers))) if slots is None else slots
-    calls = list(map(str, range(len(slots)))) if names is None else [f"'{name}'" for name in names]
-    for call, slot in zip(calls, slots, strict=True):
+    numbers = [str(layer) for layer in range(len(slots))]
+    titles = numbers if names is None else [f"'{name}'" for name in names]
+    for title, slot in zip(titles, slots, strict=True):
         if not 0 <= slot < build.slots_built:
             raise InputError(
-                f"layer {call}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
+                f"layer {title}, register look: slot {slot} is outside its range, 0 to {build.slots_built - 1}"
             )
     if len(set(slots)) < len(slots):
         raise InputError(f"registers look: slots {', '.join(map(str, slots))}: give each layer a slot of its own")
     _check_place(display)
-    layers = tuple(layer_words(display, *one) for one in zip(stack.layers, calls, slots, strict=True))
+    layers = tuple(layer_words(display, *one) for one in zip(stack.layers, titles, slots, strict=True))
     radius = display.array.radius_mm
     lattice = Lattice.of(display.array)
     (xi, _), (xj, yj) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
