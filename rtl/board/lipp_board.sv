@@ -87,8 +87,11 @@ module lipp_board #(
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_board: Width and Height must be 1 to 16383");
   end
-  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 0 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
-    $fatal(1, "lipp_board: porches must be 0 or more, and syncs 1 or more");
+  if (lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) >= 1 << 16) begin : gen_illegal_tiles
+    $fatal(1, "lipp_board: the panel must have fewer than 65536 tiles");
+  end
+  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
+    $fatal(1, "lipp_board: porches must be 0 or more, and syncs and VFront 1 or more");
   end
   if (ClockHz < 1) begin : gen_illegal_clock
     $fatal(1, "lipp_board: ClockHz must be 1 or more");

@@ -10,19 +10,19 @@
 ///
 /// Input: pixel u_i (columns, to the right), v_i (rows, upward) from the panel's centre, 4 fraction
 /// bits; aperture point a_i, b_i, wide words, in pitches and rows from the centre of the pixel's
-/// lenslet (Aims = 0: the chief ray, not used).
+/// lenslet (Build.aims = 0: the chief ray, not used).
 /// Output: lens-local origin in radii, F + 1 fraction bits, measured from the centre of lenslet
 /// (i, j); unit direction, near words; all along the array's axes, +z to the viewer. Status as in
 /// `ray_status_e`: missed takes precedence over total internal reflection, blocked and crosstalk.
 /// The origin of a missed ray is undefined. A ray is missed, too, where any word on its way wraps
 /// or saturates, by more than roundings: flags `beyond` travel with it. So are all rays where a
-/// register holds more than the word that is read of it. Logic that a Model or an orientation does
-/// not use is not built. Walk is the number of further domes tried when the ray meets a dome
+/// register holds more than the word that is read of it. Logic that a model or an orientation does
+/// not use is not built. Build.walk is the number of further domes tried when the ray meets a dome
 /// outside its cell; a ray that needs more counts as missed. A ray that leaves the dome downward is
 /// blocked; neighbouring domes are not checked again. Blocked are also rays of a pixel whose
 /// lenslet the array does not have, and rays that would leave through such a lenslet, whatever else
-/// becomes of them. Converge is for displays whose pixels belong to the lenslet through which a
-/// near eye sees them, Shear for lattices whose rows are moved by a share of their height.
+/// becomes of them. Build.converge is for displays whose pixels belong to the lenslet through which a
+/// near eye sees them, Build.shear for lattices whose rows are moved by a share of their height.
 /// Latency ray_latency(Build).
 module lipp_ray_pipeline #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
@@ -55,20 +55,20 @@ module lipp_ray_pipeline #(
   localparam bit Viewer = Build.viewer;
 
   if (F < 14 || F > 23) begin : gen_illegal_f
-    $fatal(1, "lipp_ray_pipeline: F must be 14 to 23");
+    $fatal(1, "lipp_ray_pipeline: Build.fraction_bits must be 14 to 23");
   end
   if (Model > ModelExact) begin : gen_illegal_model
-    $fatal(1, "lipp_ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact");
+    $fatal(1, "lipp_ray_pipeline: Build.model must be ModelPinhole, ModelParaxial or ModelExact");
   end
   if (Viewer && Model != ModelExact) begin : gen_illegal_viewer
-    $fatal(1, "lipp_ray_pipeline: Viewer must be 0 but for ModelExact: others read it from registers");
+    $fatal(1, "lipp_ray_pipeline: Build.viewer must be 0 but for ModelExact: others read it from registers");
   end
   if (Build.aims && Model == ModelPinhole) begin : gen_illegal_aims
-    $fatal(1, "lipp_ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray");
+    $fatal(1, "lipp_ray_pipeline: Build.aims must be 0 for ModelPinhole, whose ray is the chief ray");
   end
   if (Walk > 4 || (Walk > 0 && (Model != ModelExact || !strays(Build))))
   begin : gen_illegal_walk
-    $fatal(1, "lipp_ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell");
+    $fatal(1, "lipp_ray_pipeline: Build.walk must be 0, or up to 4 where exact rays can leave their cell");
   end
 
   logic unfit;

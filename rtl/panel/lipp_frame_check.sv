@@ -26,6 +26,9 @@ module lipp_frame_check #(
   input  logic [23:0]          read_rgb_i  // ReadLatency clocks after its address
 );
 
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_frame_check: Width and Height must be 1 to 16383");
+  end
   if (ReadLatency < 2) begin : gen_illegal
     $fatal(1, "lipp_frame_check: ReadLatency must be 2 or more");
   end

@@ -79,11 +79,15 @@ module lipp_scan_out #(
   localparam int Latency = Pattern + 3;  // from the counters to the output
   localparam int Read = Pattern - ReadLatency;  // from the counters to the store's address
 
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_scan_out: Width and Height must be 1 to 16383");
+  end
   if (ReadLatency < 1 || Read < 1) begin : gen_illegal_latency
     $fatal(1, "lipp_scan_out: ReadLatency must be 1 or more, and below %0d", Pattern);
   end
   if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks * ClocksPerPixel < Pattern + 2) begin : gen_illegal
-    $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks");
+    $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line %0d clocks",
+           Pattern + 2);
   end
   if (ClocksPerPixel < 1 || (ClocksPerPixel & (ClocksPerPixel - 1)) != 0) begin : gen_illegal_clocks
     $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");

@@ -44,6 +44,10 @@ module lipp_test_pattern #(
   localparam int MulLatency = mul_latency(MulBits, MulBits);
   localparam int SideBits = $clog2(Tile);
 
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_test_pattern: Width and Height must be 1 to 16383");
+  end
+
   logic unused_optics;  // all fields but the affine map and the extent
   assign unused_optics = ^optics_i;
 

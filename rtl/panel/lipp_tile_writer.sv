@@ -64,6 +64,9 @@ module lipp_tile_writer #(
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
   localparam logic [SideBits-1:0] CutY = SideBits'((Height - 1) % Tile);
 
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_tile_writer: Width and Height must be 1 to 16383");
+  end
   if (Columns * Rows >= 1 << 16) begin : gen_illegal
     $fatal(1, "lipp_tile_writer: the panel must have fewer than 65536 tiles");
   end

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The batch harness: the Verilated ray-lenslet engine as a shared library, arrays in, arrays out.
 //
 // Rays are offered and taken with random pauses when asked, so that a comparison of results also

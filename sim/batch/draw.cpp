@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The batch harness of the drawing: the Verilated lipp_scene as a shared library, exit rays in, pixels out.
 //
 // Rays are offered and pixels taken with random pauses when asked, so that a comparison of results also

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host's end of the line: a pty or a TCP port on loopback, served by its own thread.
 //
 // The simulation uses two ring buffers and makes no system call; the thread sleeps in poll() until

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The virtual board: the RTL under Verilator, on a pty or on TCP (loopback only).
 //
 //   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]

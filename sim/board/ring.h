@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ring buffer for bytes from one thread to another, without locks or system calls.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The panel: receives the pixels that the board scans out, and writes whole frames.
 #pragma once
 

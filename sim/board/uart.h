@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host's UART (8N1), bit by bit, at the other end of the board's two wires.
 #pragma once
 

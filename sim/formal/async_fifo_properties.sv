@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_async_fifo` between any two clocks: the solver chooses when each of them ticks.
 ///
 /// A synchroniser samples a bit before a tick of the other clock or after it. A bit that changes

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_dispatcher`: each request is answered, whatever it is.
 ///
 /// Neighbours answer within Slow clocks, each as its module says; otherwise they do as they like,
@@ -9,6 +10,7 @@
 module dispatcher_properties #(
   parameter int Slow = 2,
   parameter int Bound = 31,
+  parameter int Layers = 0,   // of the scene; 0: there is none
   parameter bit Guide = 1'b0  // one request after the other is an ABORT, and nothing waits
 ) (
   input logic             clk_i,
@@ -33,7 +35,12 @@ module dispatcher_properties #(
   input logic [8:0][31:0] exit_i,
   input logic             sign_done_i,
   input logic [31:0]      sign_rays_i,
-  input logic [31:0]      sign_crc_i
+  input logic [31:0]      sign_crc_i,
+  input logic             drawn_i,
+  input logic [15:0]      slots_i,
+  input logic             block_done_i,
+  input logic             blocks_busy_i,
+  input logic [31:0]      blocks_crc_i
 );
   import lipp_link_pkg::*;
 
@@ -42,7 +49,8 @@ module dispatcher_properties #(
   logic [7:0] out_data;
   logic [10:0] bus_at;
   logic [31:0] bus_word;
-  lipp_dispatcher #(.Width(64), .Height(64)) i_dut (
+  logic block_start;
+  lipp_dispatcher #(.Width(64), .Height(64), .Layers(Layers)) i_dut (
     .clk_i, .rst_ni, .identity_i(64'd0), .epoch_i, .reset_o(reset), .in_valid_i,
     .in_ready_o(in_ready), .in_data_i, .in_last_i, .out_valid_o(out_valid), .out_ready_i,
     .out_data_o(out_data), .out_last_o(out_last), .bus_start_o(bus_start),
@@ -54,10 +62,9 @@ module dispatcher_properties #(
     .present_epoch_o(), .present_crc_o(), .present_done_i,
     .present_status_i(reply_status_e'(present_status_i)), .ray_valid_o(ray_valid), .ray_ready_i,
     .ray_o(), .trace_o(trace), .exit_valid_i, .exit_ready_o(exit_ready), .exit_i, .sign_o(sign),
-    .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i, .drawn_i(1'b0), .update_o(),
-    .slots_i(16'd0), .block_start_o(), .block_slot_o(), .block_o(), .block_word_at_i(8'd0),
-    .block_word_o(), .block_done_i(1'b0), .blocks_busy_i(1'b0), .blocks_slot_o(), .blocks_at_o(),
-    .blocks_crc_i(32'd0)
+    .sign_start_o(sign_start), .sign_done_i, .sign_rays_i, .sign_crc_i, .drawn_i, .update_o(), .slots_i,
+    .block_start_o(block_start), .block_slot_o(), .block_o(), .block_word_at_i(8'd0),
+    .block_word_o(), .block_done_i, .blocks_busy_i, .blocks_slot_o(), .blocks_at_o(), .blocks_crc_i
   );
 
   logic started_q = 1'b0;
@@ -70,11 +77,14 @@ module dispatcher_properties #(
   wire ray_take = ray_valid && ray_ready_i;
   wire exit_take = trace && exit_valid_i && exit_ready;
 
+  wire blocks_busy = Layers > 0 && blocks_busy_i;
+
   // ---- the neighbours: what each is doing, and for how many clocks ----
   logic [1:0] byte_q;                      // bytes of the request, up to 3
-  logic bus_q, tile_open_q, tile_end_q, present_q, ray_q;
+  logic bus_q, tile_open_q, tile_end_q, present_q, block_q, ray_q;
   logic [2:0] bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, table_for_q;
-  logic table_q;                           // the table is being cleared
+  logic [2:0] block_for_q;
+  logic table_q;                           // the tables are being cleared
   logic [1:0] looks_q;                     // at the status, since the last write
   logic running_q;                         // a frame may run
   logic look_q;
@@ -84,6 +94,7 @@ module dispatcher_properties #(
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {byte_q, bus_q, tile_open_q, tile_end_q, present_q, ray_q, looks_q, running_q} <= '0;
+      {block_q, block_for_q} <= '0;
       {bus_for_q, tile_for_q, tile_shut_q, present_for_q, ray_shut_q, ray_for_q, look_q, polls_q} <= '0;
       {table_q, table_for_q, signed_q} <= {1'b1, 3'd0, 1'b0};
     end else begin
@@ -110,13 +121,16 @@ module dispatcher_properties #(
       // the presenter
       present_q <= present_start || (present_q && !present_done_i);
       present_for_q <= present_start ? 3'd0 : present_for_q + 3'd1;
+      // the loader of slots
+      block_q <= block_start || (block_q && !block_done_i);
+      block_for_q <= block_start ? 3'd0 : block_for_q + 3'd1;
       // the optics
       ray_q <= ray_take || (ray_q && !exit_take);
       ray_shut_q <= ray_valid && !ray_ready_i ? ray_shut_q + 3'd1 : 3'd0;
       ray_for_q <= ray_take ? 3'd0 : ray_for_q + 3'd1;
       signed_q <= sign_done_i && !sign_start && !reset;
-      // the table
-      table_q <= reset || (table_q && table_busy_i);
+      // the tables
+      table_q <= reset || (table_q && (table_busy_i || blocks_busy));
       table_for_q <= reset || !table_q ? 3'd0 : table_for_q + 3'd1;
     end
   end
@@ -133,13 +147,15 @@ module dispatcher_properties #(
     assume (!tile_end_q || tile_for_q < Late || tile_done_i);
     assume (!present_done_i || present_q);
     assume (!present_q || present_for_q < Late || present_done_i);
+    assume (!block_done_i || block_q);
+    assume (!block_q || block_for_q < Late || block_done_i);
     assume (!ray_valid || ray_shut_q < Late || ray_ready_i);
     assume (!(trace && exit_valid_i) || ray_q);
     assume (!(trace && ray_q) || ray_for_q < Late || exit_valid_i);
     assume (!signed_q || sign_done_i);
-    assume (!table_busy_i || table_q);
+    assume (!(table_busy_i || blocks_busy) || table_q);
     assume (table_q || !reset);
-    assume (!table_q || table_for_q < Late || !table_busy_i);
+    assume (!table_q || table_for_q < Late || !(table_busy_i || blocks_busy));
   end
 
   if (Guide) begin : gen_guide
@@ -156,7 +172,7 @@ module dispatcher_properties #(
   wire sends = out_valid || head_left != '0;
   wire gap = sends && !out_valid;  // between two parts of a head
   wire moves = in_take || out_take || bus_done_i || tile_take || tile_done_i || present_done_i
-      || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;  // a word is looked up
+      || block_done_i || ray_take || exit_take || reset || i_dut.i_registers.state_q == 3'd2;  // a word is looked up
   wire line_waits = (in_ready && !in_valid_i) || (out_valid && !out_ready_i) || table_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -176,6 +192,7 @@ module dispatcher_properties #(
       one_access: assert (!bus_start || !bus_q || bus_done_i);
       one_tile: assert (!tile_start || !(tile_open_q || tile_end_q));
       one_frame: assert (!present_start || !present_q);
+      one_block: assert (!block_start || !block_q);
       rays_for_one: assert (!(trace && sign));
     end
   end
@@ -205,8 +222,10 @@ module dispatcher_properties #(
   wire rays_idle = rays == RayIdle && !i_dut.ray_start && !i_dut.ray_done;
   wire table_idle = table_left == '0 && !i_dut.table_start && !i_dut.table_valid;
   wire tile_busy = tile_start || tile_open_q || tile_end_q;
-  wire is_write = kind == RequestWrite;
-  wire on_optics = is_write && i_dut.first >= 16'h200;
+  localparam logic [7:0] Last = Layers > 0 ? RequestBlocks : RequestReset;
+  wire known = kind inside {[RequestHello:Last]};
+  wire lists = kind inside {RequestTiles, RequestBlocks};
+  wire on_optics = i_dut.on_optics || i_dut.draws;  // a WRITE that the rays may not allow
   // The parts that a request of this kind uses while it is executed.
   wire uses_regs = kind inside {RequestHello, RequestRead, RequestWrite};
   wire uses_rays = kind inside {RequestTrace, RequestSign, RequestAbort} || on_optics;
@@ -238,6 +257,7 @@ module dispatcher_properties #(
           || (i_dut.ray_done && (i_dut.ray_status == StatusOk ?
               rays == RayPlace && ray_left == i_dut.request.words && ray_at == '0
               : rays == RayIdle));
+      OpDraw: ray_part = rays <= RayTakenOver || (i_dut.ray_done && rays == RayIdle);
       OpSign: ray_part = rays <= RayBegun || rays == RaySettle
           || (i_dut.ray_done && rays == RayIdle);
       OpResult: ray_part = i_dut.ray_done && rays == RayIdle;
@@ -250,11 +270,12 @@ module dispatcher_properties #(
   always_comb begin
     todo = 6'd10;
     case (state)
-      Receive: todo = reader == ReaderDone ? 6'd26 - read_done : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
-      Judge: todo = 6'd24;
+      Receive: todo = reader == ReaderDone ? 6'd28 - read_done : reader == ReaderTile ? 6'd17 - tile_shut_q : 6'd1;
+      Judge: todo = 6'd26;
       Execute: begin
         todo = 6'd12;
-        if (i_dut.register_start || i_dut.ray_start) todo = 6'd23;
+        if (i_dut.ray_start) todo = 6'd25;
+        else if (i_dut.register_start) todo = 6'd23;
         else if (i_dut.ray_done) todo = on_optics ? 6'd24 : 6'd12;
         else if (i_dut.register_done && kind != RequestHello) todo = 6'd12;
         else if (regs == RegWait) todo = 6'd17 - bus_for_q;
@@ -265,13 +286,14 @@ module dispatcher_properties #(
         else if (kind == RequestTile && !i_dut.tile_done_q)
           todo = tile_start ? 6'd18 : tile_open_q ? 6'd17 - tile_shut_q : 6'd16 - tile_for_q;
         else if (kind == RequestPresent) todo = present_start ? 6'd18 : 6'd17 - present_for_q;
+        else if (kind == RequestBlock) todo = block_start ? 6'd18 : 6'd17 - block_for_q;
         else if (kind == RequestReset) todo = 6'd13 + i_dut.reset_q;
       end
       Reply: todo = i_dut.reply_q ? 6'd11 : i_dut.reply_ready ? 6'd12 : 6'd13;
       default: begin
         if (sends) todo = 6'd1;
         else if (kind == RequestRead) todo = regs == RegAsk ? 6'd8 : regs == RegWait ? 6'd7 - bus_for_q : 6'd3;
-        else if (kind == RequestTiles) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
+        else if (lists) todo = i_dut.table_valid ? 6'd2 : 6'd4 + i_dut.i_table.pause_q;
         else if (restoring) todo = asked ? 6'd7 - bus_for_q : 6'd8;
         else if (rays inside {[RayPlace:RayFetch]}) todo = 6'd32 - rays - 6'd3 * ray_at;
         else todo = rays == RayOffer ? 6'd10 - ray_shut_q : rays == RayExit ? 6'd7 - ray_for_q
@@ -286,20 +308,21 @@ module dispatcher_properties #(
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
       in_todo: assert (6'(still_q) + todo <= 6'd31);
-      in_late: assert ((!bus_q || bus_for_q <= Late) && (!present_q || present_for_q <= Late)
+      in_late: assert ((!bus_q || bus_for_q <= Late) && (!present_q || present_for_q <= Late) && (!block_q || block_for_q <= Late)
           && (!ray_q || ray_for_q <= Late || !exit_ready) && tile_for_q <= Late && tile_shut_q <= Late
           && ray_shut_q <= Late);
       in_states: assert (state <= Words);
       in_reader: assert (state == Receive || reader == ReaderDone);
       in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
-          && kind inside {RequestRead, RequestTrace, RequestTiles}))
-          || (i_dut.i_reader.length_ok && kind inside {[RequestHello:RequestReset]}));
+          && (kind inside {RequestRead, RequestTrace} || lists)))
+          || (i_dut.i_reader.length_ok && known));
       in_reply_ready: assert (!i_dut.reply_ready || (!sends && reply_left == '0));
       in_word_ready: assert (!i_dut.word_ready || (!sends && reply_left != '0));
       in_source: assert (state == Receive || (i_dut.from_rays_q == (kind == RequestTrace)
           && i_dut.from_table_q == (kind inside {RequestTiles, RequestBlocks}) && i_dut.keeps_word_q == (kind == RequestHello)));
       in_done: assert (!read_done || (reader == ReaderDone && i_dut.i_reader.length_ok_q == i_dut.i_reader.length_ok
-          && i_dut.version_q == i_dut.version && i_dut.no_tile_q == i_dut.no_tile));
+          && i_dut.version_q == i_dut.version && i_dut.no_tile_q == i_dut.no_tile
+          && i_dut.no_block_q == i_dut.no_block));
       in_still: assert (state == Receive || read_done);
       in_judge: assert (state != Judge || i_dut.refusal_q == i_dut.refusal);
       in_unsent: assert (unsent_q == 2'(reader == ReaderDone && state != Words)
@@ -316,16 +339,18 @@ module dispatcher_properties #(
       in_hello: assert (!i_dut.hello || (state == Execute && kind == RequestHello));
       in_rest: assert (!(state inside {Receive, Judge}) || (regs_idle && rays_idle && table_idle));
       in_present: assert ((present_start || present_q) == (state == Execute && kind == RequestPresent));
+      in_load: assert ((block_start || block_q) == (state == Execute && kind == RequestBlock));
       in_reset: assert (i_dut.reset_q == '0 || (state == Execute && kind == RequestReset));
-      in_execute: assert (state != Execute || kind != RequestTiles);
+      in_execute: assert (state != Execute || !lists);
       in_ray_start: assert (!i_dut.ray_start || (rays == RayIdle && !i_dut.ray_done && state == Execute));
       in_reg_start: assert (!i_dut.register_start
           || (regs == RegIdle && !i_dut.register_done && state == Execute));
-      in_reader_words: assert (reader != 3'd4 || kind inside {RequestWrite, RequestTrace});
+      in_reader_words: assert (reader != 3'd4 || kind inside {RequestWrite, RequestTrace} || (known && kind == RequestBlock));
       in_reader_rest: assert (reader != 3'd6 || i_dut.i_reader.status_q != StatusOk);
-      in_reader_arguments: assert (reader != 3'd3 || kind inside {[RequestHello:RequestTiles]});
+      in_reader_arguments: assert (reader != 3'd3 || kind inside {[RequestHello:RequestTiles]}
+          || (known && kind inside {RequestBlock, RequestBlocks}));
       in_reader_kind: assert (reader != ReaderDone || i_dut.i_reader.status_q != StatusOk
-          || kind inside {[RequestHello:RequestReset]});
+          || known);
       in_reader_fine: assert (!(reader inside {[3'd1:3'd5]}) || i_dut.i_reader.status_q == StatusOk);
       in_tile_start: assert (!tile_start || state == Receive);
       in_bytes: assert (byte_q == (reader == ReaderDone ? 2'd0 : reader > 3'd3 ? 2'd3 : reader[1:0]));
@@ -338,21 +363,24 @@ module dispatcher_properties #(
       in_range: assert (!(state inside {Judge, Execute}) || (i_dut.i_registers.behind_q ==
           {1'b0, i_dut.i_registers.first_i} + {6'd0, i_dut.i_registers.count_i, 2'd0}
           && i_dut.i_registers.whole_q == (i_dut.i_registers.first_i[1:0] == '0)
-          && i_dut.i_registers.high_q == (i_dut.i_registers.first_i >= 16'h200)));
+          && i_dut.i_registers.high_q == (i_dut.i_registers.first_i >= 16'h200)
+          && i_dut.i_registers.top_q == (Layers > 0 && i_dut.i_registers.first_i >= 16'h400)));
       in_block: assert (state != Execute || (i_dut.i_registers.board_q ==
           (i_dut.i_registers.whole_q && i_dut.i_registers.behind_q <= 17'h100)
           && i_dut.i_registers.optics_q == (i_dut.i_registers.whole_q && i_dut.i_registers.high_q
-          && i_dut.i_registers.behind_q <= 17'h400)));
+          && i_dut.i_registers.behind_q <= 17'h400)
+          && i_dut.i_registers.scene_q == (i_dut.i_registers.whole_q && i_dut.i_registers.top_q
+          && i_dut.i_registers.behind_q <= 17'h800)));
       in_table: assert (state != Execute || table_idle);
       in_read: assert (!(state inside {Reply, Words}) || (kind == RequestRead && ok ? reg_reads
           && reg_left == (state == Words ? reply_left : i_dut.words) : regs == RegIdle && !i_dut.register_start));
       in_trace: assert (!(state inside {Reply, Words}) || (kind == RequestTrace && ok ? (ray_list || restoring)
           && ray_words == (state == Words ? reply_left : i_dut.words) : rays_idle));
-      in_tiles: assert (!(state inside {Reply, Words}) || (kind == RequestTiles && ok ?
+      in_tiles: assert (!(state inside {Reply, Words}) || (lists && ok ?
           (state == Reply && i_dut.table_start && table_left == '0 && !i_dut.table_valid)
           || (!i_dut.table_start && table_left == (state == Words ? reply_left : i_dut.words)) : table_idle));
-      in_words: assert (state != Words || (ok && kind inside {RequestRead, RequestTrace, RequestTiles}));
-      in_kind: assert (!(state inside {Reply, Words}) || !ok || kind inside {[RequestHello:RequestReset]});
+      in_words: assert (state != Words || (ok && (kind inside {RequestRead, RequestTrace} || lists)));
+      in_kind: assert (!(state inside {Reply, Words}) || !ok || known);
       in_list_few: assert (!ray_list || ray_left <= 9'd256);
       in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
       in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_draw_frame` with any video, any optics and scene that keep the order of rays, and any software.
 ///
 /// The optics and the scene give a pixel for every 2^SamplesBits rays, whenever they like. The n-th

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_fifo` for proofs of what is around it: its outputs are free. fifo_checks, with AssumeFifo,
 /// holds them to the contract that the proof `lipp_fifo` proves.
 module lipp_fifo #(

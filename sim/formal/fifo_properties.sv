@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks, and
 /// the invariants that make it inductive.
 module fifo_properties #(

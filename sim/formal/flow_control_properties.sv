@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_flow_control` around a pipeline of any function: a ray carries its index instead of data.
 ///
 /// Two proofs. The first counts: room, hold, idle, full rate and latency. Rays in the pipeline are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_frame_gate` with any software, any rays at both inputs and any reader: the contract of
 /// frame_gate_checks, and the invariants that make it inductive.
 module frame_gate_properties (

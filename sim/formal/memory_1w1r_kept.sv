@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_memory_1w1r` for proofs: one word, at any address, is kept, and the other addresses give any
 /// word. All that the memory can do, this can do: a proof with it is a proof for the memory.
 module lipp_memory_1w1r #(

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_memory_1w1r` does nothing that memory_1w1r_kept, its stand-in in larger proofs, cannot do: what
 /// is read at any one address is the word last written there, two clocks before.
 module memory_1w1r_properties #(

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse comes
 /// out for each that was accepted, before the next can be.
 module pulse_sync_properties (

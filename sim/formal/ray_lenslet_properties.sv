@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_ray_lenslet` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
 ///
 /// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes, and

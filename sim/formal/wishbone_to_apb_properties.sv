@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// `lipp_wishbone_to_apb` between any master, which may give up a cycle at any clock, and any completer:
 /// the contract of wishbone_to_apb_checks, and the invariants that make it inductive.
 module wishbone_to_apb_properties (

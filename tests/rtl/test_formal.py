@@ -25,6 +25,7 @@ PROOFS = [
     "axil_to_apb prove",
     "axil_to_apb cover",
     "dispatcher prove",
+    "dispatcher prove_scene",
     "dispatcher cover",
     "draw_frame prove_1",
     "draw_frame prove_2",
@@ -96,6 +97,9 @@ FAULTS = {
     "a request is not read while the reply to the one before it is sent": (
         "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
         "answered|todo|one_at_a_time|unsent"),
+    "an abort waits while the scene is drawn": (
+        "dispatcher bmc_scene", "ray_access.sv", "if (drawn_i && op_i != OpResult) begin\n            done_o <= 1'b1;",
+        "if (drawn_i && op_i != OpResult) begin\n            done_o <= op_i != OpAbort;", "answered|todo|part"),
     "a late pixel is shown at the next one's place": (
         "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q != '0;", "assign drop = !draws_q;",
         "pixel_in_place|late"),

@@ -233,6 +233,11 @@ REFUSED = [
         for module in ("dispatcher", "request_reader", "tile_table", "frame_store")
         for w, h in ((0, 8), (8, 0), (16384, 8), (8, 16384))
     ),
+    *(
+        (module, {"Width": w, "Height": h}, f"{module}: Width and Height must be 1 to 16383")
+        for module in ("scan_out", "tile_writer", "frame_check", "test_pattern")
+        for w, h in ((0, 8), (8, 16384))
+    ),
     ("dispatcher", {"ClockHz": 0}, "dispatcher: ClockHz must be 1 or more"),
     *(
         ("dispatcher", {"Layers": 2, name: n}, "dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256")
@@ -274,28 +279,30 @@ REFUSED = [
     ("multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "multiplier: Drop must cut off the product of the lower parts"),
     ("packet_fifo", {"AddressBits": 11}, "packet_fifo: 2^AddressBits must be MaxPacket + 4 or more"),
     ("quadratic", {"Root": 2}, "quadratic: Root must be RootReciprocal or RootSquare"),
-    ("optics_block", built(F=24, Model=0), "ray_pipeline: F must be 14 to 23"),
+    ("optics_block", built(F=24, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
     ("optics_block", built(F=0), "raster: F must be 14 to 23"),
-    ("ray_lenslet", built(F=13), "ray_pipeline: F must be 14 to 23"),
-    ("ray_lenslet", built(Model=1, Viewer=1), "ray_pipeline: Viewer must be 0 but for ModelExact"),
-    ("ray_pipeline", built(Model=0, Viewer=1), "ray_pipeline: Viewer must be 0 but for ModelExact"),
-    ("ray_pipeline", built(Model=3), "ray_pipeline: Model must be ModelPinhole, ModelParaxial or ModelExact"),
+    ("ray_lenslet", built(F=13), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
+    ("ray_lenslet", built(Model=1, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
+    ("ray_pipeline", built(Model=0, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
+    ("ray_pipeline", built(Model=3), "ray_pipeline: Build.model must be ModelPinhole, ModelParaxial or ModelExact"),
     (
         "ray_pipeline",
         built(Model=0, Aims=1),
-        "ray_pipeline: Aims must be 0 for ModelPinhole, whose ray is the chief ray",
+        "ray_pipeline: Build.aims must be 0 for ModelPinhole, whose ray is the chief ray",
     ),
     (
         "ray_pipeline",
         built(F=14, Walk=1),
-        "ray_pipeline: Walk must be 0, or up to 4 where exact rays can leave their cell",
+        "ray_pipeline: Build.walk must be 0, or up to 4 where exact rays can leave their cell",
     ),
-    ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Walk must be 0, or up to 4 where exact rays"),
-    *(("ray_pipeline", built(F=f, Model=0), "ray_pipeline: F must be 14 to 23") for f in (13, 24)),
+    ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Build.walk must be 0, or up to 4 where exact rays"),
+    *(("ray_pipeline", built(F=f, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23") for f in (13, 24)),
     ("board", built(F=14, Model=1, Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
     ("board", {"Width": 16384, **LIGHT}, "board: Width and Height must be 1 to 16383"),
     ("board", {"Height": 0, **LIGHT}, "board: Width and Height must be 1 to 16383"),
-    ("board", {"HFront": -1, **LIGHT}, "board: porches must be 0 or more, and syncs 1 or more"),
+    ("board", {"HFront": -1, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
+    ("board", {"VFront": 0, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
+    ("board", {"Width": 16383, "Height": 16383, **LIGHT}, "board: the panel must have fewer than 65536 tiles"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
     ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 or more"),
     ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
@@ -317,7 +324,7 @@ REFUSED = [
     ),
     ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
     ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
-    ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line 21 clocks"),
+    ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line "),
     ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: HSync, VSync and VFront must be 1 or"),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
     ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
