@@ -26,6 +26,9 @@ common/lipp_flow_control.sv
 common/lipp_config_bank.sv
 math/lipp_low_product.sv
 math/lipp_multiplier.sv
+math/lipp_digit_product.sv
+math/lipp_row_product.sv
+math/lipp_byte_square.sv
 math/lipp_saturate.sv
 math/lipp_quadratic.sv
 math/lipp_sqrt.sv
@@ -104,4 +107,6 @@ common/lipp_block_ring.sv
 common/lipp_memory_1w1r.sv
 math/lipp_mult18.sv
 math/lipp_wide_product.sv
+math/lipp_gated_sum.sv
 math/lipp_small_product.sv
+math/lipp_row_multiplier.sv

@@ -26,6 +26,9 @@ common/lipp_flow_control.sv
 common/lipp_config_bank.sv
 math/lipp_low_product.sv
 math/lipp_multiplier.sv
+math/lipp_digit_product.sv
+math/lipp_row_product.sv
+math/lipp_byte_square.sv
 math/lipp_saturate.sv
 math/lipp_quadratic.sv
 math/lipp_sqrt.sv
@@ -101,7 +104,9 @@ board/lipp_board.sv
 board/lipp_board_with_store.sv
 ecp5/lipp_mult18.sv
 ecp5/lipp_wide_product.sv
+ecp5/lipp_gated_sum.sv
 ecp5/lipp_small_product.sv
+ecp5/lipp_row_multiplier.sv
 ecp5/lipp_ring.sv
 ecp5/lipp_block_ring.sv
 ecp5/lipp_memory_1w1r.sv

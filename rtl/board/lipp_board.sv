@@ -450,7 +450,7 @@ module lipp_board #(
       .write_slot_o(slot), .write_at_o(slot_at), .write_data_o(slot_data), .busy_o(blocks_busy),
       .read_slot_i(blocks_slot), .read_at_i(blocks_at), .read_crc_o(blocks_crc)
     );
-    lipp_scene #(.F(F), .Scene(Scene), .CrossCells(Build.cross_cells)) i_scene (
+    lipp_scene #(.F(F), .Scene(Scene)) i_scene (
       .clk_i, .rst_ni(core_rst_n), .config_i(config_set), .take_i(take), .busy_o(unused_busy),
       .idle_o(unused_idle), .write_i(slot_write), .write_slot_i(slot), .write_at_i(slot_at),
       .write_data_i(slot_data), .exit_valid_i(exit_valid && drawn), .exit_ready_o(scene_ready),

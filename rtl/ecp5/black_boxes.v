@@ -27,6 +27,18 @@ module MULT18X18D #(
 );
 endmodule
 
+/// Ports of ECP5's carry cell: two bits of a sum.
+module CCU2C #(
+  parameter [15:0] INIT0 = 16'h0000,
+  parameter [15:0] INIT1 = 16'h0000,
+  parameter INJECT1_0 = "YES",
+  parameter INJECT1_1 = "YES"
+) (
+  input CIN, A0, B0, C0, D0, A1, B1, C1, D1,
+  output S0, S1, COUT
+);
+endmodule
+
 /// Ports of ECP5's block memory.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,

@@ -1,28 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_small_product` in logic, registered after each sum.
+/// `lipp_small_product` in carry chains: two digits of four bits and the highest bit, then their sum.
 ///
 /// Same ports and behaviour as rtl/math/lipp_small_product.sv.
 module lipp_small_product #(
-  parameter int Wa = 8,
-  parameter int Wb = 8,
-  localparam int Wp = Wa + Wb
+  parameter int Wa = 17,
+  parameter int Drop = 0,
+  localparam int Wp = Wa + 9 - Drop
 ) (
   input  logic          clk_i,
   input  logic [Wa-1:0] a_i,
-  input  logic [Wb-1:0] b_i,
+  input  logic [8:0]    b_i,
   output logic [Wp-1:0] p_o
 );
-  import lipp_math_pkg::*;
 
-  logic signed [MulBits-1:0] a;
-  logic signed [MulBits+Wb-1:0] product;
-  assign a = $signed(MulBits'(a_i));
-  lipp_low_product #(.Low(Wb)) i_product (.clk_i, .a_i(a), .low_i(b_i), .p_o(product));
-  assign p_o = product[Wp-1:0];
-  logic unused_product;
-  assign unused_product = ^product;
+  if (Wa < 3 || Wa > 17 || (Drop != 0 && Drop != 8)) begin : gen_illegal
+    $fatal(1, "lipp_small_product: Wa must be 3 to 17 and Drop 0 or 8");
+  end
+
+  // The highest bit's part begins at 2^8: the half that rounds stands below it.
+  localparam logic [3:0] Half = Drop == 0 ? 4'd0 : 4'd8;
+  logic [Wa+3:0] low, high, low_q, high_q;
+  logic [Wa-1:0] top_q;
+  logic [Wa+4:0] behind, sum;
+  logic [Wa+8:0] p_q;
+  lipp_digit_product #(.W(Wa), .Signed(1'b0)) i_low (.a_i, .d_i(b_i[3:0]), .p_o(low));
+  lipp_digit_product #(.W(Wa), .Signed(1'b0)) i_high (.a_i, .d_i(b_i[7:4]), .p_o(high));
+  lipp_gated_sum #(.W(Wa + 5)) i_behind (
+    .a_i({1'b0, top_q, Half}), .x_i('1), .b_i({1'b0, high_q}), .y_i('1), .s_o(behind)
+  );
+  lipp_gated_sum #(.W(Wa + 5)) i_sum (
+    .a_i(behind), .x_i('1), .b_i({5'd0, low_q[Wa+3:4]}), .y_i('1), .s_o(sum)
+  );
+  always_ff @(posedge clk_i) begin
+    low_q <= low;
+    high_q <= high;
+    top_q <= a_i & {Wa{b_i[8]}};
+    p_q <= {sum, low_q[3:0]};
+  end
+  assign p_o = p_q[Wa+8:Drop];
+  logic unused_p;
+  assign unused_p = ^p_q;
 
 endmodule
 

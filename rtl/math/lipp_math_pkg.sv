@@ -42,6 +42,26 @@ package lipp_math_pkg;
     return 2 + low_latency(low) + 1;
   endfunction
 
+  /// Latency of `lipp_small_product`.
+  function automatic int small_latency();
+    return 2;
+  endfunction
+
+  /// Latency of `lipp_byte_square`.
+  function automatic int byte_square_latency();
+    return 2;
+  endfunction
+
+  /// Latency of `lipp_mult18`.
+  function automatic int cell_latency();
+    return 3;
+  endfunction
+
+  /// Latency of `lipp_row_multiplier`: the cell, and a sum where a word is longer.
+  function automatic int row_latency(int wa, int wb);
+    return cell_latency() + (low_bits(wa) > 0 || low_bits(wb) > 0 ? 1 : 0);
+  endfunction
+
   /// Segments of a root's table in each octave, as a power of two. An illegal F, which its module
   /// refuses, gets a small table.
   function automatic int segment_bits(int f);

@@ -1,33 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two short unsigned words that needs no multiplier cell: p(t) = a(t - Latency) b(t - Latency).
+/// Product of a short word and a fraction, both unsigned, that needs no multiplier cell; rounded where it is cut:
+///
+///   p = a b                 with Drop = 0
+///   p = (a b + 2^7) >> 8    with Drop = 8
 ///
 /// The product comes first and all registers follow it: a simulator then moves one word a clock, and
 /// synthesis may move the registers into the product. Synthesis for a family without such retiming
-/// replaces this module (rtl/ecp5/). Latency is lipp_math_pkg::low_latency(Wb).
+/// replaces this module (rtl/ecp5/). Latency lipp_math_pkg::small_latency().
 module lipp_small_product #(
-  parameter int Wa = 8,  // bits of a, 1 to 17
-  parameter int Wb = 8,  // bits of b, 1 to 17: the fewer, the less logic
-  localparam int Wp = Wa + Wb
+  parameter int Wa = 17,   // bits of a, 3 to 17
+  parameter int Drop = 0,  // places cut off, 0 or 8
+  localparam int Wp = Wa + 9 - Drop
 ) (
   input  logic          clk_i,
   input  logic [Wa-1:0] a_i,
-  input  logic [Wb-1:0] b_i,
+  input  logic [8:0]    b_i,
   output logic [Wp-1:0] p_o
 );
   import lipp_math_pkg::*;
 
-  localparam int Latency = low_latency(Wb > 0 ? Wb : 1);  // 1: for $fatal of an illegal one
+  localparam int Latency = small_latency();
+  localparam logic [Wa+8:0] Half = Drop == 0 ? '0 : (Wa + 9)'(128);
 
-  if (Wa < 1 || Wa > 17 || Wb < 1 || Wb > 17) begin : gen_illegal
-    $fatal(1, "lipp_small_product: Wa and Wb must be 1 to 17");
+  if (Wa < 3 || Wa > 17 || (Drop != 0 && Drop != 8)) begin : gen_illegal
+    $fatal(1, "lipp_small_product: Wa must be 3 to 17 and Drop 0 or 8");
   end
 
   for (genvar k = 0; k < Latency; k++) begin : gen_stage
     logic [Wp-1:0] q;
     if (k == 0) begin : gen_first
-      always_ff @(posedge clk_i) q <= Wp'(a_i) * Wp'(b_i);
+      always_ff @(posedge clk_i) q <= Wp'(((Wa + 9)'(a_i) * (Wa + 9)'(b_i) + Half) >> Drop);
     end else begin : gen_next
       always_ff @(posedge clk_i) q <= gen_stage[k-1].q;
     end

@@ -28,7 +28,8 @@ module lipp_composite #(
   import lipp_math_pkg::*;
   import lipp_scene_pkg::*;
 
-  localparam int CellLatency = mul_latency(MulBits, MulBits);  // that of a small product with a brightness too
+  localparam int CellLatency = cell_latency();
+  localparam int GainLatency = small_latency();
   localparam int Step = CellLatency + 1;  // from T_k to T_(k+1)
   localparam int Wc = LightBits + 1;
   localparam int Wp = 2 * MulBits;
@@ -39,10 +40,10 @@ module lipp_composite #(
   // T_k is there Step (k - 1) + 1 clocks after the input.
   for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer  // one, for $fatal of an illegal number
     logic [ShareBits-1:0] left_q;       // T_(k+1)
-    logic [2:0][Wc-1:0] sum_q;          // C_(k+1), Step clocks after T_(k+1); of layer 0, Step - 1
+    logic [2:0][Wc-1:0] sum_q;          // C_(k+1), GainLatency clocks after T_(k+1); of layer 0 one less
     logic [BrightnessBits-1:0] bright_q;
     logic [2:0][LightBits-1:0] light;
-    localparam int GainAt = k == 0 ? 0 : Step * k + 1;
+    localparam int GainAt = k == 0 ? 0 : Step * (k - 1) + 1 + GainLatency;
     always_ff @(posedge clk_i) begin
       bright_q <= brightness_i[k] > 9'd256 ? 9'd256 : brightness_i[k];
     end
@@ -52,17 +53,16 @@ module lipp_composite #(
     end else begin : gen_behind
       logic [ShareBits-1:0] ahead, opacity;
       logic signed [Wp-1:0] lost;
-      logic [ShareBits+BrightnessBits-1:0] gain;
-      logic signed [MulBits-1:0] gain_q;  // G_k
+      logic [ShareBits:0] gain;  // G_k
       logic [Wp-1:0] left_d;
       assign ahead = gen_layer[k-1].left_q;
       lipp_delay #(.Width(ShareBits), .Cycles(Step * (k - 1) + 1), .Block(1'b0)) i_opacity (
         .clk_i, .d_i(opacity_i[k]), .q_o(opacity)
       );
-      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_lost (
+      lipp_mult18 i_lost (
         .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed({1'b0, opacity})), .p_o(lost)
       );
-      lipp_small_product #(.Wa(ShareBits), .Wb(BrightnessBits)) i_gain (
+      lipp_small_product #(.Wa(ShareBits), .Drop(8)) i_gain (
         .clk_i, .a_i(ahead), .b_i(bright_q), .p_o(gain)
       );
       logic [ShareBits-1:0] ahead_late;
@@ -71,53 +71,47 @@ module lipp_composite #(
       );
       // T - ((p + 2^15) >> 16) = (2^16 T + 2^15 - 1 - p) >> 16.
       assign left_d = {3'd0, ahead_late, 16'h7FFF} - lost;
-      always_ff @(posedge clk_i) begin
-        left_q <= left_d[16+:ShareBits];
-        gain_q <= MulBits'((gain + (ShareBits + BrightnessBits)'(128)) >> 8);
-      end
-      logic unused_left;
-      assign unused_left = ^left_d;
+      always_ff @(posedge clk_i) left_q <= left_d[16+:ShareBits];
+      logic unused_bits;
+      assign unused_bits = ^{left_d, gain[ShareBits]};
     end
 
     lipp_delay #(.Width(3 * LightBits), .Cycles(GainAt), .Block(1'b0)) i_light (
       .clk_i, .d_i(light_i[k]), .q_o(light)
     );
     for (genvar c = 0; c < 3; c++) begin : gen_channel
-      logic [Wp-1:0] sum_d;
       if (k == 0) begin : gen_front
         // G_0 = 2^8 B_0.
-        logic [LightBits+BrightnessBits-1:0] part;
-        lipp_small_product #(.Wa(LightBits), .Wb(BrightnessBits)) i_part (
+        logic [LightBits:0] part;
+        lipp_small_product #(.Wa(LightBits), .Drop(8)) i_part (
           .clk_i, .a_i(light[c]), .b_i(bright_q), .p_o(part)
         );
-        assign sum_d = Wp'({part, 8'd0}) + Wp'('h8000);
+        assign sum_q[c] = part;
       end else begin : gen_behind
         logic signed [Wp-1:0] part;
+        logic [Wp-1:0] sum_d;
         logic [Wc-1:0] so_far;
-        lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
-          .clk_i, .a_i(gen_layer[k].gen_behind.gain_q), .b_i($signed({2'b00, light[c]})), .p_o(part)
+        lipp_mult18 i_part (
+          .clk_i, .a_i($signed({1'b0, gen_layer[k].gen_behind.gain[ShareBits-1:0]})),
+          .b_i($signed({2'b00, light[c]})), .p_o(part)
         );
         // Layer 0 has its sum a clock earlier.
-        lipp_delay #(.Width(Wc), .Cycles(k == 1 ? Step : Step - 1)) i_so_far (
+        lipp_delay #(.Width(Wc), .Cycles(k == 1 ? CellLatency + 1 : CellLatency)) i_so_far (
           .clk_i, .d_i(gen_layer[k-1].sum_q[c]), .q_o(so_far)
         );
         assign sum_d = {3'd0, so_far, 16'h8000} + part;
+        always_ff @(posedge clk_i) sum_q[c] <= sum_d[16+:Wc];
+        logic unused_sum;
+        assign unused_sum = ^sum_d;
       end
-      always_ff @(posedge clk_i) sum_q[c] <= sum_d[16+:Wc];
-      logic unused_sum;
-      assign unused_sum = ^sum_d;
     end
   end
 
   // ---- background ----
   localparam int Last = Layers > 0 ? Layers - 1 : 0;
-  logic [ShareBits-1:0] left;
   logic draws;
   logic [2:0][Wc-1:0] whole_q;
-  lipp_delay #(.Width(ShareBits), .Cycles(1)) i_left (
-    .clk_i, .d_i(gen_layer[Last].left_q), .q_o(left)
-  );
-  lipp_delay #(.Width(1), .Cycles(Step * Layers + 2), .Block(1'b0)) i_draws (
+  lipp_delay #(.Width(1), .Cycles(Step * Layers + 1), .Block(1'b0)) i_draws (
     .clk_i, .d_i(draws_i), .q_o(draws)
   );
   for (genvar c = 0; c < 3; c++) begin : gen_background
@@ -126,10 +120,10 @@ module lipp_composite #(
     logic [Wc-1:0] so_far;
     logic [Wp-1:0] sum_d;
     always_ff @(posedge clk_i) back_q <= background_i[c];
-    lipp_multiplier #(.Wa(MulBits), .Wb(MulBits)) i_part (
-      .clk_i, .a_i($signed({1'b0, left})), .b_i($signed({2'b00, back_q})), .p_o(part)
+    lipp_mult18 i_part (
+      .clk_i, .a_i($signed({1'b0, gen_layer[Last].left_q})), .b_i($signed({2'b00, back_q})), .p_o(part)
     );
-    lipp_delay #(.Width(Wc), .Cycles(Layers == 1 ? 1 : 0)) i_so_far (
+    lipp_delay #(.Width(Wc), .Cycles(CellLatency - GainLatency + (Layers == 1 ? 1 : 0))) i_so_far (
       .clk_i, .d_i(gen_layer[Last].sum_q[c]), .q_o(so_far)
     );
     assign sum_d = {3'd0, so_far, 16'h8000} + part;

@@ -4,13 +4,13 @@
 /// From an exit ray to its line: where it meets the plane z = 0 of the domes' vertices, and its slopes.
 ///
 /// The line is in the array's axes, in radii from the array's origin. Words as integers, a b >> k the
-/// product that `lipp_multiplier` cuts by k places, q the reciprocal root of 4 dz that `lipp_quadratic`
+/// product that `lipp_row_multiplier` cuts by k places, q the reciprocal root of 4 dz that `lipp_quadratic`
 /// gives:
 ///
 ///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
 ///   slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
-///   x_o      = ((xi 2^6 i >> 37-F) + (xj 2^6 j >> 37-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
-///   y_o      = ((yj 2^6 j >> 37-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+///   x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
+///   y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
 ///
 /// draws_o: the status is ok or crosstalk, dz is 1/4 or more (75.5 degrees to the axis), and x_o and y_o
 /// are in [-2048, 2048). Errors in units of the last place: of a slope m at most 0.8 + 1.25 |m|, 0.35 RMS where
@@ -18,8 +18,7 @@
 /// for each lenslet from the origin.
 /// Latency exit_line_latency(F).
 module lipp_exit_line #(
-  parameter int F = 16,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter int F = 16
 ) (
   input  logic                                         clk_i,
   input  logic signed [lipp_optics_pkg::IndexBits-1:0] i_i,  // lenslet
@@ -53,7 +52,7 @@ module lipp_exit_line #(
   end
 
   // ---- r = 1 / dz ----
-  localparam int SquareLatency = mul_latency(F + 6, F + 6);
+  localparam int SquareLatency = row_latency(F + 6, F + 6);
   localparam int InverseLatency = quadratic_latency() + SquareLatency;
   logic [F+4:0] root;
   logic signed [F+5:0] root_word;
@@ -62,28 +61,26 @@ module lipp_exit_line #(
     .clk_i, .x_i({dz_i[F:0], 2'b00}), .y_o(root)
   );
   assign root_word = $signed({1'b0, root});
-  lipp_multiplier #(
-    .CrossCells(CrossCells), .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
+  lipp_row_multiplier #(
+    .Wa(F + 6), .Wb(F + 6), .Drop(F + 2), .Square(1'b1)
   ) i_inverse (.clk_i, .a_i(root_word), .b_i(root_word), .p_o(inverse));
 
-  // What the ray brings waits for r; delays here and below leave the block memory to the texels.
-  logic signed [W-1:0] dx_late, dy_late;
-  logic signed [IndexBits-1:0] i_late, j_late;
-  logic signed [Wl-1:0] x_late, y_late, z_late;
-  lipp_delay #(.Width(2 * W + 2 * IndexBits + 3 * Wl), .Cycles(InverseLatency), .Block(1'b0)) i_ray (
-    .clk_i, .d_i({dx_i, dy_i, i_i, j_i, x_i, y_i, z_i}),
-    .q_o({dx_late, dy_late, i_late, j_late, x_late, y_late, z_late})
+  // The direction waits for r. One clock more than a ring's longest would take a second ring.
+  logic signed [W-1:0] dx_q, dy_q, dx_late, dy_late;
+  always_ff @(posedge clk_i) {dx_q, dy_q} <= {dx_i, dy_i};
+  lipp_delay #(.Width(2 * W), .Cycles(InverseLatency - 1), .Block(1'b0)) i_direction (
+    .clk_i, .d_i({dx_q, dy_q}), .q_o({dx_late, dy_late})
   );
 
   // ---- slopes ----
-  localparam int SlopeLatency = mul_latency(W, Wr) + 1;
+  localparam int SlopeLatency = row_latency(W, Wr) + 1;
   localparam int Wm = W + Wr - (F + 1);
   logic signed [Wm-1:0] rise_x, rise_y;
   logic signed [Wl-1:0] slope_x_q, slope_y_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_x (
+  lipp_row_multiplier #(.Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_x (
     .clk_i, .a_i(dx_late), .b_i(inverse[Wr-1:0]), .p_o(rise_x)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_y (
+  lipp_row_multiplier #(.Wa(W), .Wb(Wr), .Drop(F + 1)) i_slope_y (
     .clk_i, .a_i(dy_late), .b_i(inverse[Wr-1:0]), .p_o(rise_y)
   );
   always_ff @(posedge clk_i) begin
@@ -94,40 +91,40 @@ module lipp_exit_line #(
   assign unused_inverse = ^inverse[F+9:Wr];
 
   // ---- from the vertex plane's point to z = 0, and the lenslet's centre ----
-  localparam int FallLatency = mul_latency(Wl, Wl);
-  localparam int LatticeLatency = mul_latency(32, MulBits);
+  localparam int FallLatency = row_latency(Wl, Wl);
+  localparam int LatticeLatency = row_latency(32, IndexBits);
   localparam int Wf = Wl + Wl - (F + 3);           // slope z
-  localparam int Wc = 32 + MulBits - (37 - F);     // the centre, F - 1 fraction bits
+  localparam int Wc = 32 + IndexBits - (31 - F);   // the centre, F - 1 fraction bits
   localparam int Ws = Wc + 2;
-  localparam int CentreWait = SlopeLatency + FallLatency - LatticeLatency;
+  localparam int PlaceWait = InverseLatency + SlopeLatency;
   logic signed [Wl-1:0] x_later, y_later, z_later;
   logic signed [IndexBits-1:0] i_later, j_later;
-  logic signed [MulBits-1:0] i_word, j_word;
   logic signed [Wf-1:0] fall_x, fall_y;
   logic signed [Wc-1:0] centre_xi, centre_xj, centre_yj;
-  lipp_delay #(.Width(Wl), .Cycles(SlopeLatency)) i_z (.clk_i, .d_i(z_late), .q_o(z_later));
-  lipp_delay #(.Width(2 * Wl), .Cycles(SlopeLatency + FallLatency), .Block(1'b0)) i_xy (
-    .clk_i, .d_i({x_late, y_late}), .q_o({x_later, y_later})
+  // Delays here and above leave the block memory to the texels.
+  lipp_delay #(.Width(Wl), .Cycles(PlaceWait), .Block(1'b0)) i_z (
+    .clk_i, .d_i(z_i), .q_o(z_later)
   );
-  lipp_delay #(.Width(2 * IndexBits), .Cycles(CentreWait)) i_ij (
-    .clk_i, .d_i({i_late, j_late}), .q_o({i_later, j_later})
+  lipp_delay #(.Width(2 * Wl), .Cycles(PlaceWait + FallLatency), .Block(1'b0)) i_xy (
+    .clk_i, .d_i({x_i, y_i}), .q_o({x_later, y_later})
   );
-  assign i_word = $signed({i_later, 6'd0});
-  assign j_word = $signed({j_later, 6'd0});
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_x (
+  lipp_delay #(
+    .Width(2 * IndexBits), .Cycles(PlaceWait + FallLatency - LatticeLatency), .Block(1'b0)
+  ) i_ij (.clk_i, .d_i({i_i, j_i}), .q_o({i_later, j_later}));
+  lipp_row_multiplier #(.Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_x (
     .clk_i, .a_i(slope_x_q), .b_i(z_later), .p_o(fall_x)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_y (
+  lipp_row_multiplier #(.Wa(Wl), .Wb(Wl), .Drop(F + 3)) i_fall_y (
     .clk_i, .a_i(slope_y_q), .b_i(z_later), .p_o(fall_y)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_xi (
-    .clk_i, .a_i(xi_i), .b_i(i_word), .p_o(centre_xi)
+  lipp_row_multiplier #(.Wa(32), .Wb(IndexBits), .Drop(31 - F)) i_centre_xi (
+    .clk_i, .a_i(xi_i), .b_i(i_later), .p_o(centre_xi)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_xj (
-    .clk_i, .a_i(xj_i), .b_i(j_word), .p_o(centre_xj)
+  lipp_row_multiplier #(.Wa(32), .Wb(IndexBits), .Drop(31 - F)) i_centre_xj (
+    .clk_i, .a_i(xj_i), .b_i(j_later), .p_o(centre_xj)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(32), .Wb(MulBits), .Drop(37 - F)) i_centre_yj (
-    .clk_i, .a_i(yj_i), .b_i(j_word), .p_o(centre_yj)
+  lipp_row_multiplier #(.Wa(32), .Wb(IndexBits), .Drop(31 - F)) i_centre_yj (
+    .clk_i, .a_i(yj_i), .b_i(j_later), .p_o(centre_yj)
   );
 
   // ---- sums ----

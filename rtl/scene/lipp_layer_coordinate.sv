@@ -3,7 +3,7 @@
 
 /// The texture coordinate at which a ray's line meets a layer.
 ///
-/// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places, A = coefficient_bits(F)
+/// Words as integers, a b >> k the product that `lipp_row_multiplier` cuts by k places, A = coefficient_bits(F)
 /// the fraction bits that a build reads of the 24 of a, b, c and d, and F - 3 those of the 20 of depth:
 ///
 ///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
@@ -21,8 +21,7 @@
 /// Latency layer_latency(F).
 module lipp_layer_coordinate #(
   parameter int F = 16,
-  parameter bit Bilinear = 1'b0,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter bit Bilinear = 1'b0
 ) (
   input  logic                                clk_i,
   input  logic signed [F+8:0]                 x_i,  // position
@@ -54,58 +53,73 @@ module lipp_layer_coordinate #(
   end
 
   // ---- to the layer's plane ----
-  localparam int DepthLatency = mul_latency(Wx, Wl);
+  localparam int DepthLatency = row_latency(Wx, Wl);
   localparam int Wp = Wx + Wl - F;
   localparam int Ws = Wp + 2;
   logic signed [Wx-1:0] depth, x_late, y_late;
   logic signed [Wp-1:0] step_x, step_y;
+  logic [Ws-1:0] plane_x, plane_y;
   logic signed [Ws-1:0] plane_x_q, plane_y_q;
-  logic infinite_q;
   assign depth = Wx'(depth_i >>> (32 - Wx));
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wx), .Wb(Wl), .Drop(F)) i_step_x (
+  lipp_row_multiplier #(.Wa(Wx), .Wb(Wl), .Drop(F)) i_step_x (
     .clk_i, .a_i(depth), .b_i(slope_x_i), .p_o(step_x)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wx), .Wb(Wl), .Drop(F)) i_step_y (
+  lipp_row_multiplier #(.Wa(Wx), .Wb(Wl), .Drop(F)) i_step_y (
     .clk_i, .a_i(depth), .b_i(slope_y_i), .p_o(step_y)
   );
+  // All layers' delays are one in synthesis, since the sky's zeros come behind them.
   lipp_delay #(.Width(2 * Wx), .Cycles(DepthLatency)) i_position (
-    .clk_i, .d_i({infinite_q ? '0 : x_i, infinite_q ? '0 : y_i}), .q_o({x_late, y_late})
+    .clk_i, .d_i({x_i, y_i}), .q_o({x_late, y_late})
+  );
+  lipp_gated_sum #(.W(Ws)) i_plane_x (
+    .a_i(Ws'($signed({x_late, 1'b1}))), .x_i({{(Ws - 1){!infinite_i}}, 1'b1}), .b_i(Ws'(step_x)),
+    .y_i('1), .s_o(plane_x)
+  );
+  lipp_gated_sum #(.W(Ws)) i_plane_y (
+    .a_i(Ws'($signed({y_late, 1'b1}))), .x_i({{(Ws - 1){!infinite_i}}, 1'b1}), .b_i(Ws'(step_y)),
+    .y_i('1), .s_o(plane_y)
   );
   always_ff @(posedge clk_i) begin
-    infinite_q <= infinite_i;
-    plane_x_q <= Ws'($signed({x_late, 1'b1})) + Ws'(step_x);
-    plane_y_q <= Ws'($signed({y_late, 1'b1})) + Ws'(step_y);
+    plane_x_q <= plane_x;
+    plane_y_q <= plane_y;
   end
 
   // ---- to texels ----
-  localparam int TexelLatency = mul_latency(Wa, Wx);
+  localparam int TexelLatency = row_latency(Wa, Wx);
   localparam int Drop = Coefficient + F - 19;
   localparam int Wt = Wa + Wx - Drop;  // 16 fraction bits
   localparam logic signed [32:0] Half = Bilinear ? 33'sd128 - 33'sd32768 : 33'sd0;
-  logic signed [Wx-1:0] plane_x, plane_y;
+  logic signed [Wx-1:0] at_x, at_y;
   logic signed [3:0][Wa-1:0] coefficient;
   logic signed [3:0][Wt-1:0] part;
-  assign plane_x = plane_x_q[Wx:1];
-  assign plane_y = plane_y_q[Wx:1];
+  assign at_x = plane_x_q[Wx:1];
+  assign at_y = plane_y_q[Wx:1];
   assign coefficient = {
     Wa'(a_i >>> (32 - Wa)), Wa'(b_i >>> (32 - Wa)), Wa'(c_i >>> (32 - Wa)), Wa'(d_i >>> (32 - Wa))
   };
   for (genvar k = 0; k < 4; k++) begin : gen_part
-    lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wa), .Wb(Wx), .Drop(Drop)) i_part (
-      .clk_i, .a_i(coefficient[k]), .b_i(k % 2 == 1 ? plane_x : plane_y), .p_o(part[k])
+    lipp_row_multiplier #(.Wa(Wa), .Wb(Wx), .Drop(Drop)) i_part (
+      .clk_i, .a_i(coefficient[k]), .b_i(k % 2 == 1 ? at_x : at_y), .p_o(part[k])
     );
   end
 
-  logic signed [Wt+1:0] sum_s_q, sum_t_q;
-  logic signed [Wt:0] parts_s_q, parts_t_q;
+  // A sum of three words, as it stands, would take more logic.
   logic signed [32:0] zero_s_q, zero_t_q;
+  logic [Wt+1:0] parts_s, parts_t, sum_s, sum_t;
+  logic signed [Wt+1:0] sum_s_q, sum_t_q;
+  assign parts_s = (Wt + 2)'($signed(part[3])) + (Wt + 2)'($signed(part[2]));
+  assign parts_t = (Wt + 2)'($signed(part[1])) + (Wt + 2)'($signed(part[0]));
+  lipp_gated_sum #(.W(Wt + 2)) i_sum_s (
+    .a_i(parts_s), .x_i('1), .b_i((Wt + 2)'(zero_s_q)), .y_i('1), .s_o(sum_s)
+  );
+  lipp_gated_sum #(.W(Wt + 2)) i_sum_t (
+    .a_i(parts_t), .x_i('1), .b_i((Wt + 2)'(zero_t_q)), .y_i('1), .s_o(sum_t)
+  );
   always_ff @(posedge clk_i) begin
     zero_s_q <= 33'(s0_i) + Half;
     zero_t_q <= 33'(t0_i) + Half;
-    parts_s_q <= (Wt + 1)'($signed(part[3])) + (Wt + 1)'($signed(part[2]));
-    parts_t_q <= (Wt + 1)'($signed(part[1])) + (Wt + 1)'($signed(part[0]));
-    sum_s_q <= (Wt + 2)'(parts_s_q) + (Wt + 2)'(zero_s_q);
-    sum_t_q <= (Wt + 2)'(parts_t_q) + (Wt + 2)'(zero_t_q);
+    sum_s_q <= sum_s;
+    sum_t_q <= sum_t;
   end
 
   // ---- out ----
@@ -114,13 +128,13 @@ module lipp_layer_coordinate #(
   always_ff @(posedge clk_i) begin
     off_plane_q <= plane_x_q[Ws-1:Wx] != {(Ws - Wx){plane_x_q[Ws-1]}}
         || plane_y_q[Ws-1:Wx] != {(Ws - Wx){plane_y_q[Ws-1]}};
-    s_o <= sum_s_q[Top:8];
-    t_o <= sum_t_q[Top:8];
-    beyond_o <= off_plane || off_texels;
   end
   assign off_texels = sum_s_q[Wt+1:Top] != {(Wt + 2 - Top){sum_s_q[Wt+1]}}
       || sum_t_q[Wt+1:Top] != {(Wt + 2 - Top){sum_t_q[Wt+1]}};
-  lipp_delay #(.Width(1), .Cycles(TexelLatency + 1)) i_off_plane (
+  assign s_o = sum_s_q[Top:8];
+  assign t_o = sum_t_q[Top:8];
+  assign beyond_o = off_plane || off_texels;
+  lipp_delay #(.Width(1), .Cycles(TexelLatency)) i_off_plane (
     .clk_i, .d_i(off_plane_q), .q_o(off_plane)
   );
   logic unused_bits;

@@ -9,7 +9,7 @@
 /// sets. Reset requests a copy.
 ///
 /// write_i stores a byte in a slot, 0 to slots - 1: texels row by row, then the palette (r, g, b, a of each
-/// entry, one after the other). Slot 15 is the panel's curve. Nothing keeps a byte from a slot that is
+/// entry, one after the other, without a byte of another slot between). Slot 15 is the panel's curve. Nothing keeps a byte from a slot that is
 /// being drawn: whoever writes must. Bytes may come each clock.
 ///
 /// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for each layer
@@ -17,8 +17,7 @@
 /// ok or crosstalk is black. Latency scene_latency(F, Scene) + 5 clocks when nothing stalls.
 module lipp_scene #(
   parameter int F = 16,  // fraction bits of the optics' build
-  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
-  parameter bit CrossCells = 1'b0  // cross terms of products in multiplier cells
+  parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
 ) (
   input  logic                                         clk_i,
   input  logic                                         rst_ni,
@@ -100,7 +99,7 @@ module lipp_scene #(
   logic signed [F+8:0] x, y;
   logic signed [F+3:0] slope_x, slope_y;
   logic draws;
-  lipp_exit_line #(.F(F), .CrossCells(CrossCells)) i_exit_line (
+  lipp_exit_line #(.F(F)) i_exit_line (
     .clk_i, .i_i(i_q), .j_i(j_q), .x_i(x_q), .y_i(y_q), .z_i(z_q), .dx_i(dx_q), .dy_i(dy_q),
     .dz_i(dz_q), .status_i(status_q), .xi_i(used.lattice_xi), .xj_i(used.lattice_xj),
     .yj_i(used.lattice_yj), .x_o(x), .y_o(y), .slope_x_o(slope_x), .slope_y_o(slope_y),
@@ -111,7 +110,7 @@ module lipp_scene #(
   look_t [Layers-1:0] look;
   logic [Layers-1:0][CoordinateBits-1:0] s, t;
   logic [Layers-1:0] hidden;
-  logic [Layers-1:0][Taps-1:0][31:0] colour;
+  logic [Layers-1:0][Taps-1:0][EntryBits-1:0] colour;
   logic [Layers-1:0][Taps-1:0][ShareBits-1:0] weight;
   logic [Layers-1:0][2:0][LightBits-1:0] light;
   logic [Layers-1:0][ShareBits-1:0] opacity;
@@ -121,7 +120,7 @@ module lipp_scene #(
     assign layer = used.layers[k];
     assign look[k] = layer.look;
     assign brightness[k] = layer.look.brightness;
-    lipp_layer_coordinate #(.F(F), .Bilinear(Built.bilinear), .CrossCells(CrossCells)) i_coordinate (
+    lipp_layer_coordinate #(.F(F), .Bilinear(Built.bilinear)) i_coordinate (
       .clk_i, .x_i(x), .y_i(y), .slope_x_i(slope_x), .slope_y_i(slope_y), .s0_i(layer.s0),
       .t0_i(layer.t0), .depth_i(layer.depth), .a_i(layer.a), .b_i(layer.b), .c_i(layer.c),
       .d_i(layer.d), .infinite_i(layer.look.infinite), .s_o(s[k]), .t_o(t[k]), .beyond_o(hidden[k])
@@ -139,7 +138,7 @@ module lipp_scene #(
   logic valid, first, last, draws_late;
   logic [2:0][LightBits-1:0] ray_light;
   lipp_delay #(
-    .Width(1), .Cycles(layer_latency(F) + fetch_latency() + texel_blend_latency(Taps)), .Block(1'b0)
+    .Width(1), .Cycles(layer_latency(F) + fetch_latency() + texel_blend_latency()), .Block(1'b0)
   ) i_draws (.clk_i, .d_i(draws), .q_o(draws_late));
   lipp_composite #(.Layers(Layers)) i_composite (
     .clk_i, .light_i(light), .opacity_i(opacity), .draws_i(draws_late), .brightness_i(brightness),

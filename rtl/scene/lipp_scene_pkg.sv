@@ -29,6 +29,8 @@ package lipp_scene_pkg;
   localparam int CoordinateFraction = 8;
   localparam int LightBits = 16;
   localparam int ShareBits = 17;
+  /// A palette's entry: opacity of 9 bits, 256 the whole, and the bytes blue, green, red.
+  localparam int EntryBits = 33;
   localparam logic [ShareBits-1:0] Whole = 17'h10000;
   /// Bits of a weight of texels: brightness.
   localparam int BrightnessBits = 9;
@@ -131,18 +133,18 @@ package lipp_scene_pkg;
 
   /// Latency of `lipp_exit_line`: root, inverse, slopes, products, sums.
   function automatic int exit_line_latency(int f);
-    return quadratic_latency() + mul_latency(f + 6, f + 6) + mul_latency(f + 2, f + 8) + 1
-        + mul_latency(f + 4, f + 4) + 4;
+    return quadratic_latency() + row_latency(f + 6, f + 6) + row_latency(f + 2, f + 8) + 1
+        + row_latency(f + 4, f + 4) + 4;
   endfunction
 
   /// Latency of `lipp_layer_coordinate`: to the plane, to texels, sums.
   function automatic int layer_latency(int f);
-    return mul_latency(f + 9, f + 4) + 1 + mul_latency(coefficient_bits(f) + 8, f + 9) + 3;
+    return row_latency(f + 9, f + 4) + 1 + row_latency(coefficient_bits(f) + 8, f + 9) + 1;
   endfunction
 
-  /// Latency of `lipp_texel_slot`: address, texel, colour.
+  /// Latency of `lipp_texel_slot`: texel, colour.
   function automatic int slot_latency();
-    return 1 + 3 + 2;
+    return 3 + 2;
   endfunction
 
   /// Latency of `lipp_texel_fetch`: addresses, crossbar, slot, crossbar.
@@ -150,19 +152,14 @@ package lipp_scene_pkg;
     return 2 + 1 + slot_latency() + 1;
   endfunction
 
-  /// Latency of `lipp_texel_blend` up to the texels' shares.
-  function automatic int shares_latency(int texels_read);
-    return texels_read == 1 ? low_latency(8) : 1 + low_latency(9) + 1;
-  endfunction
-
-  /// Latency of `lipp_texel_blend`.
-  function automatic int texel_blend_latency(int texels_read);
-    return shares_latency(texels_read) + mul_latency(MulBits, MulBits) + 2;
+  /// Latency of `lipp_texel_blend`: shares and squares, products, two sums.
+  function automatic int texel_blend_latency();
+    return small_latency() + cell_latency() + 2;
   endfunction
 
   /// Latency of `lipp_composite`.
   function automatic int composite_latency(int layers);
-    return 5 * layers + 3;
+    return (cell_latency() + 1) * layers + 2;
   endfunction
 
   /// Latency of `lipp_sample_mean`.
@@ -178,7 +175,7 @@ package lipp_scene_pkg;
   /// Clocks from an exit ray to its pixel in `lipp_scene`, without its handshakes.
   function automatic int scene_latency(int f, scene_build_t scene);
     return exit_line_latency(f) + layer_latency(f) + fetch_latency()
-        + texel_blend_latency(taps(scene)) + composite_latency(int'(scene.layers))
+        + texel_blend_latency() + composite_latency(int'(scene.layers))
         + mean_latency(int'(scene.samples_bits)) + curve_latency();
   endfunction
 

@@ -3,19 +3,19 @@
 
 /// Blends the texels of a layer by their weights: linear light, premultiplied by the opacity, and opacity.
 ///
-/// With the bytes r, g, b, a of texel n and its weight w_n (65536: the whole):
+/// With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (65536: the whole):
 ///
-///   share_n = (w_n (a + [a >= 128]) + 2^7) >> 8        16 fraction bits
+///   share_n = (w_n A + 2^7) >> 8        16 fraction bits
 ///   light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
 ///   opacity_o = sum over n of share_n
 ///
 /// Weights whose sum is at most 65536 keep the opacity at 65536 or below, and the light at 65025. With one tap a
-/// weight is 65536 or 0. Latency texel_blend_latency(Taps).
+/// weight is 65536 or 0. Latency texel_blend_latency().
 module lipp_texel_blend #(
   parameter int Taps = 1  // 1 or 4
 ) (
   input  logic                                                  clk_i,
-  input  logic [Taps-1:0][31:0]                                 colour_i,  // {a, b, g, r}
+  input  logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0]        colour_i,  // {A, b, g, r}
   input  logic [Taps-1:0][lipp_scene_pkg::ShareBits-1:0]        weight_i,
   output logic [2:0][lipp_scene_pkg::LightBits-1:0]             light_o,  // [2] red, [0] blue
   output logic [lipp_scene_pkg::ShareBits-1:0]                  opacity_o
@@ -23,62 +23,49 @@ module lipp_texel_blend #(
   import lipp_math_pkg::*;
   import lipp_scene_pkg::*;
 
-  localparam int SquareLatency = low_latency(8);
-  localparam int SharesLatency = shares_latency(Taps);
-  localparam int CellLatency = mul_latency(MulBits, MulBits);
-
   if (Taps != 1 && Taps != 4) begin : gen_illegal
     $fatal(1, "lipp_texel_blend: Taps must be 1 or 4");
   end
 
   // ---- shares and squares, then their products ----
-  localparam int Wp = 2 * MulBits - 8;
+  localparam int Wp = LightBits + 8;  // of a product, and of the sum
   logic [Taps-1:0][ShareBits-1:0] share;
   logic [2:0][Taps-1:0][Wp-1:0] product;
   for (genvar n = 0; n < Taps; n++) begin : gen_tap
-    logic [7:0] alpha;
-    assign alpha = colour_i[n][31:24];
+    logic [8:0] opacity;
+    assign opacity = colour_i[n][EntryBits-1:24];
     if (Taps == 1) begin : gen_whole
-      logic [8:0] opacity_q;
+      logic [8:0] opacity_q, opacity_q2;
       always_ff @(posedge clk_i) begin
-        opacity_q <= weight_i[n][ShareBits-1] ? 9'(alpha) + 9'(alpha[7]) : '0;
+        opacity_q <= weight_i[n][ShareBits-1] ? opacity : '0;
+        opacity_q2 <= opacity_q;
       end
-      lipp_delay #(.Width(ShareBits), .Cycles(SharesLatency - 1)) i_share (
-        .clk_i, .d_i({opacity_q, 8'd0}), .q_o(share[n])
-      );
+      assign share[n] = {opacity_q2, 8'd0};
       logic unused_weight;
       assign unused_weight = ^weight_i[n];
     end else begin : gen_part
-      logic [8:0] opacity_q;
-      logic [ShareBits-1:0] weight_q, share_q;
-      logic [ShareBits+8:0] whole;
-      always_ff @(posedge clk_i) begin
-        opacity_q <= 9'(alpha) + 9'(alpha[7]);
-        weight_q <= weight_i[n];
-        share_q <= ShareBits'((whole + (ShareBits + 9)'(128)) >> 8);
-      end
-      lipp_small_product #(.Wa(ShareBits), .Wb(9)) i_share (
-        .clk_i, .a_i(weight_q), .b_i(opacity_q), .p_o(whole)
+      logic [ShareBits:0] part;
+      lipp_small_product #(.Wa(ShareBits), .Drop(8)) i_share (
+        .clk_i, .a_i(weight_i[n]), .b_i(opacity), .p_o(part)
       );
-      assign share[n] = share_q;
+      assign share[n] = part[ShareBits-1:0];
+      logic unused_part;
+      assign unused_part = part[ShareBits];
     end
 
     for (genvar c = 0; c < 3; c++) begin : gen_channel
       // Red is the lowest byte, and light_o's highest part.
-      logic [7:0] value;
-      logic [LightBits-1:0] square, light;
-      logic signed [MulBits-1:0] light_word;
-      assign value = colour_i[n][8*(2-c)+:8];
-      lipp_small_product #(.Wa(8), .Wb(8)) i_square (
-        .clk_i, .a_i(value), .b_i(value), .p_o(square)
+      logic [LightBits-1:0] square;
+      logic signed [2*MulBits-1:0] whole;
+      lipp_byte_square i_square (
+        .clk_i, .value_i(colour_i[n][8*(2-c)+:8]), .square_o(square)
       );
-      lipp_delay #(.Width(LightBits), .Cycles(SharesLatency - SquareLatency)) i_light (
-        .clk_i, .d_i(square), .q_o(light)
+      lipp_mult18 i_product (
+        .clk_i, .a_i($signed({1'b0, share[n]})), .b_i($signed({2'b00, square})), .p_o(whole)
       );
-      assign light_word = $signed({2'b00, light});
-      lipp_multiplier #(.Wa(MulBits), .Wb(MulBits), .Drop(8)) i_product (
-        .clk_i, .a_i($signed({1'b0, share[n]})), .b_i(light_word), .p_o(product[c][n])
-      );
+      assign product[c][n] = whole[8+:Wp];
+      logic unused_whole;
+      assign unused_whole = ^whole;
     end
   end
 
@@ -86,15 +73,21 @@ module lipp_texel_blend #(
   logic [ShareBits-1:0] opacity;
   for (genvar c = 0; c < 3; c++) begin : gen_light
     logic [Wp-1:0] first_q, second_q, sum;
-    always_ff @(posedge clk_i) light_o[c] <= sum[LightBits+7:8];
+    always_ff @(posedge clk_i) light_o[c] <= sum[Wp-1:8];
     assign sum = first_q + second_q;
     if (Taps == 1) begin : gen_one
       assign second_q = Wp'(128);
       always_ff @(posedge clk_i) first_q <= product[c][0];
     end else begin : gen_four
+      // Synthesis makes no sum of three words of this.
+      logic [Wp-1:0] third, pair;
+      assign third = product[c][3] + Wp'(128);
+      lipp_gated_sum #(.W(Wp)) i_pair (
+        .a_i(product[c][2]), .x_i('1), .b_i(third), .y_i('1), .s_o(pair)
+      );
       always_ff @(posedge clk_i) begin
         first_q <= product[c][0] + product[c][1];
-        second_q <= product[c][2] + (product[c][3] + Wp'(128));
+        second_q <= pair;
       end
     end
     logic unused_sum;
@@ -102,7 +95,7 @@ module lipp_texel_blend #(
   end
   if (Taps == 1) begin : gen_one
     assign opacity = share[0];
-    lipp_delay #(.Width(ShareBits), .Cycles(CellLatency + 2)) i_opacity (
+    lipp_delay #(.Width(ShareBits), .Cycles(cell_latency() + 2)) i_opacity (
       .clk_i, .d_i(opacity), .q_o(opacity_o)
     );
   end else begin : gen_four
@@ -113,7 +106,7 @@ module lipp_texel_blend #(
       opacity_q <= even_q + odd_q;
     end
     assign opacity = opacity_q;
-    lipp_delay #(.Width(ShareBits), .Cycles(CellLatency)) i_opacity (
+    lipp_delay #(.Width(ShareBits), .Cycles(cell_latency())) i_opacity (
       .clk_i, .d_i(opacity), .q_o(opacity_o)
     );
   end

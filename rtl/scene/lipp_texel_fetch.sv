@@ -11,6 +11,9 @@
 ///     (256 - f) (256 - g), f (256 - g), (256 - f) g, f g; tap {row[0], column[0]} is the one of that row
 ///     and column
 ///
+/// A colour is {A, b, g, r}: the bytes of the palette's entry, with the opacity A = a + [a >= 128], 256 the whole. The
+/// four bytes of an entry are written one after the other.
+///
 /// Texels outside of the texture, and those of a layer with hidden_i, have the weight 0; their colour is
 /// undefined. Latency fetch_latency().
 module lipp_texel_fetch #(
@@ -30,7 +33,7 @@ module lipp_texel_fetch #(
   input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] s_i,  // coordinates
   input  logic [Layers-1:0][lipp_scene_pkg::CoordinateBits-1:0] t_i,
   input  logic [Layers-1:0]                            hidden_i,
-  output logic [Layers-1:0][Taps-1:0][31:0]            colour_o,  // {a, b, g, r}
+  output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o,  // {A, b, g, r}
   output logic [Layers-1:0][Taps-1:0][lipp_scene_pkg::ShareBits-1:0] weight_o  // 16 fraction bits
 );
   import lipp_math_pkg::*;
@@ -118,7 +121,7 @@ module lipp_texel_fetch #(
       end
 
       // Weights: one product, three differences, and the masks.
-      localparam int ProductLatency = low_latency(9);
+      localparam int ProductLatency = small_latency();
       localparam int Weights = Latency - ProductLatency - 2;  // the product starts
       logic [17:0] product;
       logic [1:0] column_shown, row_shown;
@@ -127,7 +130,7 @@ module lipp_texel_fetch #(
       lipp_delay #(.Width(18), .Cycles(Weights - 1)) i_fractions (
         .clk_i, .d_i({f_q, g_q}), .q_o({f_late, g_late})
       );
-      lipp_small_product #(.Wa(9), .Wb(9)) i_product (
+      lipp_small_product #(.Wa(9)) i_product (
         .clk_i, .a_i(f_late), .b_i(g_late), .p_o(product)
       );
       lipp_delay #(.Width(18), .Cycles(ProductLatency)) i_later (
@@ -153,12 +156,15 @@ module lipp_texel_fetch #(
 
   // ---- slots ----
   logic [Slots-1:0][Taps-1:0][AddressBits-1:0] slot_at_d, slot_at_q;
-  logic [Slots-1:0][Taps-1:0][31:0] slot_colour;
-  logic [Layers-1:0][Taps-1:0][31:0] colour_d;
+  logic [Slots-1:0][Taps-1:0][EntryBits-1:0] slot_colour;
+  logic [Layers-1:0][Taps-1:0][EntryBits-1:0] colour_d;
   logic write_q;
   logic [3:0] write_slot_q;
   logic [19:0] write_at_q;
   logic [7:0] write_data_q;
+  logic [2:0][7:0] bytes_q;  // before write_data_q
+  logic [EntryBits-1:0] entry;
+  assign entry = {9'(write_data_q) + 9'(write_data_q[7]), bytes_q};
   always_comb begin
     slot_at_d = '0;
     colour_d = '0;
@@ -178,11 +184,12 @@ module lipp_texel_fetch #(
     write_slot_q <= write_slot_i;
     write_at_q <= write_at_i;
     write_data_q <= write_data_i;
+    if (write_q) bytes_q <= {write_data_q, bytes_q[2:1]};
   end
   for (genvar m = 0; m < Slots; m++) begin : gen_slot
     lipp_texel_slot #(.Scene(Built)) i_slot (
       .clk_i, .write_i(write_q && write_slot_q == 4'(m)), .write_at_i(write_at_q),
-      .write_data_i(write_data_q), .read_at_i(slot_at_q[m]), .colour_o(slot_colour[m])
+      .write_data_i(write_data_q), .entry_i(entry), .read_at_i(slot_at_q[m]), .colour_o(slot_colour[m])
     );
   end
 

@@ -4,12 +4,12 @@
 /// A slot: the texels and the palette of a layer. An address gives the colour of its texel.
 ///
 /// Bytes are written as the scene's slots have them: the texels row by row, then the palette, 256 times r, g,
-/// b, a. A palette's entry is stored with its fourth byte, so the four come one after the other.
+/// b, a. A palette's entry is stored with its fourth byte, from entry_i.
 ///
 /// With Scene.bilinear the texels lie in four banks, of the even and odd columns and rows: bank {row[0],
 /// column[0]}, address row / 2 * (width / 2) + column / 2. Each has its own address and copy of the palette.
 /// Otherwise there is one bank, with the address row * width + column.
-/// colour_o: {a, b, g, r} of each bank's texel, slot_latency() clocks after its address.
+/// colour_o: the entry of each bank's texel, slot_latency() clocks after its address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam int Taps = lipp_scene_pkg::taps(lipp_scene_pkg::built(Scene)),
@@ -20,8 +20,9 @@ module lipp_texel_slot #(
   input  logic                             write_i,
   input  logic [19:0]                      write_at_i,
   input  logic [7:0]                       write_data_i,
+  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // that the byte ends, and the three before it
   input  logic [Taps-1:0][AddressBits-1:0] read_at_i,
-  output logic [Taps-1:0][31:0]            colour_o
+  output logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o
 );
   import lipp_scene_pkg::*;
 
@@ -37,17 +38,13 @@ module lipp_texel_slot #(
   logic texel_q, entry_q;
   logic [19:0] at_q;
   logic [7:0] data_q;
-  logic [2:0][7:0] bytes_q;  // the entry's bytes before this one
-  logic [7:0] entry_at_q;
-  logic [31:0] entry_data_q;
+  logic [EntryBits-1:0] entry_data_q;
   always_ff @(posedge clk_i) begin
     texel_q <= write_i && write_at_i[19:10] < PaletteBlock;
     entry_q <= write_i && write_at_i[19:10] == PaletteBlock && write_at_i[1:0] == 2'd3;
     at_q <= write_at_i;
     data_q <= write_data_i;
-    if (write_i) bytes_q <= {write_data_i, bytes_q[2:1]};
-    entry_at_q <= write_at_i[9:2];
-    entry_data_q <= {write_data_i, bytes_q};
+    entry_data_q <= entry_i;
   end
   logic unused_at;
   assign unused_at = ^at_q;
@@ -65,15 +62,13 @@ module lipp_texel_slot #(
       assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});  // row / 2, column / 2
     end
 
-    logic [AddressBits-1:0] read_at_q;
     logic [7:0] texel;
-    always_ff @(posedge clk_i) read_at_q <= read_at_i[k];
     lipp_texel_memory #(.Depth(Depth)) i_texels (
       .clk_i, .write_i(write), .write_at_i(write_at), .write_data_i(data_q),
-      .read_at_i(read_at_q), .read_data_o(texel)
+      .read_at_i(read_at_i[k]), .read_data_o(texel)
     );
-    lipp_memory_1w1r #(.Width(32), .AddressBits(8)) i_palette (
-      .clk_i, .write_i(entry_q), .write_at_i(entry_at_q), .write_data_i(entry_data_q),
+    lipp_memory_1w1r #(.Width(EntryBits), .AddressBits(8)) i_palette (
+      .clk_i, .write_i(entry_q), .write_at_i(at_q[9:2]), .write_data_i(entry_data_q),
       .read_at_i(texel), .read_data_o(colour_o[k])
     );
   end

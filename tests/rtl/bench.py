@@ -26,6 +26,7 @@ class Instance:
     """A module as built: its ports with their bits, and the latency that its package claims.
 
     `config` names the inputs that hold still while words stream, as registers do in a design.
+    `clocked`: it has a clock.
     """
 
     module: str
@@ -34,6 +35,7 @@ class Instance:
     latency: str
     parameters: Mapping[str, int | str] = field(default_factory=dict)
     config: Widths = field(default_factory=dict)
+    clocked: bool = True
 
     @property
     def name(self) -> str:
@@ -81,7 +83,7 @@ def bench_text(instances: Sequence[Instance]) -> str:
         "  assign latency_o = latency[select_i];",
     ]
     for k, one in enumerate(instances):
-        ports = [".clk_i"]
+        ports = [".clk_i"] * one.clocked
         for source, widths in (("word_q", one.inputs), ("config_q", one.config)):
             at = 0
             for port, bits in widths.items():

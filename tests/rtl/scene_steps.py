@@ -9,7 +9,6 @@ LAYERS = (1, 2, 3, 8)
 def scene_steps(f: int) -> dict[str, Instance]:
     """Every step as an instance, by a short name."""
     index, near, far, place = 12, f + 2, f + 4, f + 9
-    cells = {"CrossCells": 1} if f in (18, 22) else {}
     registers = dict.fromkeys(("s0_i", "t0_i", "depth_i", "a_i", "b_i", "c_i", "d_i"), 32)
     made = {
         "exit_line": Instance(
@@ -20,7 +19,7 @@ def scene_steps(f: int) -> dict[str, Instance]:
             },
             {"x_o": place, "y_o": place, "slope_x_o": far, "slope_y_o": far, "draws_o": 1},
             f"lipp_scene_pkg::exit_line_latency({f})",
-            {"F": f, **cells},
+            {"F": f},
             {"xi_i": 32, "xj_i": 32, "yj_i": 32},
         )
     }  # fmt: skip
@@ -30,15 +29,15 @@ def scene_steps(f: int) -> dict[str, Instance]:
             {"x_i": place, "y_i": place, "slope_x_i": far, "slope_y_i": far},
             {"s_o": 20, "t_o": 20, "beyond_o": 1},
             f"lipp_scene_pkg::layer_latency({f})",
-            {"F": f, "Bilinear": bilinear, **cells},
+            {"F": f, "Bilinear": bilinear},
             {**registers, "infinite_i": 1},
         )
     for taps in (1, 4):
         made[f"texel_blend-{taps}"] = Instance(
             "texel_blend",
-            {"colour_i": 32 * taps, "weight_i": 17 * taps},
+            {"colour_i": 33 * taps, "weight_i": 17 * taps},
             {"light_o": 48, "opacity_o": 17},
-            f"lipp_scene_pkg::texel_blend_latency({taps})",
+            "lipp_scene_pkg::texel_blend_latency()",
             {"Taps": taps},
         )
     for layers in LAYERS:

@@ -31,7 +31,7 @@ def printed(request):
         "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
         "ecp5": [*CELLS, HERE / "ecp5_models.sv"],
     }[request.param]
-    shared = [generic[name] for name in ("math_pkg", "delay", "fifo", "low_product")]
+    shared = [generic[name] for name in ("math_pkg", "delay", "fifo", "digit_product", "row_product")]
     sources = [*shared, HERE / "bench.sv", *files]
 
     def make(program: Path) -> None:
@@ -59,8 +59,14 @@ def test_mult18(printed):
     assert len(pairs) > CLOCKS // 2
 
 
-@pytest.mark.parametrize(("kind", "latency"), [("whole", 4), ("both", 7), ("square", 6), ("first", 6), ("second", 6)])
-def test_wide_product(printed, kind, latency):
+@pytest.mark.parametrize(
+    ("kind", "latency"),
+    [
+        ("whole", 4), ("both", 7), ("square", 6), ("first", 6), ("second", 6),
+        ("row_whole", 3), ("row_both", 4), ("row_square", 4), ("row_first", 4), ("row_second", 4),
+    ],
+)  # fmt: skip
+def test_wide_product_and_row_multiplier(printed, kind, latency):
     rows = [[int(word) for word in row] for row in printed[kind]]
     seen = set()
     for (wa, wb, drop, a, b, _), (*_, p) in zip(rows[1:], rows[1 + latency :], strict=False):
@@ -76,15 +82,23 @@ def test_wide_product(printed, kind, latency):
     assert len(seen) > CLOCKS // 4
 
 
-@pytest.mark.parametrize(("wa", "wb"), [(8, 8), (17, 9), (9, 9), (1, 1), (17, 17)])
-def test_small_product(printed, wa, wb):
-    rows = [[int(word) for word in row] for row in printed[f"small{wa}x{wb}"]]
-    latency = {8: 3, 9: 4, 1: 3, 17: 5}[wb]
-    for (a, b, _), (*_, p) in zip(rows[1:], rows[1 + latency :], strict=False):
-        assert p == a * b
+@pytest.mark.parametrize(("wa", "drop"), [(17, 8), (17, 0), (16, 8), (9, 0), (3, 8)])
+def test_small_product(printed, wa, drop):
+    rows = [[int(word) for word in row] for row in printed[f"small{wa}_{drop}"]]
+    for (a, b, _), (*_, p) in zip(rows[1:], rows[3:], strict=False):
+        assert p == ((a * b + 128) >> 8 if drop else a * b)
     seen = {(a, b) for a, b, _ in rows[1:]}
-    assert ((1 << wa) - 1, (1 << wb) - 1) in seen
-    assert len(seen) == 4 if wa == wb == 1 else len(seen) > CLOCKS // 4
+    assert ((1 << wa) - 1, 511) in seen
+    assert ((1 << wa) - 1, 256) in seen
+    assert len(seen) > (CLOCKS // 4 if wa > 3 else 1000)
+
+
+@pytest.mark.parametrize("width", [1, 19])
+def test_gated_sum(printed, width):
+    rows = [[int(word) for word in row] for row in printed[f"gated{width}"]]
+    for a, x, b, y, total in rows[1:]:
+        assert total == ((a & x) + (b & y)) % (1 << width)
+    assert len({tuple(row) for row in rows}) > (CLOCKS // 2 if width > 1 else 15)
 
 
 @pytest.mark.full  # half a minute; the tests above compare the cells at five pairs of widths
@@ -187,10 +201,10 @@ def test_sources_of_the_probe():
     assert names[:2] == ["lipp_math_pkg.sv", "lipp_optics_pkg.sv"]
     assert {"probe_top.sv", "lipp_ray_lenslet.sv"} <= set(names)
     assert {"lipp_optics_block.sv", "lipp_optics_registers.sv"}.isdisjoint(names)
-    assert len(CELLS) == 6
-    # Short products are of the drawing.
+    assert len(CELLS) == 8
+    # Products in rows of carry chains are of the drawing.
     used = {path for path in files if path.name in {cell.name for cell in CELLS}}
-    assert {path.stem for path in {*CELLS} - used} == {"lipp_small_product"}
+    assert {path.stem for path in {*CELLS} - used} == {"lipp_gated_sum", "lipp_row_multiplier", "lipp_small_product"}
     assert {*CELLS} <= {*sources(TOP, "probe_scene")}
 
 

@@ -22,7 +22,9 @@ from lippmann.sim.tools import PREFIX, rtl_folders, rtl_sources, verilator_envir
 EXAMPLE = "docs/how-to/example-design"
 SOURCES = [name for name in files("rtl") if name.endswith(".sv")]
 #: Modules with a form of each device; black boxes of the device's own cells.
-CELLS = {"mult18", "wide_product", "small_product", "ring", "block_ring", "memory_1w1r"}
+CELLS = {
+    "mult18", "wide_product", "gated_sum", "small_product", "row_multiplier", "ring", "block_ring", "memory_1w1r",
+}  # fmt: skip
 GENERIC = {name for name in SOURCES if not name.startswith("rtl/ecp5/")}
 REPLACED = {name for name in GENERIC if Path(name).stem.removeprefix(PREFIX) in CELLS}
 ECP5 = {f"rtl/ecp5/{PREFIX}{module}.sv" for module in CELLS}

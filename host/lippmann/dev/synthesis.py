@@ -79,7 +79,7 @@ class Design:
         """The parameters of its top."""
         drawing = {} if self.scene is None else scene_parameters(self.scene, self.named.build.fraction_bits)
         if self.top == "probe_scene":
-            return {name: value for name, value in drawing.items() if name != "CrossCells"}
+            return drawing
         build: dict[str, str | int] = {**parameters(self.named.build)}
         if self.panel is None:
             return build

@@ -34,8 +34,8 @@ def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
 
         r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
         slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
-        x_o      = ((xi 2^6 i >> 37-F) + (xj 2^6 j >> 37-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
-        y_o      = ((yj 2^6 j >> 37-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+        x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
+        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
 
     A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
     """

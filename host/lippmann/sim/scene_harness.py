@@ -30,9 +30,9 @@ class SceneHarness:
     What is loaded into its slots stays. Raises as `verilated`.
     """
 
-    def __init__(self, build: SceneBuild, f: int, cross_cells: bool = True, flags: Sequence[str] = FAST) -> None:
+    def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
         self.build = build
-        self._library = ctypes.CDLL(str(_compiled(build, f, cross_cells, flags)))
+        self._library = ctypes.CDLL(str(_compiled(build, f, flags)))
         pointer, number = ctypes.c_void_p, ctypes.c_int64
         calls = {
             "new": (pointer, []),
@@ -101,8 +101,8 @@ def rtl_scene(
 ) -> Bytes:
     """Draw through the RTL, in the place of `lippmann.fixed.scene.scene`.
 
-    With the cross terms in multiplier cells: the build that simulates fastest. Threads may call it at once: each call
-    has a model of its own, and the models are kept with what they hold, since a load takes longer than some rows.
+    Threads may call it at once: each call has a model of its own, and the models are kept with what they hold, since a
+    load takes longer than some rows.
     """
     models = _models.setdefault((build, f), [])
     try:
@@ -120,17 +120,17 @@ def rtl_scene(
 _models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
 
 
-def scene_parameters(build: SceneBuild, f: int, cross_cells: bool = False) -> dict[str, str | int]:
+def scene_parameters(build: SceneBuild, f: int) -> dict[str, str | int]:
     """Return the RTL's parameters of a build."""
-    return {"F": f, "Scene": f"26'h{build.word:07x}", "CrossCells": int(cross_cells)}
+    return {"F": f, "Scene": f"26'h{build.word:07x}"}
 
 
-def _compiled(build: SceneBuild, f: int, cross_cells: bool, flags: Sequence[str]) -> Path:
+def _compiled(build: SceneBuild, f: int, flags: Sequence[str]) -> Path:
     """Return the library of a build, compiled unless it is there."""
     top = hardware()
     sources = needed("lipp_scene", rtl_sources(top, "common", "math", "optics", "scene"))
     flags = [*flags, f"-DLIPPMANN_F={f}"]
-    values = scene_parameters(build, f, cross_cells)
+    values = scene_parameters(build, f)
 
     def make(path: Path) -> None:
         verilated(path, "lipp_scene", sources, [top / MAIN], values, options=UNCHECKED, flags=flags)

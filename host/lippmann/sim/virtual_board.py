@@ -119,7 +119,7 @@ def check_free(tcp_port: int) -> None:
 def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:
     """Return the optics build of a display's board.
 
-    With the cross terms in multiplier cells, in its drawing too: the build that simulates fastest.
+    With the cross terms in multiplier cells: the build that simulates fastest.
     """
     return replace(Build.of(display, "exact", fraction_bits, aims=False), cross_cells=True)
 

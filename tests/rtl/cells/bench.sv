@@ -19,11 +19,18 @@ module bench (
   product_bench #(.Name("square"), .Wa(25), .Wb(25), .Drop(19), .Square(1'b1)) i_square (.clk_i);
   product_bench #(.Name("first"), .Wa(23), .Wb(18), .Drop(5)) i_first (.clk_i);
   product_bench #(.Name("second"), .Wa(16), .Wb(24), .Drop(6)) i_second (.clk_i);
-  small_product_bench #(.Wa(8), .Wb(8)) i_small_8_8 (.clk_i);
-  small_product_bench #(.Wa(17), .Wb(9)) i_small_17_9 (.clk_i);
-  small_product_bench #(.Wa(9), .Wb(9)) i_small_9_9 (.clk_i);
-  small_product_bench #(.Wa(1), .Wb(1)) i_small_1_1 (.clk_i);
-  small_product_bench #(.Wa(17), .Wb(17)) i_small_17_17 (.clk_i);
+  row_product_bench #(.Name("row_whole"), .Wa(18), .Wb(17), .Drop(3)) i_row_whole (.clk_i);
+  row_product_bench #(.Name("row_both"), .Wa(28), .Wb(25), .Drop(17)) i_row_both (.clk_i);
+  row_product_bench #(.Name("row_square"), .Wa(25), .Wb(25), .Drop(19), .Square(1'b1)) i_row_square (.clk_i);
+  row_product_bench #(.Name("row_first"), .Wa(32), .Wb(12), .Drop(8)) i_row_first (.clk_i);
+  row_product_bench #(.Name("row_second"), .Wa(16), .Wb(24), .Drop(6)) i_row_second (.clk_i);
+  small_product_bench #(.Wa(17), .Drop(8)) i_small_17_8 (.clk_i);
+  small_product_bench #(.Wa(17), .Drop(0)) i_small_17_0 (.clk_i);
+  small_product_bench #(.Wa(16), .Drop(8)) i_small_16_8 (.clk_i);
+  small_product_bench #(.Wa(9), .Drop(0)) i_small_9_0 (.clk_i);
+  small_product_bench #(.Wa(3), .Drop(8)) i_small_3_8 (.clk_i);
+  gated_sum_bench #(.W(1)) i_gated_1 (.clk_i);
+  gated_sum_bench #(.W(19)) i_gated_19 (.clk_i);
   ring_bench #(.Width(7), .Cycles(2)) i_ring_2 (.clk_i);
   ring_bench #(.Width(50), .Cycles(9)) i_ring_9 (.clk_i);
   ring_bench #(.Width(28), .Cycles(17)) i_ring_17 (.clk_i);
@@ -91,25 +98,75 @@ module product_bench #(
 
 endmodule
 
+/// Random operands, extreme ones among them, into `lipp_row_multiplier`; prints operands and product.
+module row_product_bench #(
+  parameter string Name = "",
+  parameter int Wa = 18,
+  parameter int Wb = 18,
+  parameter int Drop = 0,
+  parameter bit Square = 1'b0
+) (
+  input logic clk_i
+);
+
+  logic signed [Wa-1:0] a_q;
+  logic signed [Wb-1:0] b_q, b;
+  logic signed [Wa+Wb-Drop-1:0] p;
+  assign b = Square ? Wb'(a_q) : b_q;
+  lipp_row_multiplier #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_dut (
+    .clk_i, .a_i(a_q), .b_i(b), .p_o(p)
+  );
+
+  logic [63:0] noise;
+  always_ff @(posedge clk_i) begin
+    noise = {$urandom, $urandom};
+    a_q <= noise[63] ? Wa'(noise[31:0]) : {noise[62], {(Wa - 1){noise[61]}}};
+    noise = {$urandom, $urandom};
+    b_q <= noise[63] ? Wb'(noise[31:0]) : {noise[62], {(Wb - 1){noise[61]}}};
+    $display("%s %0d %0d %0d %0d %0d %0d", Name, Wa, Wb, Drop, a_q, b, p);
+  end
+
+endmodule
+
 /// Random operands, extreme ones among them, into `lipp_small_product`; prints operands and product.
 module small_product_bench #(
-  parameter int Wa = 8,
-  parameter int Wb = 8
+  parameter int Wa = 17,
+  parameter int Drop = 0
 ) (
   input logic clk_i
 );
 
   logic [Wa-1:0] a_q;
-  logic [Wb-1:0] b_q;
-  logic [Wa+Wb-1:0] p;
-  lipp_small_product #(.Wa(Wa), .Wb(Wb)) i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
+  logic [8:0] b_q;
+  logic [Wa+8-Drop:0] p;
+  lipp_small_product #(.Wa(Wa), .Drop(Drop)) i_dut (.clk_i, .a_i(a_q), .b_i(b_q), .p_o(p));
 
   logic [63:0] noise;
   always_ff @(posedge clk_i) begin
     noise = {$urandom, $urandom};
     a_q <= noise[63] || noise[62] ? Wa'(noise[31:0]) : {Wa{noise[61]}};
-    b_q <= noise[60] || noise[59] ? Wb'(noise[51:32]) : {Wb{noise[58]}};
-    $display("small%0dx%0d %0d %0d %0d", Wa, Wb, a_q, b_q, p);
+    b_q <= noise[60] ? noise[40:32] : noise[59] ? 9'd256 : {9{noise[58]}};
+    $display("small%0d_%0d %0d %0d %0d", Wa, Drop, a_q, b_q, p);
+  end
+
+endmodule
+
+/// Random words behind random gates, all open half of the time, into `lipp_gated_sum`; prints words, gates and sum.
+module gated_sum_bench #(
+  parameter int W = 1
+) (
+  input logic clk_i
+);
+
+  logic [W-1:0] a_q, x_q, b_q, y_q, s;
+  lipp_gated_sum #(.W(W)) i_dut (.a_i(a_q), .x_i(x_q), .b_i(b_q), .y_i(y_q), .s_o(s));
+
+  always_ff @(posedge clk_i) begin
+    a_q <= W'($urandom);
+    b_q <= W'($urandom);
+    x_q <= W'($urandom) | {W{1'($urandom)}};
+    y_q <= W'($urandom) | {W{1'($urandom)}};
+    $display("gated%0d %0d %0d %0d %0d %0d", W, a_q, x_q, b_q, y_q, s);
   end
 
 endmodule

@@ -122,9 +122,19 @@ PARAMETERS = {
     ],
     "move_lenslet": [*GRID_SETS, *SHEARED],
     "mult18": [{}],
-    "small_product": [{"Wa": a, "Wb": b} for a, b in ((8, 8), (17, 9), (1, 17))],
-    "exit_line": [*F_SETS, *CELLS],
-    "layer_coordinate": [*F_SETS, *CELLS, {"F": 16, "Bilinear": 1}],
+    "small_product": [{"Wa": a, "Drop": d} for a, d in ((3, 0), (17, 8))],
+    "gated_sum": [{"W": n} for n in (1, 37)],
+    "digit_product": [{"W": w, "Digit": d, "Signed": s} for w in (3, 18) for d in (1, 2, 3, 4) for s in (0, 1)],
+    "row_product": [{"W": w, "Low": n} for w, n in ((18, 1), (18, 4), (3, 7), (18, 10), (12, 14), (18, 16))],
+    "byte_square": [{}],
+    "row_multiplier": [
+        {"Wa": a, "Wb": b, "Drop": d, "Square": s}
+        for a, b, d, s in (
+            (18, 18, 0, 0), (3, 16, 5, 0), (25, 25, 20, 1), (32, 12, 8, 0), (18, 20, 2, 0), (28, 25, 17, 0),
+        )
+    ],
+    "exit_line": F_SETS,
+    "layer_coordinate": [*F_SETS, {"F": 16, "Bilinear": 1}],
     "texel_memory": [{"Depth": d} for d in (2, 1024, 1536, 12288, 49152, 261120)],
     "texel_slot": [*SCENES, drawn(1, 1, 10, 255)],
     "texel_fetch": SCENES,
@@ -132,7 +142,7 @@ PARAMETERS = {
     "composite": [{"Layers": n} for n in (1, 2, 8)],
     "sample_mean": [{"SamplesBits": n} for n in (0, 1, 2)],
     "panel_curve": [{}],
-    "scene": [{"F": 23, "CrossCells": 1, **SCENES[1]}, {"F": 14, **SCENES[2]}],
+    "scene": [{"F": 23, **SCENES[1]}, {"F": 14, **SCENES[2]}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
         for a, b, d, s in (
@@ -227,7 +237,22 @@ REFUSED = [
     *(("texel_blend", {"Taps": n}, "texel_blend: Taps must be 1 or 4") for n in (0, 2, 8)),
     *(("composite", {"Layers": n}, "composite: Layers must be 1 to 8") for n in (0, 9)),
     *(("sample_mean", {"SamplesBits": n}, "sample_mean: SamplesBits must be 0 to 2") for n in (-1, 3)),
-    *(("small_product", {a: n}, "small_product: Wa and Wb must be 1 to 17") for a in ("Wa", "Wb") for n in (0, 18)),
+    *(
+        ("small_product", {a: n}, "small_product: Wa must be 3 to 17 and Drop 0 or 8")
+        for a, n in (("Wa", 2), ("Wa", 18), ("Drop", -1), ("Drop", 7))
+    ),
+    ("gated_sum", {"W": 0}, "gated_sum: W must be 1 or more"),
+    *(
+        ("digit_product", {a: n}, "digit_product: W must be 3 or more and Digit 1 to 4")
+        for a, n in (("W", 2), ("Digit", 0), ("Digit", 5))
+    ),
+    *(("row_product", {a: n}, "row_product: W must be 3 or more and Low 1 to 16") for a, n in (("W", 2), ("Low", 17))),
+    *(
+        ("row_multiplier", {a: n}, "row_multiplier: Wa and Wb must be 3 to 32, and Drop less than their sum")
+        for a, n in (("Wa", 2), ("Wa", 33), ("Wb", 2), ("Wb", 33), ("Drop", -1), ("Drop", 36))
+    ),
+    ("row_multiplier", {"Wa": 20, "Wb": 19, "Drop": 9, "Square": 1}, "row_multiplier: Square takes words of one width"),
+    ("row_multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "row_multiplier: Drop must cut off the product of the lower"),
     *(
         (module, {"Width": w, "Height": h}, f"{module}: Width and Height must be 1 to 16383")
         for module in ("dispatcher", "request_reader", "tile_table", "frame_store")

@@ -26,23 +26,23 @@ from runner import seed
 from words import mixed, signed
 
 DISPLAYS = repository() / "scenes" / "displays"
-#: What is built, F, and whether cross terms are in multiplier cells.
+#: What is built, and F.
 CASES = [
-    (SceneBuild(3, 5, 64, 48, bilinear=True, samples=2), 16, False),
-    (SceneBuild(4, 5, 32, 96, samples=1), 23, True),
+    (SceneBuild(3, 5, 64, 48, bilinear=True, samples=2), 16),
+    (SceneBuild(4, 5, 32, 96, samples=1), 23),
     *(
-        pytest.param(SceneBuild(layers, slots, width, height, bilinear, samples), f, cells, marks=pytest.mark.full)
-        for layers, slots, width, height, bilinear, samples, f, cells in (
-            (1, 1, 32, 32, False, 4, 14, False),
-            (1, 2, 1024, 2, True, 1, 18, True),
-            (2, 2, 128, 72, True, 4, 23, False),
-            (4, 5, 256, 192, True, 1, 16, True),
-            (4, 5, 256, 192, False, 2, 16, False),
-            (5, 7, 512, 30, True, 2, 20, True),
-            (6, 15, 32, 64, False, 1, 21, False),
-            (7, 8, 1024, 255, False, 4, 22, True),
-            (8, 9, 64, 80, True, 1, 23, True),
-            (8, 15, 32, 32, True, 4, 16, False),
+        pytest.param(SceneBuild(layers, slots, width, height, bilinear, samples), f, marks=pytest.mark.full)
+        for layers, slots, width, height, bilinear, samples, f in (
+            (1, 1, 32, 32, False, 4, 14),
+            (1, 2, 1024, 2, True, 1, 18),
+            (2, 2, 128, 72, True, 4, 23),
+            (4, 5, 256, 192, True, 1, 16),
+            (4, 5, 256, 192, False, 2, 16),
+            (5, 7, 512, 30, True, 2, 20),
+            (6, 15, 32, 64, False, 1, 21),
+            (7, 8, 1024, 255, False, 4, 22),
+            (8, 9, 64, 80, True, 1, 23),
+            (8, 15, 32, 32, True, 4, 16),
         )
     ),
 ]
@@ -86,11 +86,11 @@ def wild_words(rng, build):
     return SceneWords(tuple(layers), *lattice, tuple(rng.integers(0, 65536, 3).tolist()))
 
 
-@pytest.mark.parametrize(("built", "f", "cells"), CASES, ids=name)
-def test_no_pixel_differs(built, f, cells):
+@pytest.mark.parametrize(("built", "f"), CASES, ids=name)
+def test_no_pixel_differs(built, f):
     s = seed()
     rng = np.random.default_rng(s)
-    harness = SceneHarness(built, f, cells, SHORT)
+    harness = SceneHarness(built, f, SHORT)
     seen = Coverage("scene", f"{name(built)}-F{f}")
     held = {slot: rng.integers(0, 256, built.slot_bytes, dtype=np.uint8) for slot in range(built.slots_built)}
     table = rng.integers(0, 256, 8192, dtype=np.uint8)
@@ -169,7 +169,7 @@ def test_whole_frames(file, size, f, built, angle):
     display = dataclasses.replace(plain, panel=panel, array=array)
     build = Build.of(display, "exact", f, aims=False)
     config = configuration(display, build, "exact")
-    harness = SceneHarness(built, f, True, FAST)
+    harness = SceneHarness(built, f, FAST)
     table = curve_table(display)
     harness.load(CURVE_SLOT, table)
     parts = [

@@ -1,4 +1,4 @@
-"""small_product: exact products of extreme and random words, of all widths that its latency depends on."""
+"""small_product: products of extreme and random words with fractions, whole and rounded where they are cut."""
 
 import numpy as np
 from bench import Segment
@@ -13,9 +13,12 @@ def test_is_exact():
     rng = np.random.default_rng(s)
     seen = Coverage("small_product", "all")
     batch = []
-    for wa, wb in SMALL_PRODUCTS:
-        a, b = mixed(rng, 300, (0, (1 << wa) - 1), (0, (1 << wb) - 1))
-        batch.append((small_product(wa, wb), Segment({}, {"a_i": a, "b_i": b}, {"p_o": a * b})))
-        seen.point(f"{wa} x {wb}", (a == (1 << wa) - 1) & (b == (1 << wb) - 1))
+    for wa, drop in SMALL_PRODUCTS:
+        a, b = mixed(rng, 600, (0, (1 << wa) - 1), (0, 511))
+        b[::5] = 256
+        p = (a * b + 128) >> 8 if drop else a * b
+        batch.append((small_product(wa, drop), Segment({}, {"a_i": a, "b_i": b}, {"p_o": p})))
+        seen.point(f"{wa} bits, {drop} cut", (a == (1 << wa) - 1) & (b == 511))
+        seen.point("a half is rounded up", drop and ((a * b) & 255 == 128).sum())
     stream_parts(batch, s)
     seen.close()

@@ -32,7 +32,10 @@ def test_equals_twin(taps):
     light, opacity = texel_blend(colours, weights)
     assert light.max() == 65025
     assert opacity.max() == 65536
-    words = {"colour_i": joined(colours, 8), "weight_i": joined(weights, 17)}
+    # As texel_fetch gives them: the opacity of 9 bits above the three bytes.
+    opacities = colours[..., 3] + (colours[..., 3] >> 7)
+    entries = opacities << 24 | colours[..., 2] << 16 | colours[..., 1] << 8 | colours[..., 0]
+    words = {"colour_i": joined(entries, 33), "weight_i": joined(weights, 17)}
     # The RTL's red is the highest.
     out = {"light_o": joined(light[:, ::-1], 16), "opacity_o": opacity}
     stream_scene_step(f"texel_blend-{taps}", 16, [Segment({}, words, out)], s)
