@@ -60,6 +60,7 @@ module lipp_scene_block #(
   // ---- the layers ----
   logic [Words-1:0][31:0] words_q;
   logic [Layers-1:0][31:0] own_word_q;
+  logic [Layers-1:0] chosen_q;  // the layer of the address, which stands still
   logic [31:0] layer_word_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -80,11 +81,18 @@ module lipp_scene_block #(
     end
   end
   assign write = layers_q && s_apb_pwrite;
+  logic [31:0] layer_word;
+  always_comb begin
+    layer_word = '0;
+    for (int layer = 0; layer < Layers; layer++) begin
+      layer_word |= own_word_q[layer] & {32{chosen_q[layer]}};
+    end
+  end
   always_ff @(posedge clk_i) begin
-    layer_word_q <= '0;
+    layer_word_q <= layer_word;
     for (int layer = 0; layer < Layers; layer++) begin
       own_word_q[layer] <= words_q[8*layer+int'(s_apb_paddr[4:2])];
-      if (int'(s_apb_paddr[8:5]) == layer) layer_word_q <= own_word_q[layer];
+      chosen_q[layer] <= int'(s_apb_paddr[8:5]) == layer;
     end
   end
   assign s_apb_pready = ready || other_q;
