@@ -304,7 +304,8 @@ REFUSED = [
     ("board", {"VFront": 0, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
     ("board", {"Width": 16383, "Height": 16383, **LIGHT}, "board: the panel must have fewer than 65536 tiles"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
-    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 or more"),
+    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 to "),
+    ("board", {"StoreLatency": 14, **LIGHT}, "board: StoreLatency must be 1 to "),
     ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
     (
         "board",
@@ -316,6 +317,7 @@ REFUSED = [
         for side in ("Width", "Height")
         for n in (0, 16384)
     ),
+    ("scene_block", drawn(layers=0), "scene_block: Scene must have 1 to 8 layers"),
     *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
     *(
@@ -324,8 +326,12 @@ REFUSED = [
     ),
     ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
     ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
-    ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line "),
-    ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: HSync, VSync and VFront must be 1 or"),
+    *(
+        ("scan_out", {name: n}, "scan_out: porches must be 0 or more, and syncs and VFront 1 or more")
+        for name, n in (("HFront", -5), ("HBack", -60), ("VBack", -3), ("VFront", 0), ("HSync", 0), ("VSync", 0))
+    ),
+    ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: a line must be "),
+    ("tile_writer", {"ReadLatency": 0}, "tile_writer: ReadLatency must be 1 or more"),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
     ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
     ("ring", {"Cycles": 1}, "ring: Width must be 1 or more and Cycles 2 or more"),
