@@ -3,8 +3,13 @@
 Here, not beside those tests: pytest calls these hooks in the conftest files of its first arguments only.
 """
 
+import os
 import sys
 from pathlib import Path
+
+# numpy's threads wait busily, too, and for words of these sizes gain nothing. It looks when it is imported: the workers
+# are started with this.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Helpers of the RTL's benches, which the simulator's process imports too, and of the host's tests.
 sys.path.insert(0, str(Path(__file__).with_name("host")))
