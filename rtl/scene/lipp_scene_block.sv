@@ -42,8 +42,8 @@ module lipp_scene_block #(
   localparam int Words = 8 * Layers;
   localparam logic [31:0] LookBits = 32'h0001_FFF3;
 
-  if (Layers < 1 || Layers > MostLayers) begin : gen_illegal
-    $fatal(1, "lipp_scene_block: Scene must have 1 to 8 layers");
+  if (!legal(Scene)) begin : gen_illegal
+    $fatal(1, "lipp_scene_block: Scene must be a legal build");
   end
 
   // ---- addresses: common registers, layers, nothing ----

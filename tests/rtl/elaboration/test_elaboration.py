@@ -317,7 +317,7 @@ REFUSED = [
         for side in ("Width", "Height")
         for n in (0, 16384)
     ),
-    ("scene_block", drawn(layers=0), "scene_block: Scene must have 1 to 8 layers"),
+    ("scene_block", drawn(layers=0), "scene_block: Scene must be a legal build"),
     *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
     *(
