@@ -74,5 +74,5 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
     """Return the remedy that names the likeliest file in a missing file's folder, or an empty text."""
-    files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes}
+    files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes and one.is_file()}
     return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))

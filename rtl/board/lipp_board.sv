@@ -40,7 +40,7 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,   // polarities of the syncs
   parameter bit VPositive = 1'b1,
-  parameter int StoreLatency = 2,   // clocks from a port's address to its pixel, 1 or more
+  parameter int StoreLatency = 2,   // clocks from a port's address to its pixel: 1 to 13, hexagonal 16
   // Chief rays through the optics of the whole board: aims must be 0.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
@@ -96,8 +96,9 @@ module lipp_board #(
   if (ClockHz < 1) begin : gen_illegal_clock
     $fatal(1, "lipp_board: ClockHz must be 1 or more");
   end
-  if (StoreLatency < 1) begin : gen_illegal_store
-    $fatal(1, "lipp_board: StoreLatency must be 1 or more");
+  localparam int MostStore = lipp_panel_pkg::pattern_latency(int'(Build.grid)) - 3;
+  if (StoreLatency < 1 || StoreLatency > MostStore) begin : gen_illegal_store
+    $fatal(1, "lipp_board: StoreLatency must be 1 to %0d", MostStore);
   end
   if (Build.aims) begin : gen_illegal_aims
     $fatal(1, "lipp_board: Build.aims must be 0: a board traces chief rays");

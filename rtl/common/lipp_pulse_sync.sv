@@ -4,8 +4,8 @@
 /// Brings pulses of one clock to another: one pulse out for each pulse in, of one clock each.
 ///
 /// A pulse is accepted while from_busy_o is low. It comes out after Stages rising edges of
-/// to_clk_i. from_busy_o is high until the next of them and Stages rising edges of from_clk_i more;
-/// a pulse meanwhile is ignored. Each figure is one more if a change was at an edge. Reset both
+/// to_clk_i. from_busy_o stays high for one more of them, and then for Stages rising edges of
+/// from_clk_i; a pulse meanwhile is ignored. Each figure is one more if a change was at an edge. Reset both
 /// sides together.
 module lipp_pulse_sync #(
   parameter int Stages = 2

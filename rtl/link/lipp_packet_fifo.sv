@@ -39,8 +39,8 @@ module lipp_packet_fifo #(
     $fatal(1, "lipp_packet_fifo: 2^AddressBits must be MaxPacket + 4 or more");
   end
 
-  // Two memories: block memories of these widths need no multiplexers. An address is never written
-  // and read in the same clock, so that synthesis need not define the result.
+  // Two memories: block memories of these widths need no multiplexers. A word that is used is never
+  // read in the clock in which it is written, so that synthesis need not define the result.
   (* no_rw_check *) logic [7:0] bytes[1 << AddressBits];
   (* no_rw_check *) logic lasts[1 << AddressBits];
   address_t write_at_q, read_at_q;

@@ -47,10 +47,10 @@ module lipp_quadratic #(
 
   /// The root at z within a segment; segments of the upper octave are twice as wide.
   function automatic real root_at(int segment, real z);
-    real m, x;
-    m = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
-    x = segment < (1 << A) ? m : 2.0 * m;
-    return Root == RootReciprocal ? 1.0 / $sqrt(x) : 0.5 * $sqrt(x);
+    real mantissa, square;
+    mantissa = 1.0 + (real'(segment % (1 << A)) + 0.5 + z) / real'(1 << A);
+    square = segment < (1 << A) ? mantissa : 2.0 * mantissa;
+    return Root == RootReciprocal ? 1.0 / $sqrt(square) : 0.5 * $sqrt(square);
   endfunction
 
   function automatic int nearest(real value);

@@ -3,8 +3,8 @@
 
 /// Tells whether a register holds more than the word that a build reads of it.
 ///
-/// With such optics every ray is missed. The optics stand still while rays are in
-/// the pipeline, far longer than these clocks. Latency 3.
+/// With such optics every ray is missed. Optics change only while the pipeline is empty, and its
+/// first ray needs more clocks than this to its end. Latency 3.
 module lipp_config_range #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (

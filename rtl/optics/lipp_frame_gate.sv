@@ -7,8 +7,8 @@
 /// frame's last ray was accepted. No ray is accepted in that clock, and stream_o, the source, is
 /// stream_i from the next clock on. start_i requests a frame of the raster; one request is kept
 /// while the raster runs. Requests for the same thing that come before it is done are one. abort_i
-/// ends the frame of the rays that were accepted, and drops a frame that waits; it stops the
-/// raster.
+/// ends the frame of the rays that were accepted, and drops a frame that waits; the raster outside
+/// stops with the same pulse.
 ///
 /// The raster's first ray comes 3 or more clocks after begin_o. So a frame uses every change that
 /// was requested before its start, or together with it.

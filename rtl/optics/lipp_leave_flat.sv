@@ -4,7 +4,7 @@
 /// Step 6, plano side to the viewer: from the dome to the flat face, and refraction out of it.
 ///
 /// The ray goes from the point N on the dome (z = N_z - 1; mirrored, vertices at z = 0) along d to
-/// z = -T:
+/// z = -T.
 ///
 /// Words as integers, a b >> k the product that `lipp_multiplier` cuts by k places,
 /// M = 2^(F+3) - 1:

@@ -85,9 +85,11 @@ module lipp_scan_out #(
   if (ReadLatency < 1 || Read < 1) begin : gen_illegal_latency
     $fatal(1, "lipp_scan_out: ReadLatency must be 1 or more, and below %0d", Pattern);
   end
-  if (HSync < 1 || VSync < 1 || VFront < 1 || LineClocks * ClocksPerPixel < Pattern + 2) begin : gen_illegal
-    $fatal(1, "lipp_scan_out: HSync, VSync and VFront must be 1 or more, and a line %0d clocks",
-           Pattern + 2);
+  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
+    $fatal(1, "lipp_scan_out: porches must be 0 or more, and syncs and VFront 1 or more");
+  end
+  if (LineClocks * ClocksPerPixel < Pattern + 2) begin : gen_illegal_line
+    $fatal(1, "lipp_scan_out: a line must be %0d clocks or more", Pattern + 2);
   end
   if (ClocksPerPixel < 1 || (ClocksPerPixel & (ClocksPerPixel - 1)) != 0) begin : gen_illegal_clocks
     $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");

@@ -19,7 +19,7 @@
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
 /// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
-/// ReadLatency + 4 + ceil(log2(rows of tiles)) more (ReadLatency + 5 if there is only one row).
+/// ReadLatency + 4 + ceil(log2(rows of tiles)) more. A single row of tiles takes ReadLatency + 5.
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -66,6 +66,9 @@ module lipp_tile_writer #(
 
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_tile_writer: Width and Height must be 1 to 16383");
+  end
+  if (ReadLatency < 1) begin : gen_illegal_latency
+    $fatal(1, "lipp_tile_writer: ReadLatency must be 1 or more");
   end
   if (Columns * Rows >= 1 << 16) begin : gen_illegal
     $fatal(1, "lipp_tile_writer: the panel must have fewer than 65536 tiles");

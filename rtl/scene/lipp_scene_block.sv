@@ -42,6 +42,10 @@ module lipp_scene_block #(
   localparam int Words = 8 * Layers;
   localparam logic [31:0] LookBits = 32'h0001_FFF3;
 
+  if (!legal(Scene)) begin : gen_illegal
+    $fatal(1, "lipp_scene_block: Scene must be a legal build");
+  end
+
   // ---- addresses: common registers, layers, nothing ----
   logic common, layers, looked_q, there_q, other_q, layers_q, write, ready, error;
   logic [31:0] word;

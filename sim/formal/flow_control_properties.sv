@@ -38,7 +38,11 @@ module flow_control_properties #(
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
   (* hierconn *) wire [(Marks > 3 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[2].valid_q ;
-  (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[3].valid_q ;
+  (* hierconn *) wire [(Marks > 4 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[3].valid_q ;
+  (* hierconn *) wire [(Marks > 5 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[4].valid_q ;
+  (* hierconn *) wire [(Marks > 6 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[5].valid_q ;
+  (* hierconn *) wire [(Marks > 7 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[6].valid_q ;
+  (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[7].valid_q ;
   wire [AddressBits:0] taken = \i_flow.taken_q ;
   wire [Latency-1:0] marks;
   wire [AddressBits:0] counted = taken + marks[0];  // with the ray of the last clock
@@ -46,7 +50,11 @@ module flow_control_properties #(
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
   if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
-  if (Marks > 3) assign marks[Latency-1:192] = \i_flow.gen_marks[3].valid_q ;
+  if (Marks > 3) assign marks[(Marks > 4 ? 256 : Latency)-1:192] = \i_flow.gen_marks[3].valid_q ;
+  if (Marks > 4) assign marks[(Marks > 5 ? 320 : Latency)-1:256] = \i_flow.gen_marks[4].valid_q ;
+  if (Marks > 5) assign marks[(Marks > 6 ? 384 : Latency)-1:320] = \i_flow.gen_marks[5].valid_q ;
+  if (Marks > 6) assign marks[(Marks > 7 ? 448 : Latency)-1:384] = \i_flow.gen_marks[6].valid_q ;
+  if (Marks > 7) assign marks[Latency-1:448] = \i_flow.gen_marks[7].valid_q ;
   wire last = marks[Latency-1];
   (* hierconn *) wire \i_flow.i_fifo.write_i ;
   (* hierconn *) wire [Index-1:0] \i_flow.i_fifo.data_i ;

@@ -514,9 +514,12 @@ def test_bad_scenes(place, capfd, mi, body, named):
 
 def test_what_is_no_scene(place, capfd, mi):
     (place / "shape.xml").write_text('<shape version="3.0.0" type="sphere"/>')
+    (place / "folder.xml").mkdir()
     for name, message in (
         ("absent.xml", "no such scene; give"),
-        (".", "no such scene; give"),
+        (".", "is a folder; give a Mitsuba scene"),
+        ("folder.xml", "is a folder; give a Mitsuba scene"),
+        ("folded.xml", "no such scene; give"),
         ("tiny.toml", r"is not a Mitsuba scene; give an \.xml"),
         ("shape.xml", "contains no scene; make <scene>"),
     ):

@@ -1,5 +1,8 @@
 """The commands behind make's targets, `python -m lippmann.dev.*`: errors in one line, exit codes as of `lippmann`."""
 
+import contextlib
+import io
+import runpy
 import subprocess
 import sys
 
@@ -11,11 +14,28 @@ from lippmann.dev import mutation
 COMMANDS = ("formal", "generate_registers", "host_mutation", "lint", "mutation", "synthesis", "test_record")
 
 
-def called(place, module, *arguments):
+def process(place, module, *arguments):
     """Call a command in a folder; its exit code and lines of stdout and stderr."""
     command = [sys.executable, "-m", f"lippmann.dev.{module}", *map(str, arguments)]
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False, timeout=60)
     return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
+
+
+def called(place, module, *arguments):
+    """The same from `python -m` on, without a process of its own, which takes half a second to import its libraries."""
+    name = f"lippmann.dev.{module}"
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.chdir(place)
+        patch.setattr(sys, "argv", ["", *map(str, arguments)])
+        patch.delitem(sys.modules, name, raising=False)  # runpy warns of a module that others have imported
+        # pytest loads what is named test_* itself, in a way that runpy does not know.
+        patch.setattr(
+            sys, "meta_path", [one for one in sys.meta_path if not type(one).__module__.startswith("_pytest")]
+        )
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
+    return ended.value.code, out.getvalue().splitlines(), err.getvalue().splitlines()
 
 
 @pytest.mark.parametrize("module", COMMANDS)
@@ -29,6 +49,11 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
     assert out[0].startswith(f"Usage: python -m lippmann.dev.{module}")
     assert any(line.strip().startswith("Example: ") for line in out)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_process_says_the_same(tmp_path):
+    for arguments in (["--qqq"], ["--help"], [tmp_path / "none.xml"]):
+        assert process(tmp_path, "test_record", *arguments) == called(tmp_path, "test_record", *arguments)
 
 
 @pytest.mark.parametrize("module", ["host_mutation", "mutation", "synthesis"])

@@ -337,7 +337,7 @@ def test_a_changed_picture_or_mesh_is_noticed(place, mi):
 
 
 def test_an_interrupted_film_goes_on(place, mi):
-    frames = 80  # some seconds of work
+    frames = 40  # a second of work, and more
     (place / "film.toml").write_text(FILM.replace("5", str(frames)) + MOVE.format("ball-*", 1, 0, 2))
     words = ["animate", "film.toml", "--display", "small.toml", "--samples", "16", "-o", "out"]
     command = [sys.executable, "-m", "lippmann", *words]

@@ -200,21 +200,25 @@ def wild_rays(rng, grid, side, fate, kind):
     return display, pixels, np.column_stack([rng.choice((-1, 1), n) * rng.uniform(80, 200, n), y])
 
 
-#: At every commit each grid and each side once with kind "far", and one case each of the other kinds.
+#: At every commit each grid and each side once with kind "far", and one case each of the other kinds, with three
+#: displays for each fate. The exhaustive tests draw six, and all cases.
 @pytest.mark.parametrize(
-    ("kind", "grid", "side"),
+    ("kind", "grid", "side", "displays"),
     [
-        pytest.param(kind, grid, side, marks=() if often else pytest.mark.full)
-        for kind in KEYS
-        for grid, side in itertools.product(GRIDS, SIDES)
-        for often in [(grid, side) == ("hex", "viewer") or (kind, grid, side) == ("far", "square", "panel")]
+        *((kind, "hex", "viewer", 3) for kind in KEYS),
+        ("far", "square", "panel", 3),
+        *(
+            pytest.param(kind, grid, side, 6, marks=pytest.mark.full)
+            for kind in KEYS
+            for grid, side in itertools.product(GRIDS, SIDES)
+        ),
     ],
 )
-def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
+def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind, displays):
     rng = generator(2, grid, side, *KEYS[kind])
     seen = dict.fromkeys(range(5), 0)
     compared = skipped = ended = 0
-    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(6)):
+    for fate, _ in itertools.product((OK, REFLECTED, CROSSTALK, BLOCKED, MISSED), range(displays)):
         display, pixels, aperture = wild_case(rng, grid, side, fate, kind)
         optics, out = optics_of(display), lippmann.trace(display, pixels, aperture)
         assert np.isfinite(out.origin_mm).all()
@@ -255,11 +259,11 @@ def test_statuses_lenslets_origins_directions_in_50_digits(grid, side, kind):
     # Enough of each fate. Light that goes into a dome can be blocked by its valleys only, where
     # truth has no margin; light in the glass is too steep to pass 16 cells while it rises.
     print(seen, skipped, ended)
-    assert compared > 600
-    assert (ended > 30) == (kind == "skewed")
-    assert seen[OK] > 60
-    assert seen[CROSSTALK] > 60
-    assert seen[REFLECTED] > 20
+    assert compared > 100 * displays
+    assert (ended > 5 * displays) == (kind == "skewed")
+    assert seen[OK] > 10 * displays
+    assert seen[CROSSTALK] > 10 * displays
+    assert seen[REFLECTED] > 3 * displays
     if side == "panel":
         assert seen[BLOCKED] > 5
     else:
@@ -393,7 +397,7 @@ def test_vertices_and_slanted_edges_of_hexagons_belong_to_a_cell_that_touches_th
     """
     display = display_of("hex", side, pitch=pitch, radius=1.5 * pitch, gap=0.25)
     rho = pitch / math.sqrt(3)
-    for i, j in itertools.product(range(-2, 3), repeat=2):
+    for i, j in itertools.product((-2, 0, 1), repeat=2):
         cx, cy = pitch * (i + j / 2), pitch * j * math.sqrt(0.75)
         for k in range(12):
             # Vertices at 30, 90, ... degrees; middles of the edges at 0, 60, ... degrees.

@@ -17,7 +17,7 @@ PSNR = 40.0
 MAX_MEAN = 6.0
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scene_of(mi):
     return functools.cache(lambda name: load_scene(SCENES / name / f"{name}.xml", placement_of(name)))
 

@@ -46,7 +46,7 @@ def display_for(grid, side="panel", rotation=0.0):
     )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def spheres(mi, tmp_path_factory):
     shapes = [glowing_sphere((0.0, y, z), RADIUS) for z, y in ROW_OF_DEPTH.items()]
     return write_scene(tmp_path_factory.mktemp("parallax") / "spheres.xml", *shapes)
@@ -133,7 +133,7 @@ PAIRS = {(60.0, 20.0): -10.0, (20.0, -20.0): 0.0, (-20.0, -60.0): 10.0}
 NEAR_RADIUS, FAR_RADIUS = 3.0, 1.5
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def pairs(mi, tmp_path_factory):
     """Red spheres that, seen from (0, 0, 600), stand exactly before smaller green ones."""
     shapes = []

@@ -86,7 +86,7 @@ def test_another_eye_placement_or_seed_needs_no_compilation(mi, tmp_path):
 # --- furnace --------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def sky(mi, tmp_path_factory):
     path = tmp_path_factory.mktemp("sky") / "sky.xml"
     return load_scene(write_scene(path, SKY, placement="near_mm = 10.0\nfar_mm = -10.0"))
@@ -133,7 +133,7 @@ RADII = np.array([1.0, 0.8, 2.5, 3.0, 7.0])
 COLOURS = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1)], float)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def spheres(mi, tmp_path_factory):
     shapes = [glowing_sphere(*sphere) for sphere in zip(SPHERES.tolist(), RADII.tolist(), COLOURS, strict=True)]
     return load_scene(write_scene(tmp_path_factory.mktemp("spheres") / "spheres.xml", *shapes))
@@ -231,7 +231,7 @@ def test_samples_spread_evenly(mi):
 # --- repeatability --------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def lit(mi, tmp_path_factory):
     """A grey floor and a ball under an area light."""
     parts = [
@@ -283,7 +283,7 @@ EYE = (0.0, 0.0, 600.0)
 VIEW = Window(16.0, 12.0, 64, 48)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def points(mi, tmp_path_factory):
     parts = [
         '<shape type="rectangle"><transform name="to_world"><scale value="30"/>'

@@ -38,13 +38,19 @@ PROOFS = [
     "memory_1w1r prove",
     "memory_1w1r cover",
     "flow_control prove_1",
-    "flow_control prove_43",
+    "flow_control prove_44",
     "flow_control prove_65",
-    "flow_control prove_171",
+    "flow_control prove_173",
+    "flow_control prove_244",
+    "flow_control prove_292",
+    "flow_control prove_461",
     "flow_control prove_order_1",
-    "flow_control prove_order_43",
+    "flow_control prove_order_44",
     "flow_control prove_order_65",
-    "flow_control prove_order_171",
+    "flow_control prove_order_173",
+    "flow_control prove_order_244",
+    "flow_control prove_order_292",
+    "flow_control prove_order_461",
     "flow_control cover_3",
     "flow_control full_3",
     "frame_gate prove",
@@ -224,8 +230,8 @@ def labels(folder: Path, word: str) -> set[str]:
     return set(re.findall(rf"; yosys-smt2-{word} \d+ (\S+)", text))
 
 
-# Long covers, whose assumptions a broken design shows to have runs; latencies of which 1 and 65, a stage in a second
-# register of marks, have each part; sizes between the least and the most; and the proof that is a page's command,
+# Long covers, whose assumptions a broken design shows to have runs; latencies of which 1 and 173, the one of
+# `widest-square`, have each part; sizes between the least and the most; and the proof that is a page's command,
 # which is run as it stands there.
 LONG = {
     "async_fifo cover",
@@ -233,7 +239,7 @@ LONG = {
     "draw_frame prove_2",
     "fifo prove_4",
     "fifo prove_128",
-    *(f"flow_control prove{kind}_{latency}" for kind in ("", "_order") for latency in (43, 171)),
+    *(f"flow_control prove{kind}_{latency}" for kind in ("", "_order") for latency in (44, 65, 244, 292, 461)),
 }
 
 

@@ -262,6 +262,8 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
         assert "add --layers N" in capsys.readouterr().err
     assert run([*start, "--background"]) == 2
     assert capsys.readouterr().err.startswith("lippmann: --background needs --ready FILE")
+    assert run([*start, "--background", "--ready", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"lippmann: --ready: {tmp_path} is a folder; name a file\n"
     with socket.create_server(("127.0.0.1", 0)) as busy:
         number = busy.getsockname()[1]
         for more in [], ["--background", "--ready", str(tmp_path / "a.json")]:

@@ -447,7 +447,8 @@ class Traffic:
                 f"<H{count}I", TABLE + 4 * rng.randrange(65 - count), *(rng.getrandbits(32) for _ in range(count))
             )
         count = rng.choice([1, 2, 16, 64])
-        return struct.pack(f"<H{count}I", 4 * rng.randrange(self.words), *(rng.getrandbits(32) for _ in range(count)))
+        first = rng.getrandbits(16) if rng.random() < 0.1 else 4 * rng.randrange(self.words)
+        return struct.pack(f"<H{count}I", first, *(rng.getrandbits(32) for _ in range(count)))
 
     @property
     def words(self):

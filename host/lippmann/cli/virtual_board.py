@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -136,6 +137,8 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
             raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
             raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")
+    if ready and ready.is_dir():
+        raise input_error("--ready", f"{ready} is a folder", "name a file")
     if ready and (other := _running(ready)):
         raise input_error(
             "--ready", f"{ready} belongs to a board that runs ({other['url']})", "end it, or name a new file"
@@ -165,7 +168,7 @@ def _in_background(ready: Path) -> None:
         output.unlink()
         raise
     result = json.loads(ready.read_text())
-    emit(result, f"{result['url']} (lippmann board stop --ready {ready} ends it)")
+    emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
 
 
 def _option_words() -> list[str]:

@@ -82,6 +82,8 @@ def placement_beside(path: Path) -> Placement:
 def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = Path(path)
+    if path.is_dir():
+        raise input_error(str(path), "is a folder", "give a Mitsuba scene (.xml)")
     if not path.is_file():
         raise input_error(str(path), "no such scene", likely_file(path, (".xml",)) or "give a Mitsuba scene (.xml)")
     if path.suffix.lower() != ".xml":

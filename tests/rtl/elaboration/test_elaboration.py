@@ -329,7 +329,8 @@ REFUSED = [
     ("board", {"VFront": 0, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
     ("board", {"Width": 16383, "Height": 16383, **LIGHT}, "board: the panel must have fewer than 65536 tiles"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
-    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 or more"),
+    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 to "),
+    ("board", {"StoreLatency": 14, **LIGHT}, "board: StoreLatency must be 1 to "),
     ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
     (
         "board",
@@ -341,6 +342,7 @@ REFUSED = [
         for side in ("Width", "Height")
         for n in (0, 16384)
     ),
+    ("scene_block", drawn(layers=0), "scene_block: Scene must be a legal build"),
     *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
     *(
@@ -349,8 +351,12 @@ REFUSED = [
     ),
     ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
     ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
-    ("scan_out", {"VFront": 0}, "scan_out: HSync, VSync and VFront must be 1 or more, and a line "),
-    ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: HSync, VSync and VFront must be 1 or"),
+    *(
+        ("scan_out", {name: n}, "scan_out: porches must be 0 or more, and syncs and VFront 1 or more")
+        for name, n in (("HFront", -5), ("HBack", -60), ("VBack", -3), ("VFront", 0), ("HSync", 0), ("VSync", 0))
+    ),
+    ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: a line must be "),
+    ("tile_writer", {"ReadLatency": 0}, "tile_writer: ReadLatency must be 1 or more"),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
     ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
     ("ring", {"Cycles": 1}, "ring: Width must be 1 or more and Cycles 2 or more"),
@@ -390,13 +396,40 @@ def test_no_module_is_left_out():
     assert not left
 
 
+def side_by_side(module, sets, folder, *options):
+    """Elaborate a module with several sets of parameters at once, as instances i_0, i_1, ...; they share parts."""
+    instances = [
+        f"  {PREFIX}{module} #({', '.join(f'.{name}({value})' for name, value in parameters.items())}) i_{k} ();"
+        for k, parameters in enumerate(sets)
+    ]
+    top, quiet = folder / "side_by_side.sv", folder / "quiet.vlt"
+    top.write_text("\n".join(["`default_nettype none", "module side_by_side;", *instances, "endmodule", ""]))
+    # Nothing is connected here.
+    quiet.write_text(f'`verilator_config\nlint_off -rule PINMISSING -file "{top}"\n')
+    files = [TOP / "rtl" / "registers" / "lint.vlt", quiet, *needed(f"{PREFIX}{module}", SOURCES), top]
+    return elaborated("side_by_side", files, *options, parameters={}, timeout=60)
+
+
 @pytest.mark.parametrize("module", PARAMETERS)
-def test_lint_is_clean(module):
+def test_lint_is_clean(module, tmp_path):
     """With the parameters that designs use; `make lint` takes the defaults."""
-    for parameters in PARAMETERS[module]:
-        done = lint(module, parameters)
-        assert done.returncode == 0, f"{module} {parameters}\n{done.stderr}"
-        assert not done.stderr.strip(), f"{module} {parameters}\n{done.stderr}"
+    done = side_by_side(module, PARAMETERS[module], tmp_path, "-Wall")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr.strip(), done.stderr
+
+
+def test_a_warning_of_one_set_of_parameters_is_found(tmp_path, monkeypatch):
+    """A word that is too narrow in the second of three instances only."""
+    for path in (TOP / "rtl" / "common").glob("*.sv"):
+        (tmp_path / path.name).write_text(path.read_text())
+    planted = tmp_path / f"{PREFIX}fifo.sv"
+    text = planted.read_text()
+    narrow = "  if (AddressBits == 9) begin : g_narrow\n    logic [2:0] narrow;\n    assign narrow = 9'h1ff;\n  end\n"
+    planted.write_text(text.replace("endmodule", f"{narrow}endmodule"))
+    monkeypatch.setattr(f"{__name__}.SOURCES", sorted(tmp_path.glob("*.sv"), key=lambda path: "_pkg" not in path.name))
+    said = side_by_side("fifo", [{"AddressBits": bits} for bits in (2, 9, 3)], tmp_path, "-Wall").stderr
+    assert "WIDTHTRUNC" in said
+    assert not side_by_side("fifo", [{"AddressBits": bits} for bits in (2, 3)], tmp_path, "-Wall").stderr.strip()
 
 
 #: Checks of two limits in one condition: at every commit a value below, the others with the exhaustive tests.
@@ -429,16 +462,9 @@ def test_bad_parameter_stops_elaboration(module, parameters, message):
 
 def test_bad_parameters_stop_a_boards_elaboration(tmp_path):
     """Each one's message, from all boards side by side: the rays, which they share, take most of a second."""
-    lines = [
-        f"  {PREFIX}board #({', '.join(f'.{name}({value})' for name, value in parameters.items())}) i_{k} ();"
-        for k, parameters in enumerate(BOARDS.values())
-    ]
-    boards = tmp_path / "boards.sv"
-    boards.write_text("\n".join(["module boards;", *lines, "endmodule", ""]))
-    files = [TOP / "rtl" / "registers" / "lint.vlt", *needed(f"{PREFIX}board", SOURCES), boards]
     quiet = ("-Wno-lint", "-Wno-style", "--error-limit", "1000")
-    said = elaborated("boards", files, *quiet, parameters={}, timeout=60).stderr
-    refusals = re.findall(r"^%\w+-USERFATAL: \S+ (.*)\n.* In instance 'boards\.i_(\d+)'$", said, re.M)
+    said = side_by_side("board", BOARDS.values(), tmp_path, *quiet).stderr
+    refusals = re.findall(r"^%\w+-USERFATAL: \S+ (.*)\n.* In instance 'side_by_side\.i_(\d+)'$", said, re.M)
     for k, (message, parameters) in enumerate(BOARDS.items()):
         assert any(text.startswith(PREFIX + message) and int(at) == k for text, at in refusals), f"{parameters}\n{said}"
 

@@ -154,6 +154,9 @@ FRAMES = [
     ("vga-hex", (640, 480), 16, SceneBuild(4, 5, 256, 192, bilinear=True), 11.0),
     ("vga-hex", (1280, 720), 16, SceneBuild(4, 5, 256, 192), 90.0),
     ("vga-square", (1280, 720), 16, SceneBuild(4, 5, 256, 192, bilinear=True), 3.3),
+    ("vga-square", (640, 480), 18, SceneBuild(6, 8, 128, 96, bilinear=True, samples=2), -20.0),
+    ("vga-hex", (640, 480), 20, SceneBuild(7, 8, 128, 64, samples=4), 30.0),
+    ("vga-square", (1280, 720), 16, SceneBuild(8, 9, 64, 96, bilinear=True), 45.0),
 ]
 
 
