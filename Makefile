@@ -17,14 +17,16 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 
 # rayoptics comes without its dependencies, a GUI stack (see pyproject.toml). setuptools comes
 # first, and the build is not isolated, for that would fetch a setuptools that nothing pins.
+# pip would compile modules on one processor; some packages have files that are no Python, which do not compile.
 $(READY): pyproject.toml constraints.txt host/setup.sh
 	@PYTHON=$(PYTHON) host/setup.sh system
 	@echo "setup: installing Python packages into .venv (a minute)"
 	@$(PYTHON) -m venv .venv
-	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
+	@$(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
 	  --no-deps setuptools rayoptics
-	@$(BIN)/pip install -q --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
+	@$(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
 	  --no-build-isolation -e '.[cluster,rtl,test,site,lint]'
+	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	@host/setup.sh check
 	@touch $@
 	@echo "setup: ready"
