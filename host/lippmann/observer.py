@@ -29,6 +29,7 @@ from lippmann.optics.system import System
 from lippmann.rendering.sources import Window
 from lippmann.subpixels import layout_of
 from lippmann.variant import current_device, mitsuba
+from lippmann.viewing import FARTHEST_EYE_MM
 
 #: Rays traced at once.
 CHUNK_RAYS = 1 << 21
@@ -49,6 +50,8 @@ class Eye:
         numbers = (*self.position_mm, self.pupil_mm, self.focus_z_mm)
         if not all(isinstance(number, Real) and math.isfinite(number) for number in numbers):
             raise InputError("eye: a coordinate, the pupil or the focus is not finite; give numbers in mm")
+        if max(map(abs, self.position_mm)) > FARTHEST_EYE_MM:
+            raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
         if self.position_mm[2] <= 0.0:
             raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if self.pupil_mm < 0.0:

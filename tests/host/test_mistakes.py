@@ -152,6 +152,7 @@ COMMANDS = [
     (RENDER.replace("a.exr", "out/a.exr"), "out/a.exr", "make it first"),
     (RENDER.replace(" -o a.exr", ""), "'-o'", "--help"),
     (OBSERVE.replace("0,0,600", "0,600"), "--eye", "give 3 finite numbers with commas"),
+    (OBSERVE.replace("0,0,600", "1e300,0,600"), "eye: is farther away than 1e+09 mm", "such as 0,0,600"),
     (OBSERVE.replace("0,0,600", "0,0,-600"), "eye: z -600 mm is behind the display", "give z > 0"),
     (f"{OBSERVE} --sweep -30", "--sweep", "give 2 finite numbers with commas"),
     (f"{OBSERVE.replace('.png', '.mp4')}", "v.mp4", "give --sweep X0,X1 too, or choose from .exr"),

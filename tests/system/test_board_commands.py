@@ -271,6 +271,12 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
             said = f"lippmann: --tcp-port: cannot listen on port {number} (Address already in use); choose another"
             assert capsys.readouterr().err.startswith(said)
     # Root may write anywhere: ask as one who may not.
+    with monkeypatch.context() as denied:
+        denied.setattr(Path, "mkdir", lambda *_, **__: (_ for _ in ()).throw(PermissionError()))
+        assert run([*start, "--capture", str(tmp_path / "no" / "place")]) == 2
+    assert capsys.readouterr().err.startswith(
+        f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be made; choose"
+    )
     monkeypatch.setattr(os, "access", lambda *_: False)
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):
         assert run([*start, option, str(path)]) == 2

@@ -1,8 +1,8 @@
 """The frame of a command: a function whose parameters have their options and arguments as defaults.
 
-The type of an option and its flag are those of the parameter, unless they are given. A parameter with a function or
-class as its default is a group of options: those that the function declares. It gets what the function returns. A
-parameter of such a function without a default gets the value of the command's parameter of that name.
+The type of an option and its flag are those of the parameter, unless they are given. A parameter whose default is a
+function or class is a group of options: `board: Board = _opened` has the options that `_opened` declares, and gets what
+it returns. A parameter of `_opened` that has no default gets the value of the command's parameter of that name.
 """
 
 from __future__ import annotations

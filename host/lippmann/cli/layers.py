@@ -41,7 +41,7 @@ def command(
     apart: str | None = option("Shapes by id (`*`, `?`) that become a layer of their own, to move.", None),
     slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, Slot()),
     samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
-    filter: Filter = option("Filter for which hardware and decibels are told.", "nearest"),
+    filter: Filter = option("Filter that the printed hardware and decibels are for.", "nearest"),
     costs: str | None = option("Table: decibels over the number of layers, up to --count.", None, metavar="OUT.csv"),
     integrator: str = INTEGRATOR,
     max_depth: int = MAX_DEPTH,

@@ -124,8 +124,14 @@ def start_command(
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
     """Make the folder of --capture; refuse missing or read-only folders, and the ready file of a running board."""
     if capture:
-        with contextlib.suppress(OSError):  # told below
+        try:
             capture.mkdir(parents=True, exist_ok=True)
+        except PermissionError:
+            raise input_error(
+                "--capture", f"{capture} cannot be made", "choose another folder or change permissions"
+            ) from None
+        except OSError:  # told below
+            pass
     for name, place in (
         ("--capture", capture),
         ("--ready", ready and ready.parent),
