@@ -316,7 +316,8 @@ FAULTS = {
     "duplicate": Faults(duplicate=2e-3),
     "garble": Faults(garble=2e-3),
     "reorder": Faults(reorder=2e-3),
-    "cut": Faults(cut=4e-4, run=200),
+    # As long as a request of a layer: a longer one would outlast the few and late repetitions of what is as short.
+    "cut": Faults(cut=2e-3, run=40),
     "stall": Faults(stall=1e-3, stall_s=0.1),
     "lose": Faults(lose=0.2),
     "repeat": Faults(repeat=0.6),
@@ -334,8 +335,7 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
     wanted = {bytes(3 * WIDTH * HEIGHT), twin(display, stack, build).tobytes()}
     with Board.open(usual.url) as board:
         show(SceneBoard(board), display, stack)
-    # More patience than a busy machine needs: whether the line is ever given up is not the question here.
-    with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=20.0) as board:
+    with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=10.0) as board:
         scene = SceneBoard(board)
         line.down = line.up = FAULTS[fault]
         for _ in range(10):
