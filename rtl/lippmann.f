@@ -24,6 +24,7 @@ common/lipp_delay.sv
 common/lipp_fifo.sv
 common/lipp_flow_control.sv
 common/lipp_config_bank.sv
+math/lipp_cut_product.sv
 math/lipp_low_product.sv
 math/lipp_multiplier.sv
 math/lipp_digit_product.sv

@@ -20,7 +20,7 @@ module lipp_texel_slot #(
   input  logic                             write_i,
   input  logic [19:0]                      write_at_i,
   input  logic [7:0]                       write_data_i,
-  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // that the byte ends, and the three before it
+  input  logic [lipp_scene_pkg::EntryBits-1:0] entry_i,  // the last four bytes: {this, before, ...}
   input  logic [Taps-1:0][AddressBits-1:0] read_at_i,
   output logic [Taps-1:0][lipp_scene_pkg::EntryBits-1:0] colour_o
 );

@@ -10,7 +10,7 @@ import pytest
 from fault_line import NO_FAULTS, Faults, Mangler, Proxy
 from lippmann.board.board import Board
 from lippmann.board.stream import send_frame
-from lippmann.errors import DeviceError
+from lippmann.errors import DeviceError, NoBoardError
 from lippmann.link.port import SEND_S
 from model_board import ModelBoard
 from scene_cases import generator
@@ -101,6 +101,19 @@ def test_faults_on_the_way_back(fault):
 @pytest.mark.parametrize("pty", [False, True], ids=["tcp", "pty"])
 def test_faults_on_both_ways(pty):
     stream_through(pty, FAULTS["all"], FAULTS["all"], "both", str(pty))
+
+
+def test_the_first_request_after_an_outage_is_repeated_as_often():
+    """The time-out that grew while the line was dead would leave it one send, which noise can swallow."""
+    sends = []
+    with ModelBoard(256, 160) as model, Proxy(model.url, SEED) as line, Board.open(line.url, FAST_BAUD, 1.0) as board:
+        line.down = Faults(lose=1.0)
+        for _ in range(3):
+            before = line.done[0]["lose"]
+            with pytest.raises(NoBoardError):
+                board.hello()
+            sends.append(line.done[0]["lose"] - before)
+    assert min(sends) >= 3
 
 
 @pytest.mark.parametrize("fault", [Faults(lose=1.0), Faults(garble=1.0), Faults(flip=0.5), Faults(drop=0.5)])

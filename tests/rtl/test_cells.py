@@ -31,7 +31,7 @@ def printed(request):
         "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
         "ecp5": [*CELLS, HERE / "ecp5_models.sv"],
     }[request.param]
-    shared = [generic[name] for name in ("math_pkg", "delay", "fifo", "digit_product", "row_product")]
+    shared = [generic[name] for name in ("math_pkg", "cut_product", "delay", "fifo", "digit_product", "row_product")]
     sources = [*shared, HERE / "bench.sv", *files]
 
     def make(program: Path) -> None:

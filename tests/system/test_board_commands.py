@@ -270,9 +270,13 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
             assert run([*start, "--tcp-port", str(number), *more]) == 1
             said = f"lippmann: --tcp-port: cannot listen on port {number} (Address already in use); choose another"
             assert capsys.readouterr().err.startswith(said)
+
     # Root may write anywhere: ask as one who may not.
+    def refuse(*_, **__):
+        raise PermissionError
+
     with monkeypatch.context() as denied:
-        denied.setattr(Path, "mkdir", lambda *_, **__: (_ for _ in ()).throw(PermissionError()))
+        denied.setattr(Path, "mkdir", refuse)
         assert run([*start, "--capture", str(tmp_path / "no" / "place")]) == 2
     assert capsys.readouterr().err.startswith(
         f"lippmann: --capture: {tmp_path / 'no' / 'place'} cannot be made; choose"

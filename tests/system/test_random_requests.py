@@ -529,9 +529,11 @@ class Traffic:
         ("square", "bytes", None),
         ("square", "bytes", USUAL),
         pytest.param("square", "bits", None, marks=pytest.mark.full),
+        pytest.param("square", "bits", USUAL, marks=pytest.mark.full),
         pytest.param("hex", "bytes", None, marks=pytest.mark.full),
+        pytest.param("hex", "bytes", USUAL, marks=pytest.mark.full),
     ],
-    ids=["square", "square-scene", "square-bits", "hex"],
+    ids=["square", "square-scene", "square-bits", "square-bits-scene", "hex", "hex-scene"],
 )
 def test_each_request_has_the_models_reply(grid, line, scene):
     count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 2)
@@ -607,6 +609,6 @@ def configuration_of(registers):
 
 
 def traced(u, v, config, build):
-    """Exit rays of the twin, a row a ray. The aims are none: the boards of these tests read none."""
+    """Return the twin's exit rays, one per row. The aims are zero: these boards read none."""
     u, v = (np.asarray(one, np.int64) for one in (u, v))
     return np.stack(ray_pipeline(u, v, 0 * u, 0 * u, config, build), axis=1)

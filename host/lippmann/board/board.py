@@ -457,6 +457,7 @@ class Board:
                         self._round_trip.sample(time.monotonic() - sent)
                     return reply.body[0], reply.body[1:]
             if time.monotonic() >= end:
+                self._round_trip.give_up()
                 raise self.silence()
             self._round_trip.back_off()
             again = True

@@ -37,6 +37,10 @@ class RoundTrip:
         """Shorten the time-out after the reply to a repeated request, which cannot be timed."""
         self.time_out_s = max(self.time_out_s / GROWTH, self._estimate())
 
+    def give_up(self) -> None:
+        """Forget the back-off after a request without a reply: the next one is repeated as often as the first was."""
+        self.time_out_s = self._estimate()
+
     def _estimate(self) -> float:
         """Return the time-out of the samples."""
         if self._smoothed is None:

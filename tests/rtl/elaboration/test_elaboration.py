@@ -45,6 +45,9 @@ def drawn(layers=4, slots=5, width_bits=8, height=192, bilinear=0, samples_bits=
 
 
 F_SETS = [{"F": f} for f in (14, 16, 18, 23)]
+PRODUCTS = [
+    {"Wa": a, "Wb": b, "Drop": d, "Square": s} for a, b, d, s in ((18, 18, 0, 0), (25, 25, 20, 1), (27, 25, 21, 0))
+]
 PANELS = [{"Width": w, "Height": h} for w, h in ((7, 5), (640, 480), (1920, 1080), (2400, 2400))]
 GRID_SETS = [{"F": f, "Grid": g} for f in (14, 23) for g in (0, 1)]
 SHEARED = [{**grid, "Shear": 1} for grid in GRID_SETS]
@@ -83,9 +86,8 @@ PARAMETERS = {
     ],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
-    "wide_product": [
-        {"Wa": a, "Wb": b, "Drop": d, "Square": s} for a, b, d, s in ((18, 18, 0, 0), (25, 25, 20, 1), (27, 25, 21, 0))
-    ],
+    "cut_product": PRODUCTS,
+    "wide_product": PRODUCTS,
     "cell_step": [*GRID_SETS, *SHEARED, {"F": 23, "Grid": 1, "CrossCells": 1, "Shear": 1}],
     "converge": [*GRID_SETS, {"F": 23, "Grid": 1, "CrossCells": 1}],
     "delay": [
@@ -278,9 +280,11 @@ REFUSED = [
     ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 4}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
     ("block_ring", {"Cycles": 1}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
-    ("wide_product", {"Wa": 0}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
-    ("wide_product", {"Wb": 47}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop"),
-    ("wide_product", {"Drop": 36}, "wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than"),
+    *(
+        (module, {a: n}, f"{module}: Wa and Wb must be 1 or more, 64 at most together, and more than Drop")
+        for module in ("cut_product", "wide_product")
+        for a, n in (("Wa", 0), ("Wb", 47), ("Drop", 36))
+    ),
     ("config_bank", {"Width": 0}, "config_bank: Width must be 1 or more"),
     ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
     ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Product of two signed words from their parts, cut below a given place; without a register.
+///
+/// A word is split, a = ah 2^la + al, where la is the number of its bits beyond 18; b likewise:
+///
+///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
+///
+/// All words have 64 bits, since simulators neither mask nor extend those; synthesis removes the unused bits.
+/// Latency 0.
+module lipp_cut_product #(
+  parameter int Wa = 18,       // bits of a
+  parameter int Wb = 18,       // bits of b
+  parameter int Drop = 0,      // places cut off
+  parameter bit Square = 1'b0, // b is a: one cross term, doubled
+  localparam int Wp = Wa + Wb - Drop
+) (
+  input  logic signed [Wa-1:0] a_i,
+  input  logic signed [Wb-1:0] b_i,
+  output logic        [Wp-1:0] p_o
+);
+  import lipp_math_pkg::*;
+
+  localparam logic [63:0] LowA = (64'd1 << low_bits(Wa)) - 64'd1;
+  localparam logic [63:0] LowB = (64'd1 << low_bits(Wb)) - 64'd1;
+
+  if (Wa < 1 || Wb < 1 || Wa + Wb > 64 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal
+    $fatal(1, "lipp_cut_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
+  end
+
+  // The lower 64 bits of a product are the same for signed and unsigned words.
+  logic [63:0] a, b, upper, ah_bl, rest;
+  assign a = 64'(a_i);
+  assign b = 64'(b_i);
+  assign upper = (a & ~LowA) * (b & ~LowB);
+  assign ah_bl = (a & ~LowA) * (b & LowB);
+  assign rest = Square ? ah_bl << 1 : ah_bl + (a & LowA) * (b & ~LowB);
+  assign p_o = upper[Drop+:Wp] + rest[Drop+:Wp];
+  logic unused_places;
+  assign unused_places = ^{upper, rest};
+
+endmodule
+
+`default_nettype wire
