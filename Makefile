@@ -18,14 +18,18 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 # rayoptics comes without its dependencies, a GUI stack (see pyproject.toml). setuptools comes
 # first, and the build is not isolated, for that would fetch a setuptools that nothing pins.
 # pip would compile modules on one processor; some packages have files that are no Python, which do not compile.
+# uv takes seconds where pip takes most of a minute, but does not read pip's settings: where these name
+# another registry, uv may find nothing, and pip installs.
+PIP := $(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt
+UV := $(BIN)/uv pip install -q --python $(BIN)/python -c constraints.txt
+FIRST := --no-deps setuptools rayoptics
+ALL := --no-build-isolation -e '.[cluster,rtl,test,site,lint]'
 $(READY): pyproject.toml constraints.txt host/setup.sh
 	@PYTHON=$(PYTHON) host/setup.sh system
-	@echo "setup: installing Python packages into .venv (a minute)"
+	@echo "setup: installing Python packages into .venv (up to a minute)"
 	@$(PYTHON) -m venv .venv
-	@$(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
-	  --no-deps setuptools rayoptics
-	@$(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt \
-	  --no-build-isolation -e '.[cluster,rtl,test,site,lint]'
+	@$(PIP) uv
+	@{ $(UV) $(FIRST) && $(UV) $(ALL); } 2> /dev/null || { $(PIP) $(FIRST) && $(PIP) $(ALL); }
 	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	@host/setup.sh check
 	@touch $@
