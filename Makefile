@@ -17,7 +17,8 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 
 # rayoptics comes without its dependencies, a GUI stack (see pyproject.toml). setuptools comes
 # first, and the build is not isolated, for that would fetch a setuptools that nothing pins.
-# pip would compile modules on one processor; some packages have files that are no Python, which do not compile.
+# pip would compile modules on one processor. Some packages have files that are no Python, which do not compile;
+# their tests, pip, and scapy, which cocotb-bus asks for, are not imported here.
 # uv takes seconds where pip takes most of a minute, but does not read pip's settings: where these name
 # another registry, uv may find nothing, and pip installs.
 PIP := $(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt
@@ -30,7 +31,7 @@ $(READY): pyproject.toml constraints.txt host/setup.sh
 	@$(PYTHON) -m venv .venv
 	@$(PIP) uv
 	@{ $(UV) $(FIRST) && $(UV) $(ALL); } 2> /dev/null || { $(PIP) $(FIRST) && $(PIP) $(ALL); }
-	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
+	@$(BIN)/python -m compileall -qq -j 0 -x '/(tests|scapy|pip)/' .venv/lib || true
 	@host/setup.sh check
 	@touch $@
 	@echo "setup: ready"
