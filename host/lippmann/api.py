@@ -85,6 +85,8 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
 @contextlib.contextmanager
 def _loaded(scene: str | Path | Scene, placement: Placement | None, device: str) -> Iterator[Scene]:
     """Set Mitsuba's variant, and yield the scene; a path is loaded first."""
+    if not isinstance(placement, Placement | None):
+        raise InputError(f"placement {str(placement)[:80]!r} is none; give lippmann.Placement(...) or None")
     if not isinstance(scene, Scene):
         check_scene_file(scene)
         with own_variant(device):

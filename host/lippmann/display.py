@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from lippmann import toml
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, path_of
 from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
 from lippmann.subpixels import Subpixel, layout_of
 from lippmann.toml import documented, key, variant
@@ -319,7 +319,7 @@ def load_display(path: str | Path) -> Display:
 
     Raises InputError, with file, key and remedy, for a key that is missing or unknown, or a value that cannot be built.
     """
-    return _read(toml.load(Path(path), "display"), str(path))
+    return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 
 def display_at(display: str | Path | Display) -> Display:

@@ -59,7 +59,10 @@ def _check_model(model: str) -> None:
 
 def _columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats:
     """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `most`."""
-    array = np.asarray(values, np.float64)
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is not an array of numbers; give shape (N, {width})") from None
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
     if not np.isfinite(array).all():
@@ -85,7 +88,7 @@ def trace(
     display
         A display file, or what `load_display` returned.
     pixels
-        (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r).
+        (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r). Beyond its edges the panel goes on.
     aperture
         (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; left out, chief rays.
     model

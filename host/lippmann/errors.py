@@ -46,7 +46,18 @@ input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoa
 
 def reason(error: Exception) -> str:
     """Return why a file could not be read, in words: the system's, without its number and the path."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not text in UTF-8"
+    if "pickle" in str(error):  # numpy's word for Python's own objects
+        return "it holds no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
+
+
+def path_of(value: object, what: str) -> Path:
+    """Return a path that Python code gave; refuse what is none. `what` says of which file."""
+    if not isinstance(value, str | Path):
+        raise InputError(f"{str(value)[:80]!r} is not {what}; give its path")
+    return Path(value)
 
 
 def to_install(extra: str = "") -> str:

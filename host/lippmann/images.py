@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, to_install
+from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -126,7 +126,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
     InputError for an unknown extension, a missing or read-only folder, and a path that is a folder.
     """
-    path = Path(path)
+    path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
         raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
     if path.suffix.lower() not in suffixes:
@@ -147,7 +147,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 def check_input(path: str | Path) -> Path:
     """Return an image's path; InputError when there is no such file."""
-    path = Path(path)
+    path = path_of(path, "an image file")
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give an image")
     if not path.is_file():

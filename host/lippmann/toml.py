@@ -195,7 +195,8 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
-        for unknown in value if isinstance(value, dict) and "properties" in node else ():
+        keys = value if isinstance(value, dict) and "properties" in node else ()
+        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):  # first what tells another kind
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
                 if not name and unknown in KINDS and not hint.startswith("it belongs"):
@@ -203,9 +204,8 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
                         KINDS[unknown],
                         re.sub(r"(?<=[a-z])[A-Z]", r" \g<0>", form.__name__.removesuffix("File")).lower(),
                     )
-                    hint = "this is a {} file, give a {} file".format(
-                        *(kind.replace("setup", "set-up") for kind in kinds)
-                    )
+                    named = [kind.replace("setup", "set-up").replace("layer film", "film-of-layers") for kind in kinds]
+                    hint = f"this is a {named[0]} file, give a {named[1]} file"
                 raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", hint)
     for name, (value, node) in nodes.items():
         for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():

@@ -225,6 +225,8 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"fraction_bits": 20}, "fraction bits belong to the engines twin and rtl"),
         ({"samples": 0}, "samples 0 is out of range"),
         ({"device": "tpu"}, "unknown device 'tpu'"),
+        ({"placement": "x.toml"}, r"placement 'x.toml' is none; give lippmann.Placement\(...\) or None"),
+        ({"memory_mb": float("nan")}, "--memory-mb nan is not a limit"),
         ({"memory_mb": 1.0}, "display 'case': panel.width_px, panel.height_px: an image of 60 x 40 pixels: needs"),
     ],
 )
@@ -281,6 +283,25 @@ def test_numpys_integers_are_whole_numbers(plain, mi):
 def test_an_eye_is_a_position(plain, mi, eye, others, said):
     with pytest.raises(InputError, match=said):
         lp.observe(plain, eye, device="llvm", **others)
+
+
+PATHS = {
+    lp.load_display: "a display file",
+    lp.load_scene: "a scene",
+    lp.load_setup: "a set-up file",
+    lp.load_layers: "a folder of layers",
+}
+
+
+@pytest.mark.parametrize("load", PATHS, ids=lambda load: load.__name__)
+def test_a_file_is_given_as_its_path(load, mi):
+    with pytest.raises(InputError, match=f"'None' is not {PATHS[load]}; give its path"):
+        load(None)
+
+
+def test_pixels_are_numbers(small, mi):
+    with pytest.raises(InputError, match=r"pixels is not an array of numbers; give shape \(N, 2\)"):
+        lp.trace(small, "a")
 
 
 def test_a_path_of_an_image_is_not_an_image(small, mi):

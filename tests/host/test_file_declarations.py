@@ -63,7 +63,7 @@ def test_a_file_of_another_kind_is_named(kind, tmp_path):
         if name in inside:
             continue
         module, declared = FILES[kind]
-        kinds = [{"setup": "set-up"}.get(one, one) for one in (home, kind)]
+        kinds = [{"setup": "set-up", "layer film": "film-of-layers"}.get(one, one) for one in (home, kind)]
         with pytest.raises(InputError) as refused:
             toml.read(getattr(import_module(module), declared), {name: {}}, "f.toml")
         assert str(refused.value) == f"f.toml: {name}: unknown key; this is a {kinds[0]} file, give a {kinds[1]} file"

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.images import write_picture
@@ -23,6 +24,9 @@ def place(tmp_path, monkeypatch):
     write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
     light = generator(SEED).random((48, 64, 3))
     write_picture("image.exr", light, {"identity": DISPLAY.identity})
+    (tmp_path / "folder.xml").mkdir()
+    (tmp_path / "latin.toml").write_bytes(b"name = '\xe9'")
+    np.save("objects.npy", np.array([{}], object), allow_pickle=True)
     write_picture("other.exr", light, {"identity": "79ee8471d40b2533", "display": "paper-square"})
     return tmp_path
 
@@ -160,6 +164,13 @@ COMMANDS = [
     ("pattern lens-centers --display tiny.toml -o w.png", "lens-centers", "did you mean lens-centres?"),
     (f"{RENDER} --samples 0", "samples 0", "give 1 to"),
     ("stream image.exr --port localhost:4000", "localhost:4000", "did you mean socket://localhost:4000?"),
+    ("stream imag.exr --port /dev/no-such-port", "imag.exr: no such image", "did you mean image.exr?"),
+    ("render folder.xml --display tiny.toml -o a.exr", "folder.xml: is a folder", "give a Mitsuba scene (.xml)"),
+    ("animate tiny.toml --display tiny.toml -o a.gif", "tiny.toml: gap_mm", "this is a display file, give a film file"),
+    ("inspect latin.toml", "latin.toml: cannot be read (it is not text in UTF-8)", "give a display file (.toml)"),
+    ("trace --display tiny.toml --pixels objects.npy -o r.npz", "objects.npy: cannot be read (it holds no array of",
+     "give columns u, v"),
+    (f"{RENDER} --memory-mb nan", "--memory-mb", "give a number above 0"),
     ("board read dispaly", "dispaly: no such register", "did you mean display?"),
     ("board read optics.contrl", "optics.contrl: no such register", "did you mean optics.control?"),
 ]  # fmt: skip
@@ -170,6 +181,11 @@ def test_mistakes_in_a_command(place, capfd, words, named, remedy):
     line = line_of(capfd, words.split())
     assert named in line
     assert remedy in line[line.index(named) + len(named) :], line
+
+
+def test_a_port_that_is_a_file(place, capfd):
+    line = line_of(capfd, ["board", "info", "--port", "./tiny.toml"], code=1)
+    assert "tiny.toml: is not a serial port; give a serial device, a pty, or socket://HOST:PORT" in line
 
 
 def test_a_mistyped_field_of_a_board(place, capfd):

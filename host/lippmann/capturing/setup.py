@@ -31,7 +31,7 @@ from lippmann.display import (
     index_of_keys,
     load_display,
 )
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, path_of
 from lippmann.optics.rays import Floats
 from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.toml import documented, key
@@ -216,7 +216,7 @@ def load_setup(path: str | Path) -> Setup:
     InputError
         Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
-    path = Path(path)
+    path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))
     where, subject = f"{path}: ", keys.object
     lens = None if keys.lens is None else _lens(keys.lens, subject.distance_mm, f"{where}lens.")

@@ -15,6 +15,7 @@ from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import TransferName, load_display
 from lippmann.errors import NoBoardError
+from lippmann.images import check_input
 from lippmann.link.packets import RESET_VERSION
 
 #: Pause between attempts to reopen a lost board, s.
@@ -52,6 +53,8 @@ def command(
     Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
     """
     display = None if display_path is None else load_display(display_path)
+    for image in images:
+        check_input(image)
     url = chosen_port(port, baud)
     board = _opened(url, baud, resume_s)
     try:

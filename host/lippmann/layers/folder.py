@@ -19,7 +19,7 @@ import numpy as np
 
 from lippmann import toml
 from lippmann.display import Display
-from lippmann.errors import InputError, input_error, likely_file, reason
+from lippmann.errors import InputError, input_error, likely_file, path_of, reason
 from lippmann.images import check_output, replacing
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.toml import documented, key
@@ -86,7 +86,8 @@ def load_layers(path: str | Path) -> LayerStack:
 
 def load_named_layers(path: str | Path) -> NamedLayers:
     """Read a folder of layers with the layers' names; raises as `load_layers`."""
-    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    given = path_of(path, "a folder of layers")
+    file = given / FILE if given.is_dir() else given
     if not file.exists():
         raise input_error(str(path), "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
     keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))

@@ -82,6 +82,8 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
             what, remedy = "the port is busy", "close the other program that uses it"
         case errno.ECONNREFUSED:
             what, remedy = "no program listens there", "start the virtual board: lippmann board start"
+        case _ if "configure port" in str(error):  # pyserial keeps no number of what termios refused
+            what, remedy = "is not a serial port", "give a serial device, a pty, or socket://HOST:PORT"
         case _:
             what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
     return no_board_error(url, what, remedy)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.errors import InputError, input_error, likely_file
+from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
 
@@ -81,7 +81,7 @@ def placement_beside(path: Path) -> Placement:
 
 def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or not .xml."""
-    path = Path(path)
+    path = path_of(path, "a scene")
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give a Mitsuba scene (.xml)")
     if not path.is_file():
