@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -16,6 +17,7 @@ from lippmann.glass import SELLMEIER, index_of
 from lippmann.subpixels import LAYOUTS
 from truth import mp
 
+SEED = 466
 PANEL = {"width_px": 640, "height_px": 480, "pixel_pitch_mm": 0.05}
 ARRAY = {"grid": "hex", "pitch_mm": 1.0, "index": 1.5, "radius_mm": 2.0}
 
@@ -645,6 +647,47 @@ def test_arrays_that_are_no_mistake():
         {"extent_mm": [4.0, 40.0], "offset_mm": [18.0, 18.0], "rotation_deg": -45.0},
     ):
         parse_display(toml(array=but(ARRAY, **keys)))
+
+
+def _corners(width, height, right, up):
+    """(4, 2) corners of a parallelogram about the origin, from its sides' vectors of length 1 mm."""
+    return np.array([[sx * width / 2, sy * height / 2] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) @ [
+        right,
+        up,
+    ]
+
+
+def _gap(one, other):
+    """The widest gap between two convex polygons along a normal of their edges; negative: they overlap along each."""
+    gaps = []
+    for x, y in np.concatenate([np.roll(each, -1, 0) - each for each in (one, other)]):
+        normal = np.array([-y, x]) / math.hypot(x, y)
+        gaps += [(other @ normal).min() - (one @ normal).max()]
+    return max(gaps)
+
+
+def test_an_extent_reaches_the_panel_by_its_corners():
+    """Turned and sheared areas around the panel, by their corners; a lenslet reaches half its diagonal farther."""
+    rng, both = np.random.default_rng(SEED), set()
+    for _ in range(300):
+        angle, shear = rng.uniform(-180, 180), rng.choice([0.0, rng.uniform(-1, 1)])
+        width, height = rng.uniform(2, 30, 2)
+        way = rng.uniform(0, 2 * math.pi)
+        offset = (rng.uniform(0.5, 1.2) * 35.0 * np.array([math.cos(way), math.sin(way)])).round(3)
+        keys = {"shear": round(shear, 4), "extent_mm": [width, height], "offset_mm": [*offset], "rotation_deg": angle}
+        array = but(ARRAY, **{"radius_mm": 9.0, **keys})
+        turned = np.exp(1j * math.radians(angle)) * np.array([1.0, round(shear, 4) + 1j])
+        area = _corners(width, height, *((side.real, side.imag) for side in turned)) + offset
+        gap = _gap(_corners(32.0, 24.0, (1.0, 0.0), (0.0, 1.0)), area)
+        reach = Array("hex", 1.0, 9.0, 1.5, 1.0, shear=round(shear, 4)).half_diagonal_mm
+        if abs(gap - reach) < 1e-6:
+            continue
+        both.add(gap > reach)
+        if gap > reach:
+            refused(toml(array=array), "array.extent_mm: ", "bring array.offset_mm nearer")
+        else:
+            parse_display(toml(array=array))
+    assert both == {True, False}
 
 
 @pytest.mark.parametrize(

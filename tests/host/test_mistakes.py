@@ -101,6 +101,8 @@ FILES = [
         "viewing_distance_mm",
         "give 2000, if 2 m are meant, or a viewing_distance_mm such as ",
     ),
+    (TOP, "viewing_distance_mm = 0.1\n", "viewing_distance_mm", "give 100, if 0.1 m are meant, or a"),
+    (TOP, "viewing_distance_mm = 0.09\n", "viewing_distance_mm", "give a viewing_distance_mm such as "),
     (TOP, "viewing_distance_mm = -600\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = '60 cm'\n", "viewing_distance_mm", "give a finite number"),
     (TOP, "viewing_distance_mm = inf\n", "viewing_distance_mm", "give a finite number"),
