@@ -259,6 +259,9 @@ def test_placements_one_after_the_other():
     upright = Placement(near_mm=10.0, far_mm=-5.0).then(Placement(2.0, (0.0, 0.0, 180.0), (0.0, 0.0, 3.0)))
     assert (upright.near_mm, upright.far_mm) == (23.0, -7.0)
     assert Placement(near_mm=10.0, far_mm=-5.0).then(Placement(1.0, (0.0, 10.0, 0.0))).near_mm is None
+    for scale in (1e-8, 1e8):
+        placement = Placement(scale, (10.0, 20.0, 30.0))
+        assert placement.then(Placement()).rotation_deg == pytest.approx((10.0, 20.0, 30.0), abs=1e-9)
     # A turn of a quarter about y: the angles about x and z are not told apart.
     for x, z in ((30.0, 0.0), (0.0, 40.0), (20.0, -70.0)):
         steep = Placement(1.0, (x, 90.0, z))
