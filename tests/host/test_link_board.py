@@ -196,9 +196,12 @@ def test_a_busy_board_says_what_runs():
         model.runs, model.stream = SIGN_RUNS, True
         with pytest.raises(DeviceError, match=r"refuses TRACE while a signature \(100 rays so far\) runs"):
             trace()
+        model.epoch = 5
+        board.hello()
+        assert board.info.epoch == 5
         board.reset()
         assert not any(model.registers.values())
-        assert board.info.epoch == 0
+        assert board.info.epoch == 0  # a new session has begun
 
 
 def test_a_request_older_than_that_of_another_program_says_so():
@@ -425,6 +428,18 @@ def test_a_host_that_is_none():
 def test_baud_rates_that_are_none(baud):
     with pytest.raises(InputError, match="baud"):
         open_port("/dev/ttyNONE", baud)
+
+
+def test_a_baud_rate_that_the_port_does_not_have(monkeypatch):
+    def refuse(*_, **__):
+        raise ValueError("Invalid baud rate: 7")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(
+        DeviceError, match="/dev/ttyNONE: the port does not support 7 baud; choose another rate"
+    ) as error:
+        open_port("/dev/ttyNONE", 7)
+    one_line(error)
 
 
 def test_a_busy_port():

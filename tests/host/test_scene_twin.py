@@ -32,6 +32,7 @@ from lippmann.optics.rays import gets_through
 from lippmann.optics.system import System
 from lippmann.sim.tools import repository
 from random_cases import configured_display
+from scene_cases import focused_display
 
 DISPLAYS = repository() / "scenes" / "displays"
 
@@ -346,6 +347,20 @@ def test_layers_out_of_range_are_refused(layers, message):
     display = load_display(DISPLAYS / "vga-square.toml")
     with pytest.raises(InputError, match=message):
         scene_words(display, LayerStack(tuple(layers)), SceneBuild(4))
+
+
+@pytest.mark.parametrize(("side", "other"), [("height_px", "width_px"), ("width_px", "height_px")])
+def test_a_panel_is_as_large_as_places_reach(side, other):
+    """Words of places hold 2048 radii, 20 of them beside the panel: half of it may have 2028, in either direction."""
+    for pixels, fits in ((4054, True), (4058, False)):
+        # Radius and pixels of 1 mm.
+        display = focused_display("square", focal=2.0, pixel_pitch=1.0, **{side: pixels, other: 4})
+        stack = LayerStack((layer(),))
+        if fits:
+            assert scene_words(display, stack, SceneBuild(4)).layers
+        else:
+            with pytest.raises(InputError, match="they place the panel's corner 2049 radii"):
+                scene_words(display, stack, SceneBuild(4))
 
 
 def test_a_layer_with_a_name_is_called_by_it():
