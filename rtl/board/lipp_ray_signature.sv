@@ -23,27 +23,30 @@ module lipp_ray_signature (
   logic [7:0][31:0] rest_q;  // words after the current one
   logic [31:0] word_q, crc_q;
   logic [3:0] words_q;       // the current word and those after it
-  logic last_q;
-  assign ray_ready_o = words_q <= 4'd1;
+  logic last_q, take;
+  assign take = ray_valid_i && ray_ready_o;
   assign crc_o = ~crc_q;
 
   always_ff @(posedge clk_i) begin
-    if (ray_valid_i && ray_ready_o) {last_q, rest_q, word_q} <= {ray_last_i, ray_i};
+    if (take) {last_q, rest_q, word_q} <= {ray_last_i, ray_i};
     else {rest_q, word_q} <= {32'd0, rest_q};
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       words_q <= '0;
+      ray_ready_o <= 1'b1;
       crc_q <= '1;
       rays_o <= '0;
       done_o <= 1'b0;
     end else if (start_i) begin
       words_q <= '0;
+      ray_ready_o <= 1'b1;
       crc_q <= '1;
       rays_o <= '0;
       done_o <= 1'b0;
     end else begin
-      if (ray_valid_i && ray_ready_o) begin
+      ray_ready_o <= !take && words_q <= 4'd2;  // words_q <= 1 in the next clock
+      if (take) begin
         words_q <= 4'd9;
         rays_o <= rays_o + 1'b1;
       end else if (words_q != '0) begin

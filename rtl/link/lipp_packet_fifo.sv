@@ -50,12 +50,12 @@ module lipp_packet_fifo #(
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
   logic [LengthBits-1:0] length_q;      // bytes so far, at most MaxPacket + 1
-  logic take, is_long, write, room_q;
+  logic too_long_q, late_full_q;        // length_q > MaxPacket, length_q >= 5: a comparison would come late
+  logic take, write, room_q;
   logic judge_q, right_q, long_q, cobs_q, short_q, good;
-  assign is_long = length_q > LengthBits'(MaxPacket);
-  assign in_ready_o = room_q || is_long;
+  assign in_ready_o = room_q || too_long_q;
   assign take = in_valid_i && in_ready_o;
-  assign write = take && length_q >= LengthBits'(5) && !is_long;
+  assign write = take && late_full_q && !too_long_q;
   assign good = right_q && !long_q && !cobs_q && !short_q;
 
   always_ff @(posedge clk_i) begin
@@ -66,7 +66,7 @@ module lipp_packet_fifo #(
     end
     // The state at the packet's end, checked a clock later.
     right_q <= crc_q == CrcResidue;
-    long_q <= is_long;
+    long_q <= too_long_q;
     cobs_q <= in_bad_i;
     short_q <= length_q < LengthBits'(MinPacket);
   end
@@ -75,6 +75,7 @@ module lipp_packet_fifo #(
     if (!rst_ni) begin
       crc_q <= CrcStart;
       length_q <= '0;
+      {too_long_q, late_full_q} <= '0;
       write_at_q <= '0;
       stored_q <= '0;
       room_q <= 1'b0;
@@ -84,7 +85,9 @@ module lipp_packet_fifo #(
       if (take) begin
         crc_q <= in_end_i ? CrcStart : crc32_byte(crc_q, in_data_i);
         if (in_end_i) length_q <= '0;
-        else if (!is_long) length_q <= length_q + LengthBits'(1);
+        else if (!too_long_q) length_q <= length_q + LengthBits'(1);
+        too_long_q <= !in_end_i && (too_long_q || length_q == LengthBits'(MaxPacket));
+        late_full_q <= !in_end_i && (late_full_q || length_q == LengthBits'(4));
       end
 
       judge_q <= take && in_end_i;
