@@ -89,6 +89,9 @@ panel/lipp_frame_store.sv
 panel/lipp_test_pattern.sv
 panel/lipp_draw_frame.sv
 panel/lipp_scan_out.sv
+video/lipp_tmds_encoder.sv
+video/lipp_tmds_serialiser.sv
+video/lipp_dvi_out.sv
 board/lipp_request_reader.sv
 board/lipp_request_order.sv
 board/lipp_register_bus.sv

@@ -180,6 +180,7 @@ PARAMETERS = {
     "test_pattern": [*GRID_SETS, *F_SETS, *PANELS],
     "tile_table": PANELS,
     "tile_writer": PANELS,
+    "tmds_serialiser": [{"Channels": c} for c in (1, 4)],
     "unit_slope": [*F_SETS, *CELLS],
     "wishbone_to_apb": [{"AddressBits": b} for b in (3, 32)],
 }  # fmt: skip
@@ -275,6 +276,7 @@ REFUSED = [
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
+    ("tmds_serialiser", {"Channels": 0}, "tmds_serialiser: Channels must be 1 or more"),
     ("bit_sync", {"Stages": 1}, "bit_sync: Stages must be 2 or more"),
     ("reset_sync", {"Stages": 1}, "reset_sync: Stages must be 2 or more"),
     ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),

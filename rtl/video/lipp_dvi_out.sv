@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Video of scan_out to DVI's four pairs of wires, up to the cells that send them.
+///
+///   tmds_encoder (blue with both syncs, green, red) -> tmds_serialiser -> pair_o
+///
+/// A pixel lasts ClocksPerPixel clocks of clk_i; pixel_i marks the first of them. pixel_clk_i has one
+/// clock a pixel, made from the same source, and takes what scan_out holds for a whole pixel. With
+/// one clock a pixel both are the same clock.
+///
+/// pair_o[0] to [2] are blue, green and red; [3] is the pixel's clock, high in the first five bits.
+module lipp_dvi_out (
+  input  logic            pixel_clk_i,
+  input  logic            pixel_rst_ni,
+  input  logic            de_i,
+  input  logic            hsync_i,
+  input  logic            vsync_i,
+  input  logic [23:0]     rgb_i,
+
+  input  logic            shift_clk_i,
+  input  logic            shift_rst_ni,
+  output logic [3:0][1:0] pair_o
+);
+
+  logic [2:0][9:0] symbol;
+  for (genvar k = 0; k < 3; k++) begin : gen_channel
+    lipp_tmds_encoder i_encoder (
+      .clk_i(pixel_clk_i), .rst_ni(pixel_rst_ni), .de_i, .data_i(rgb_i[8*k+:8]),
+      .control_i(k == 0 ? {vsync_i, hsync_i} : 2'b00), .symbol_o(symbol[k])
+    );
+  end
+  lipp_tmds_serialiser #(.Channels(4)) i_serialiser (
+    .pixel_clk_i, .pixel_rst_ni, .symbol_i({10'b00_0001_1111, symbol}), .shift_clk_i,
+    .shift_rst_ni, .pair_o
+  );
+
+endmodule
+
+`default_nettype wire

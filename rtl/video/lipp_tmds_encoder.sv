@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// A channel of DVI: a byte of a pixel, or two control bits, to a symbol of ten bits. Latency 3.
+///
+/// Bit 0 of a symbol is sent first. A pixel's byte d becomes q[0] = d[0], q[k] = q[k-1] ^ d[k]; or
+/// with the complement of each of those sums, bit 8 low, if d has more than four ones, or four and
+/// d[0] low: at most five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
+/// that brings the ones and zeros sent since the last control symbol nearer to each other.
+///
+/// balance = (ones - zeros) / 2 of these symbols; it stays from -4 to 4 (DVI 1.0, section 3).
+module lipp_tmds_encoder (
+  input  logic       clk_i,
+  input  logic       rst_ni,
+  input  logic       de_i,       // a pixel
+  input  logic [7:0] data_i,
+  input  logic [1:0] control_i,  // without de_i
+  output logic [9:0] symbol_o
+);
+
+  function automatic logic [3:0] ones(logic [7:0] bits);
+    ones = '0;
+    for (int k = 0; k < 8; k++) ones += 4'(bits[k]);
+  endfunction
+
+  // ---- 1: which of the two sums ----
+  logic [7:0] data_q;
+  logic [3:0] data_ones;
+  logic equal_q;  // the sums are complemented
+  logic [2:1] de_q;
+  logic [2:1][1:0] control_q;
+  assign data_ones = ones(data_i);
+  always_ff @(posedge clk_i) begin
+    data_q <= data_i;
+    equal_q <= data_ones > 4'd4 || (data_ones == 4'd4 && !data_i[0]);
+    control_q <= {control_q[1], control_i};
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) de_q <= '0;
+    else de_q <= {de_q[1], de_i};
+  end
+
+  // ---- 2: few changes, and the ones more than zeros, halved ----
+  logic [7:0] sums, sums_q;
+  logic plain_q;  // the sums are not complemented
+  logic signed [3:0] more_q;
+  always_comb begin
+    for (int k = 0; k < 8; k++) sums[k] = ^(data_q & 8'(2 ** (k + 1) - 1)) ^ (equal_q && k % 2 == 1);
+  end
+  always_ff @(posedge clk_i) begin
+    {plain_q, sums_q} <= {!equal_q, sums};
+    more_q <= 4'(ones(sums)) - 4'd4;
+  end
+
+  // ---- 3: the balance ----
+  logic invert;
+  logic signed [3:0] balance_q, added;
+  assign invert = balance_q == '0 || more_q == '0 ? !plain_q : (balance_q < 0) == (more_q < 0);
+  assign added = invert ? $signed({3'd0, plain_q}) - more_q : more_q - $signed({3'd0, !plain_q});
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      symbol_o <= 10'b11_0101_0100;
+      balance_q <= '0;
+    end else if (de_q[2]) begin
+      symbol_o <= {invert, plain_q, invert ? ~sums_q : sums_q};
+      balance_q <= balance_q + added;
+    end else begin
+      unique case (control_q[2])
+        2'b00: symbol_o <= 10'b11_0101_0100;
+        2'b01: symbol_o <= 10'b00_1010_1011;
+        2'b10: symbol_o <= 10'b01_0101_0100;
+        2'b11: symbol_o <= 10'b10_1010_1011;
+      endcase
+      balance_q <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
