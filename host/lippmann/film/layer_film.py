@@ -95,7 +95,7 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     if is_layers(path) or path.is_dir():
         named = load_named_layers(path)
         return LayerFilm(named.stack, named.names)
-    film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film of layers"), str(path))))
+    film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
     named = load_named_layers(path.parent / film.layers)
     seen: set[str] = set()
     for place, one in enumerate(film.layer):
