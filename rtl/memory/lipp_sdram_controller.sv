@@ -53,7 +53,8 @@ module lipp_sdram_controller
   input  logic [WordBits-1:0] dq_i
 );
 
-  localparam int Rcd = clocks(Timing.rcd_ns, ClockHz);
+  localparam int RcdOnly = clocks(Timing.rcd_ns, ClockHz);
+  localparam int Rcd = RcdOnly > 2 ? RcdOnly : 2;
   localparam int Ras = clocks(Timing.ras_ns, ClockHz);
   localparam int Rc = clocks(Timing.rc_ns, ClockHz);
   localparam int Rfc = clocks(Timing.rfc_ns, ClockHz);
@@ -73,11 +74,16 @@ module lipp_sdram_controller
   localparam int ReadClocks = int'(Timing.cas_clocks) + 2 + PadClocks;
 
   localparam int TimerBits = $clog2((PowerUp > Interval ? PowerUp : Interval) + 1);
-  localparam int PauseBits = $clog2(Rfc + Rp + Rcd + Mrd);
-  localparam int HoldBits = $clog2(Ras + Wr + 1);
+  localparam int PauseBits = Rfc + Rp + Rcd + Mrd;
+  localparam int HoldBits = Ras + Wr;
 
-  if (Timing.cas_clocks < 2 || Timing.cas_clocks > 3 || Mrd < 2 || PadClocks < 0) begin : gen_illegal
-    $fatal(1, "lipp_sdram_controller: cas_clocks must be 2 or 3, mrd_clocks 2 or more, PadClocks 0 or more");
+  /// A number as that many ones: shifted out, they count down.
+  function automatic logic [PauseBits-1:0] ones(int number);
+    return PauseBits'((64'd1 << number) - 64'd1);
+  endfunction
+
+  if (Timing.cas_clocks < 2 || Timing.cas_clocks > 3 || Mrd < 2 || PadClocks < 0 || Rfc > 30) begin : gen_illegal
+    $fatal(1, "lipp_sdram_controller: cas_clocks must be 2 or 3, mrd_clocks 2 or more, PadClocks 0 or more, tRFC 30 clocks or less");
   end
   if (ClockHz < 1 || Interval < Longest / 2) begin : gen_slow
     $fatal(1, "lipp_sdram_controller: ClockHz is too low: refreshes would take most of the time");
@@ -90,8 +96,8 @@ module lipp_sdram_controller
   // ---- what is due ----
   typedef enum logic [2:0] {PowerUpStep, FirstStep, SecondStep, ModeStep, ReadyStep} step_e;
   typedef enum logic [2:0] {Idle, Activate, Column, Close, Refresh, Mode, Pause} state_e;
-  step_e step_q;
-  state_e state_q, after_q;
+  step_e step_q, step_d;
+  state_e state_q, state_d, after_q, after_d;
   logic [TimerBits-1:0] timer_q;
   logic tick_q, due_q, open_q;  // a refresh is due; a transaction may be taken
   logic [1:0] late_q;           // refreshes that are due
@@ -115,12 +121,51 @@ module lipp_sdram_controller
   // ---- states: what each does is at the pins in the next clock ----
   transaction_t at_q;
   logic write_q, tag_q, last_q, settled;
-  logic [PauseBits-1:0] pause_q;
+  logic [PauseBits-1:0] pause_q, pause_d;
   logic [HoldBits-1:0] hold_q;  // clocks until the row may be closed
   assign ready_o = state_q == Idle && open_q;
-  assign settled = hold_q == '0;
-  assign write_take_o = state_q == Column && write_q;
+  assign settled = !hold_q[0];
 
+  always_comb begin
+    state_d = state_q;
+    step_d = step_q;
+    after_d = after_q;
+    pause_d = pause_q >> 1;
+    unique case (state_q)
+      Idle: begin
+        unique case (step_q)
+          PowerUpStep: if (tick_q) {state_d, step_d} = {Close, FirstStep};
+          FirstStep: {state_d, step_d} = {Refresh, SecondStep};
+          SecondStep: {state_d, step_d} = {Refresh, ModeStep};
+          ModeStep: {state_d, step_d} = {Mode, ReadyStep};
+          default: if (due_q) state_d = Refresh;
+              else if (valid_i && open_q) state_d = Activate;
+        endcase
+      end
+      Activate: begin
+        pause_d = ones(Rcd - 2);
+        after_d = Column;
+        state_d = Pause;
+      end
+      Column: if (last_q) state_d = Close;
+      Close: if (settled) begin
+        pause_d = ones(Rp - 3);
+        after_d = Idle;
+        state_d = Rp > 2 ? Pause : Idle;
+      end
+      Refresh: begin
+        pause_d = ones(Rfc - 3);
+        after_d = Idle;
+        state_d = Rfc > 2 ? Pause : Idle;
+      end
+      Mode: begin
+        pause_d = ones(Mrd - 3);
+        after_d = Idle;
+        state_d = Mrd > 2 ? Pause : Idle;
+      end
+      default: if (!pause_q[0]) state_d = after_q;
+    endcase
+  end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= Idle;
@@ -128,50 +173,15 @@ module lipp_sdram_controller
       step_q <= PowerUpStep;
       pause_q <= '0;
       hold_q <= '0;
+      write_take_o <= 1'b0;
     end else begin
-      if (state_q == Activate) hold_q <= HoldBits'(Ras - 1);
-      else if (write_take_o && hold_q < HoldBits'(Wr)) hold_q <= HoldBits'(Wr - 1);
-      else if (!settled) hold_q <= hold_q - 1'b1;
-      pause_q <= pause_q - 1'b1;
-      unique case (state_q)
-        Idle: begin
-          if (step_q == PowerUpStep) begin
-            if (tick_q) {state_q, step_q} <= {Close, FirstStep};
-          end else if (step_q == FirstStep) begin
-            {state_q, step_q} <= {Refresh, SecondStep};
-          end else if (step_q == SecondStep) begin
-            {state_q, step_q} <= {Refresh, ModeStep};
-          end else if (step_q == ModeStep) begin
-            {state_q, step_q} <= {Mode, ReadyStep};
-          end else if (due_q) begin
-            state_q <= Refresh;
-          end else if (valid_i && open_q) begin
-            state_q <= Activate;
-          end
-        end
-        Activate: begin
-          pause_q <= PauseBits'(Rcd - 2);
-          after_q <= Column;
-          state_q <= Rcd > 1 ? Pause : Column;
-        end
-        Column: if (last_q) state_q <= Close;
-        Close: if (settled) begin
-          pause_q <= PauseBits'(Rp - 3);
-          after_q <= Idle;
-          state_q <= Rp > 2 ? Pause : Idle;
-        end
-        Refresh: begin
-          pause_q <= PauseBits'(Rfc - 3);
-          after_q <= Idle;
-          state_q <= Rfc > 2 ? Pause : Idle;
-        end
-        Mode: begin
-          pause_q <= PauseBits'(Mrd - 3);
-          after_q <= Idle;
-          state_q <= Mrd > 2 ? Pause : Idle;
-        end
-        default: if (pause_q == '0) state_q <= after_q;
-      endcase
+      state_q <= state_d;
+      after_q <= after_d;
+      step_q <= step_d;
+      pause_q <= pause_d;
+      hold_q <= hold_q >> 1 | (state_q == Activate ? HoldBits'(ones(Ras - 1)) : '0)
+          | (write_take_o ? HoldBits'(ones(Wr - 1)) : '0);
+      write_take_o <= state_d == Column && write_q;
     end
   end
 
@@ -182,7 +192,8 @@ module lipp_sdram_controller
       write_q <= write_i;
       tag_q <= tag_i;
       left_q <= transaction_i.count;
-      last_q <= transaction_i.count == (ColumnBits + 1)'(1);
+    end else if (state_q == Activate) begin
+      last_q <= left_q == (ColumnBits + 1)'(1);
     end else if (state_q == Column) begin
       at_q.column <= at_q.column + 1'b1;
       left_q <= left_q - 1'b1;

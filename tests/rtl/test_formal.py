@@ -67,7 +67,7 @@ PROOFS = [
 # (proof, file, text, its replacement, assertions of which one must fail)
 FAULTS = {
     "binary count brought over": (
-        "async_fifo bmc", "async_fifo.sv", "read_d ^ (read_d >> 1)", "read_d", "one_bit|gray"),
+        "async_fifo bmc", "async_fifo.sv", "read_after ^ (read_after >> 1)", "read_after", "one_bit|gray"),
     "word written while there is no place": (
         "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
     "word read while there is none": (
