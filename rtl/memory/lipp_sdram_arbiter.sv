@@ -3,10 +3,10 @@
 
 /// Chooses whose transaction is next: show before write before read.
 ///
-/// After one of show a write that waits goes first, so that it waits for one transaction of show and
-/// one more, which may have begun before. Show waits for one transaction of another client at most;
-/// read has what the others leave. The choice is that of the clock in which ready_i is high: there
-/// is no register in the way, and until then it may change.
+/// After a transaction of show, a write that waits goes first. So show waits for one transaction of
+/// another client at most, and write for one of show, behind the one that is being done. Read has
+/// what the others leave. The choice is made in the clock in which ready_i is high; until then it
+/// may change.
 module lipp_sdram_arbiter
   import lipp_sdram_pkg::*;
 (

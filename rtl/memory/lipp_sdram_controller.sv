@@ -8,8 +8,8 @@
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
 ///
-/// so that with n words a transaction lasts max(tRCD + n + tWR - 1 or tRCD + n, tRAS) + tRP clocks. Times
-/// in ns are rounded up to clocks. The next transaction is taken two clocks before its ACTIVE
+/// so that n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS) +
+/// tRP to write. Times in ns are rounded up to clocks. The next transaction is taken two clocks before its ACTIVE
 /// command may be: who chooses among several decides as late as possible.
 ///
 /// Words to write must be there: write_take_o takes write_word_i, once for each word. Words read
@@ -60,7 +60,9 @@ module lipp_sdram_controller
   localparam int Rfc = clocks(Timing.rfc_ns, ClockHz);
   localparam int Wr = clocks(Timing.wr_ns, ClockHz);
   localparam int Mrd = int'(Timing.mrd_clocks);
-  // From PRECHARGE to the next command; long enough for tRC too, as a row is open for tRAS or longer.
+  // From PRECHARGE to the next command; long enough for tRC too, since a row is open for tRAS or
+  // longer.
+  // Rp + Rcd are 4 or more: before a word is written, the chip has let go of the data pins.
   localparam int RpOnly = clocks(Timing.rp_ns, ClockHz);
   localparam int RpOrRc = RpOnly > Rc - Ras ? RpOnly : Rc - Ras;
   localparam int Rp = RpOrRc > 2 ? RpOrRc : 2;
@@ -82,17 +84,16 @@ module lipp_sdram_controller
     return PauseBits'((64'd1 << number) - 64'd1);
   endfunction
 
-  if (Timing.cas_clocks < 2 || Timing.cas_clocks > 3 || Mrd < 2 || PadClocks < 0 || Rfc > 30) begin : gen_illegal
-    $fatal(1, "lipp_sdram_controller: cas_clocks must be 2 or 3, mrd_clocks 2 or more, PadClocks 0 or more, tRFC 30 clocks or less");
+  if (Timing.cas_clocks < 2 || Timing.cas_clocks > 3 || Mrd < 2 || Mrd > 8) begin : gen_clocks
+    $fatal(1, "lipp_sdram_controller: cas_clocks must be 2 or 3, and mrd_clocks 2 to 8");
   end
-  if (ClockHz < 1 || Interval < Longest / 2) begin : gen_slow
-    $fatal(1, "lipp_sdram_controller: ClockHz is too low: refreshes would take most of the time");
+  if (PadClocks < 0) begin : gen_pads
+    $fatal(1, "lipp_sdram_controller: PadClocks must be 0 or more");
   end
-  // The chip drives the data pins until a clock after the word; this is so at all clocks of use.
-  if (Rp + Rcd <= int'(Timing.cas_clocks)) begin : gen_turn
-    $fatal(1, "lipp_sdram_controller: ClockHz is too low: tRP and tRCD must be longer than the CAS latency");
+  // Three refreshes may be due after the longest transaction, and tRFC be 30 clocks.
+  if (Interval < Longest / 2 || Rfc > 30) begin : gen_clock
+    $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end
-
   // ---- what is due ----
   typedef enum logic [2:0] {PowerUpStep, FirstStep, SecondStep, ModeStep, ReadyStep} step_e;
   typedef enum logic [2:0] {Idle, Activate, Column, Close, Refresh, Mode, Pause} state_e;

@@ -39,18 +39,19 @@ module lipp_sdram_splitter
 
   localparam int BufferWords = (Width * Height + 1) / 2 * 3;
   localparam int BufferRows = (BufferWords + RowWords - 1) / RowWords;
-  localparam int LeftBits = PlaceBits + 2;
+  localparam int LeftBits = PlaceBits + 2 > ColumnBits + 1 ? PlaceBits + 2 : ColumnBits + 1;
   localparam int BudgetBits = $clog2(MaxBudget + 1);
   localparam int NumberBits = RowBits + BankBits;  // of a row, through all banks
 
-  if (Width < 2 || Width % 2 != 0 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal
+  if (Width < 2 || Width % 2 != 0 || Width > 16383 || Height < 1 || Height > 16383)
+  begin : gen_illegal
     $fatal(1, "lipp_sdram_splitter: Width must be even, Width and Height 1 to 16383");
   end
   if (longint'(2) * longint'(BufferRows) > longint'(1 << NumberBits)) begin : gen_large
     $fatal(1, "lipp_sdram_splitter: two frames must fit into the SDRAM's 32768 rows of 512 words");
   end
   if (Block < 1 || Block > RowWords || MaxBudget < Block || Budget > MaxBudget) begin : gen_block
-    $fatal(1, "lipp_sdram_splitter: Block must be 1 to 512, and MaxBudget no less than Block and Budget");
+    $fatal(1, "lipp_sdram_splitter: Block must be 1 to 512, MaxBudget no less than Block and Budget");
   end
 
   typedef enum logic [1:0] {Idle, Measure, Wait, Offer} state_e;
@@ -64,7 +65,7 @@ module lipp_sdram_splitter
   logic [LeftBits-1:0] first;
   assign first = LeftBits'(first_i) + LeftBits'(first_i >> 1);
   assign in_row = (ColumnBits + 1)'(RowWords) - (ColumnBits + 1)'(column_q);
-  assign in_block = left_q < LeftBits'(Block) ? (ColumnBits + 1)'(left_q) : (ColumnBits + 1)'(Block);
+  assign in_block = (ColumnBits + 1)'(left_q < LeftBits'(Block) ? left_q : LeftBits'(Block));
   assign ready_o = state_q == Idle;
   assign valid_o = state_q == Offer;
   assign transaction_o = '{

@@ -9,14 +9,16 @@
 /// pulse: all requests that are taken after it see the pixels written. A request before the
 /// memory is initialised waits.
 ///
-/// Two pixels are three words, the first word {R, G} of the even pixel. Buffers begin at rows of their
-/// own. Show goes first: it waits for one transaction of another client and a refresh, at
-/// most (`lipp_sdram_arbiter`); transactions of write are WriteBlock words or shorter, those of read
-/// ReadBlock. It reads ahead as far as its line buffer has room, 2^ShowBits pairs of pixels.
+/// Two pixels are three words: {R, G} and {B, R'}, {G', B'}. Buffers begin at rows of their own. A
+/// pixel that is read while it is written may have one word from before and one from after.
 ///
-/// mem_clk_i is unrelated to clk_i. rst_ni forgets all requests and pixels on the way, and begins the
-/// memory's initialisation again, whose contents may be lost. It is asynchronous for the memory's
-/// side. The pins are described at `lipp_sdram_controller`.
+/// Show goes first: it waits for one transaction of another client and a refresh, at most
+/// (`lipp_sdram_arbiter`). Transactions of write have WriteBlock words or fewer, those of read
+/// ReadBlock. Show reads ahead as far as its line buffer has room: 2^ShowBits pairs of pixels.
+///
+/// mem_clk_i is unrelated to clk_i, of MemoryHz. rst_ni is asynchronous for the memory's side; it
+/// forgets all requests and pixels on the way, and begins the memory's initialisation again, whose
+/// contents may be lost. The pins are described at `lipp_sdram_controller`.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(

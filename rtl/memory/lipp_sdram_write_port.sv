@@ -5,9 +5,9 @@
 /// memory's side.
 ///
 /// A transaction is offered when all of its words are on their way to the memory's clock, ahead of
-/// it: words to be written are there when they are taken. done_o is a pulse after the request's last
-/// transaction was taken, before any other that is requested from then on; then the next request is
-/// taken.
+/// it: words to be written are there when they are taken. done_o is a pulse after the memory took
+/// the request's last transaction: all that are requested from then on come after it. Then the next
+/// request is taken.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(

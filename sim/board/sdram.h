@@ -4,8 +4,8 @@
 //
 // Its clock's rising edges are told with their times and the pins' levels. Modelled: what a
 // controller with bursts of one word does. Auto precharge, longer bursts, BURST TERMINATE, SELF
-// REFRESH are reported as not modelled, and CKE low is as if the power came: the initialisation follows.
-// Setup and hold times are the pads' matter.
+// REFRESH are reported as not modelled, and CKE low is as if the power came: the initialisation
+// follows. Setup and hold times are the pads' matter.
 #pragma once
 
 #include <cstdint>
@@ -22,9 +22,12 @@ struct SdramGrade {
   uint64_t refresh = 64'000'000'000;
   unsigned rows = 8192;
 };
-inline const SdramGrade kGrade75{7500, 10000, 20000, 20000, 44000, 120'000'000, 66000, 66000, 15000, 15000};
-inline const SdramGrade kGrade7E{7000, 7500, 15000, 15000, 37000, 120'000'000, 60000, 66000, 14000, 14000};
-inline const SdramGrade kGrade6A{6000, 10000, 18000, 18000, 42000, 120'000'000, 60000, 60000, 12000, 12000};
+inline const SdramGrade kGrade75{7500,        10000, 20000, 20000, 44000,
+                                 120'000'000, 66000, 66000, 15000, 15000};
+inline const SdramGrade kGrade7E{7000,        7500,  15000, 15000, 37000,
+                                 120'000'000, 60000, 66000, 14000, 14000};
+inline const SdramGrade kGrade6A{6000,        10000, 18000, 18000, 42000,
+                                 120'000'000, 60000, 60000, 12000, 12000};
 
 // Levels of the pins at an edge; those with _n are low-active.
 struct SdramPins {
@@ -82,12 +85,24 @@ class Sdram {
     begin(command);
     Bank& bank = banks_[pins.ba & 3];
     switch (command) {
-      case kActive: active(bank, pins); break;
-      case kRead: case kWrite: column(bank, pins, command == kWrite); break;
-      case kPrecharge: precharge(pins); break;
-      case kRefresh: refresh(); break;
-      case kMode: mode(pins); break;
-      default: report("BURST TERMINATE: not modelled");
+      case kActive:
+        active(bank, pins);
+        break;
+      case kRead:
+      case kWrite:
+        column(bank, pins, command == kWrite);
+        break;
+      case kPrecharge:
+        precharge(pins);
+        break;
+      case kRefresh:
+        refresh();
+        break;
+      case kMode:
+        mode(pins);
+        break;
+      default:
+        report("BURST TERMINATE: not modelled");
     }
   }
 
@@ -123,14 +138,17 @@ class Sdram {
     if (violations_.empty()) first_violation_ = now_;
     ++violations_[name];
   }
-  bool within(bool happened, uint64_t since, uint64_t least) const { return happened && now_ < since + least; }
+  bool within(bool happened, uint64_t since, uint64_t least) const {
+    return happened && now_ < since + least;
+  }
 
   // What holds for each command.
   void begin(int command) {
     if (now_ < powered_ + t_.power_up) report("power-up 100 us");
     if (within(refreshes_ != 0, last_refresh_, t_.rfc)) report("tRFC");
     if (mode_edge_ && edges_ < mode_edge_ + t_.mrd_clocks) report("tMRD");
-    if (!ready_ && (command == kActive || command == kRead || command == kWrite)) report("before initialisation");
+    if (!ready_ && (command == kActive || command == kRead || command == kWrite))
+      report("before initialisation");
   }
 
   void active(Bank& bank, const SdramPins& pins) {
@@ -153,7 +171,8 @@ class Sdram {
     if (within(bank.was_active, bank.active, t_.rcd)) report("tRCD");
     if (pins.a >> 10 & 1) report("auto precharge: not modelled");
     if (pins.a & ~0x5ff) report("address out of range");
-    uint16_t& word = words_[(static_cast<size_t>(bank.row) << 2 | (&bank - banks_)) << 9 | (pins.a & 511)];
+    uint16_t& word =
+        words_[(static_cast<size_t>(bank.row) << 2 | (&bank - banks_)) << 9 | (pins.a & 511)];
     if (write) {
       ++writes_;
       if (!pins.oe) report("DQ not driven");
@@ -187,9 +206,12 @@ class Sdram {
 
   void refresh() {
     idle("AUTO REFRESH with an open row");
-    if (step_ == kPower) report("initialisation: AUTO REFRESH before PRECHARGE ALL");
-    else if (step_ == kPrecharged) step_ = kRefreshed1;
-    else if (step_ == kRefreshed1) step_ = kRefreshed2;
+    if (step_ == kPower)
+      report("initialisation: AUTO REFRESH before PRECHARGE ALL");
+    else if (step_ == kPrecharged)
+      step_ = kRefreshed1;
+    else if (step_ == kRefreshed1)
+      step_ = kRefreshed2;
     last_refresh_ = now_;
     ++refreshes_;
     refreshed_[oldest_] = now_;
@@ -200,7 +222,8 @@ class Sdram {
     idle("LOAD MODE REGISTER with an open row");
     if (step_ == kPower) report("initialisation: LOAD MODE REGISTER before PRECHARGE ALL");
     // A second LOAD MODE REGISTER is legal; the first one ends the initialisation.
-    if (step_ != kReady && step_ != kRefreshed2) report("initialisation: fewer than 2 AUTO REFRESH");
+    if (step_ != kReady && step_ != kRefreshed2)
+      report("initialisation: fewer than 2 AUTO REFRESH");
     if (pins.a & 7) report("burst longer than 1: not modelled");
     if (pins.ba || pins.a & 0x1d80) report("mode register: reserved bits");
     cas_ = pins.a >> 4 & 7;
@@ -214,8 +237,10 @@ class Sdram {
   // All banks are closed, and have been for tRP.
   void idle(const char* what) {
     for (const Bank& bank : banks_) {
-      if (bank.open) report(what);
-      else if (within(bank.was_precharged, bank.precharge, t_.rp)) report("tRP");
+      if (bank.open)
+        report(what);
+      else if (within(bank.was_precharged, bank.precharge, t_.rp))
+        report("tRP");
     }
   }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_sdram_arbiter` with clients that keep what they offer, and a memory that takes it at any time.
+/// `lipp_sdram_arbiter` with clients that keep what they offer, and a memory that takes it at any
+/// time.
 ///
-/// Each client's transactions are numbered; their contents are arbitrary but for the number. So what
-/// comes out shows whether one was lost, doubled, or taken for another client's.
+/// Each client's transactions are numbered; the rest of their contents is arbitrary. So what comes
+/// out shows whether one was lost, doubled, or taken for another client's.
 module sdram_arbiter_properties
   import lipp_sdram_pkg::*;
 (
@@ -24,7 +25,9 @@ module sdram_arbiter_properties
   transaction_t [2:0] offered;
   transaction_t out;
   logic valid, is_write, is_show;
-  always_comb for (int k = 0; k < 3; k++) offered[k] = transaction_t'({number_q[k], 2'(k), rest_i[k]});
+  always_comb begin
+    for (int k = 0; k < 3; k++) offered[k] = transaction_t'({number_q[k], 2'(k), rest_i[k]});
+  end
   assign taken = valid_i & ready;
   lipp_sdram_arbiter i_dut (
     .clk_i, .rst_ni, .show_valid_i(valid_i[0]), .show_ready_o(ready[0]), .show_i(offered[0]),

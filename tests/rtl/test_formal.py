@@ -196,12 +196,14 @@ FAULTS = {
     "show waits as long as write has transactions": (
         "sdram_arbiter bmc", "sdram_arbiter.sv", "!(shown_q && write_valid_i)", "!write_valid_i", "show"),
     "write waits as long as show has transactions": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "show_valid_i && !(shown_q && write_valid_i)", "show_valid_i", "write"),
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "show_valid_i && !(shown_q && write_valid_i)", "show_valid_i",
+        "write"),
     "a transaction is taken from two clients": (
         "sdram_arbiter bmc", "sdram_arbiter.sv", "ready_i && !show_o && !write_o", "ready_i && !show_o",
         "one|in_order"),
     "a transaction is done for another client": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "write_o ? write_i : read_i", "read_valid_i ? read_i : write_i", "whose"),
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "write_o ? write_i : read_i", "read_valid_i ? read_i : write_i",
+        "whose"),
     "the last turn is forgotten": (
         "sdram_arbiter bmc", "sdram_arbiter.sv", "shown_q <= show_o;", "shown_q <= 1'b1;", "show"),
 }  # fmt: skip

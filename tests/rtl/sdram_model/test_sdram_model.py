@@ -12,8 +12,8 @@ MODEL = TOP / "sim" / "board" / "sdram.h"
 
 #: Each case is named after the rule that it breaks, alone; what follows a colon may be a remark.
 RULES = [
-    "tCK", "tRCD", "tRP", "tRAS min", "tRAS max", "tRC", "tRFC", "tRRD", "tWR", "tMRD", "CAS latency", "power-up 100 us",
-    "before initialisation", "initialisation: AUTO REFRESH before PRECHARGE ALL",
+    "tCK", "tRCD", "tRP", "tRAS min", "tRAS max", "tRC", "tRFC", "tRRD", "tWR", "tMRD", "CAS latency",
+    "power-up 100 us", "before initialisation", "initialisation: AUTO REFRESH before PRECHARGE ALL",
     "initialisation: LOAD MODE REGISTER before PRECHARGE ALL", "initialisation: fewer than 2 AUTO REFRESH",
     "refresh interval", "ACTIVE to an open bank", "READ of a closed bank", "WRITE to a closed bank",
     "AUTO REFRESH with an open row", "LOAD MODE REGISTER with an open row", "DQ contention", "DQ not driven",

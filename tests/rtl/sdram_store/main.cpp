@@ -32,7 +32,9 @@ class Random {
     state_ ^= state_ >> 27;
     return static_cast<uint32_t>(state_ * 2685821657736338717ULL >> 32);
   }
-  uint32_t below(uint32_t n) { return static_cast<uint32_t>(static_cast<uint64_t>(next()) * n >> 32); }
+  uint32_t below(uint32_t n) {
+    return static_cast<uint32_t>(static_cast<uint64_t>(next()) * n >> 32);
+  }
 
  private:
   uint64_t state_;
@@ -46,8 +48,9 @@ uint64_t argument(const char* name, uint64_t otherwise) {
 
 uint64_t wrong = 0;
 void error(const char* what, uint64_t when, uint64_t a, uint64_t b) {
-  if (++wrong <= 10) std::printf("error: %s at clock %llu: %llu, %llu\n", what, (unsigned long long)when,
-                                 (unsigned long long)a, (unsigned long long)b);
+  if (++wrong <= 10)
+    std::printf("error: %s at clock %llu: %llu, %llu\n", what, (unsigned long long)when,
+                (unsigned long long)a, (unsigned long long)b);
 }
 
 // ---- what is in the buffers ----
@@ -58,7 +61,8 @@ struct Past {
   uint64_t done = 0;  // clock, or ~0 while it is being written
 };
 struct Contents {
-  explicit Contents(size_t pixels) : past(pixels * 2 * kPast), newest(pixels * 2, 0), pixels(pixels) {}
+  explicit Contents(size_t pixels)
+      : past(pixels * 2 * kPast), newest(pixels * 2, 0), pixels(pixels) {}
   size_t at(int buffer, size_t place) const { return buffer * pixels + place; }
   void begin(size_t at, uint32_t rgb) {
     newest[at] = (newest[at] + 1) % kPast;
@@ -144,7 +148,8 @@ int main(int argc, char** argv) {
   for (int k = 1; k < argc; ++k) {
     const std::string text = argv[k];
     const size_t equals = text.find('=');
-    if (equals != std::string::npos) arguments[text.substr(0, equals)] = std::strtoull(text.c_str() + equals + 1, nullptr, 10);
+    if (equals != std::string::npos)
+      arguments[text.substr(0, equals)] = std::strtoull(text.c_str() + equals + 1, nullptr, 10);
   }
   panel_width = argument("width", 64);
   panel_height = argument("height", 48);
@@ -153,8 +158,11 @@ int main(int argc, char** argv) {
   const uint64_t board_ps = argument("board_ps", 13460), mem_ps = argument("mem_ps", 8078);
   const uint64_t wanted = argument("pixels", 20000), frames = argument("panel", 0);
   const uint64_t resets = argument("resets", 0);
-  const unsigned pad = static_cast<unsigned>(argument("pad", 0));  // registers on the way out; as many in
-  SdramGrade grade = argument("grade", 75) == 7 ? kGrade7E : argument("grade", 75) == 6 ? kGrade6A : kGrade75;
+  const unsigned pad =
+      static_cast<unsigned>(argument("pad", 0));  // registers on the way out; as many in
+  SdramGrade grade = argument("grade", 75) == 7   ? kGrade7E
+                     : argument("grade", 75) == 6 ? kGrade6A
+                                                  : kGrade75;
   // Another chip than the controller's parameters are for.
   grade.ck3 = argument("ck", grade.ck3);
   grade.rcd = argument("rcd", grade.rcd);
@@ -181,7 +189,7 @@ int main(int argc, char** argv) {
   // ---- the panel ----
   const size_t h_total = panel_width + 370, v_blank = argument("v_blank", 1);
   uint64_t pixel_x = 0, pixel_y = 0, shown = 0, underflows = 0;
-  bool begun = false;   // a frame's pixels were asked for and the panel has begun
+  bool begun = false;  // a frame's pixels were asked for and the panel has begun
   int front = 0;
   // The copy: rows of 32 pixels read from the front buffer and written to the other.
   uint64_t copied = 0, checked = 0, next_tile = 0, rows_copied = 0;
@@ -189,14 +197,16 @@ int main(int argc, char** argv) {
   std::vector<uint32_t> row;
   Request copy;
   // Words of the chip while the panel is on.
-  uint64_t window_clocks = 0, window_reads = 0, window_writes = 0, window_refreshes = 0, window_show = 0, window_read = 0;
+  uint64_t window_clocks = 0, window_reads = 0, window_writes = 0, window_refreshes = 0,
+           window_show = 0, window_read = 0;
   uint64_t window_write = 0, window_activations = 0;
 
   // Every pixel is written once at first, row by row.
   size_t fill = 0;
   const size_t step = std::min<size_t>(pixels, 32);
   bool filled = false, closing = false;
-  uint64_t reset_at = resets ? 150'000'000 / board_ps + random.below(20000) : ~0ull, resets_done = 0, in_reset = 4;
+  uint64_t reset_at = resets ? 150'000'000 / board_ps + random.below(20000) : ~0ull,
+           resets_done = 0, in_reset = 4;
   int final_buffer = 0;
 
   uint64_t clock = 0, mem_clock = 0;
@@ -220,7 +230,8 @@ int main(int argc, char** argv) {
   };
 
   // A rising edge of the board's clock: looks at what the store shows before it.
-  auto reader_edge = [&](Reader& r, bool ready_o, bool valid_o, uint32_t rgb, const char* name, bool is_show) {
+  auto reader_edge = [&](Reader& r, bool ready_o, bool valid_o, uint32_t rgb, const char* name,
+                         bool is_show) {
     ++r.waited;
     if (r.offered && ready_o) {
       r.offered = false;
@@ -232,7 +243,8 @@ int main(int argc, char** argv) {
     } else if (r.reading && ready_o) {
       error(name, clock, 1, r.got);  // it is ready while it should be busy
     }
-    if (r.stalled && (!valid_o || rgb != r.held)) error("a pixel changed during a stall", clock, r.held, rgb);
+    if (r.stalled && (!valid_o || rgb != r.held))
+      error("a pixel changed during a stall", clock, r.held, rgb);
     r.stalled = valid_o && !r.ready;
     r.held = rgb;
     if (valid_o && !r.reading) error("a pixel without a request", clock, rgb, 0);
@@ -279,14 +291,16 @@ int main(int argc, char** argv) {
         error("write is ready while it is busy", clock, 0, 0);
       }
       if (write.valid && top->write_pixel_ready_o) {
-        if (!write.writing || write.sent == write.request.count) error("a pixel too many is taken", clock, write.sent, 0);
+        if (!write.writing || write.sent == write.request.count)
+          error("a pixel too many is taken", clock, write.sent, 0);
         ++write.sent;
         ++write.pixels;
         write.valid = false;
         write.waited = 0;
       }
       if (top->write_done_o) {
-        if (!write.writing || write.sent != write.request.count) error("done too early", clock, write.sent, write.request.count);
+        if (!write.writing || write.sent != write.request.count)
+          error("done too early", clock, write.sent, write.request.count);
         write.writing = false;
         write.waited = 0;
         for (size_t k = 0; k < write.request.count; ++k)
@@ -349,7 +363,8 @@ int main(int argc, char** argv) {
             } else {
               write.request = {buffer, first, std::min(step, pixels - first)};
               write.rgb.clear();
-              for (size_t k = 0; k < write.request.count; ++k) write.rgb.push_back(random.next() & 0xffffff);
+              for (size_t k = 0; k < write.request.count; ++k)
+                write.rgb.push_back(random.next() & 0xffffff);
               fill += write.request.count;
               write.offered = true;
             }
@@ -368,7 +383,8 @@ int main(int argc, char** argv) {
           } else if (!frames && !enough && random.below(8) == 0) {
             write.request = any_request(random, pixels, 64);
             write.rgb.clear();
-            for (size_t k = 0; k < write.request.count; ++k) write.rgb.push_back(random.next() & 0xffffff);
+            for (size_t k = 0; k < write.request.count; ++k)
+              write.rgb.push_back(random.next() & 0xffffff);
             write.offered = true;
           }
         }
@@ -469,13 +485,15 @@ int main(int argc, char** argv) {
       // What nobody drives is noise. Registers of the pads: `pad` of them on the way out, and in.
       const int driven = chip.driving();
       const uint16_t lanes = (driven & 1 ? 0xff : 0) | (driven & 2 ? 0xff00 : 0);
-      const uint16_t dq = (chip.dq() & lanes) | (static_cast<uint16_t>(mem_clock * 40503u) & ~lanes);
+      const uint16_t dq =
+          (chip.dq() & lanes) | (static_cast<uint16_t>(mem_clock * 40503u) & ~lanes);
       top->dq_i = pad ? pads_in[pad - 1] : dq;
       for (unsigned k = pad; k-- > 1;) pads_in[k] = pads_in[k - 1];
       pads_in[0] = dq;
       top->mem_clk_i = 1;
       top->eval();
-      // An edge resets what Verilator's reset, which needs one, has not: the chip is there after it.
+      // An edge resets what Verilator's reset, which needs one, has not: the chip is there after
+      // it.
       if (mem_clock > 2) chip.edge(mem_at, pad ? pads[pad - 1] : pins);
       for (unsigned k = pad; k-- > 1;) pads[k] = pads[k - 1];
       pads[0] = pins;
@@ -487,9 +505,11 @@ int main(int argc, char** argv) {
   top->final();
 
   for (const auto& [name, count] : chip.violations())
-    std::printf("violation: %s: %llu, the first at %llu ps\n", name.c_str(), (unsigned long long)count,
-                (unsigned long long)chip.first_violation());
-  auto print = [](const char* name, uint64_t value) { std::printf("%s=%llu\n", name, (unsigned long long)value); };
+    std::printf("violation: %s: %llu, the first at %llu ps\n", name.c_str(),
+                (unsigned long long)count, (unsigned long long)chip.first_violation());
+  auto print = [](const char* name, uint64_t value) {
+    std::printf("%s=%llu\n", name, (unsigned long long)value);
+  };
   print("errors", wrong);
   print("violations", chip.violations().size());
   print("clocks", clock);

@@ -13,7 +13,8 @@ from runner import BUILD, OPTIONS, TOP, seed
 
 MAIN = Path(__file__).with_name("main.cpp")
 MODEL = TOP / "sim" / "board" / "sdram.h"
-#: Fields of a timing_t, 16 bits each, of grade -7E: latency, tRCD, tRP, tRAS, tRC, tRFC, tWR, tMRD, 100 us, 64 ms, rows.
+#: Fields of a timing_t, 16 bits each, of grade -7E: latency, tRCD, tRP, tRAS, tRC, tRFC, tWR, tMRD, 100 us, 64 ms,
+#: rows.
 GRADE_7E = (3, 15, 15, 37, 60, 66, 14, 2, 100, 64, 8192)
 
 
