@@ -10,8 +10,8 @@
 /// transaction. So a client that reads spends the room of its buffer, and one that writes the words
 /// that it has.
 ///
-/// The first transaction is offered 3 clocks after the request was taken, and each further one 2
-/// clocks after the one before was.
+/// A transaction is offered 3 clocks after the request, or the transaction before it, was taken, or
+/// 1 clock after the budget has its words.
 module lipp_sdram_splitter
   import lipp_sdram_pkg::*;
 #(
