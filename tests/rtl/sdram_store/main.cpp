@@ -282,7 +282,6 @@ int main(int argc, char** argv) {
       if (write.offered && top->write_ready_o) {
         write.offered = false;
         write.writing = true;
-        write.sent = 0;
         write.waited = 0;
         ++write.requests;
         for (size_t k = 0; k < write.request.count; ++k)
@@ -367,11 +366,13 @@ int main(int argc, char** argv) {
                 write.rgb.push_back(random.next() & 0xffffff);
               fill += write.request.count;
               write.offered = true;
+              write.sent = 0;
             }
           } else if (frames && begun && copy_ready) {
             write.request = copy;
             write.rgb = row;
             write.offered = true;
+            write.sent = 0;
             copy_ready = false;
             ++rows_copied;
           } else if (frames && begun && clock >= next_tile) {
@@ -379,6 +380,7 @@ int main(int argc, char** argv) {
             write.rgb.clear();
             for (size_t k = 0; k < 32; ++k) write.rgb.push_back(random.next() & 0xffffff);
             write.offered = true;
+            write.sent = 0;
             next_tile += 320'000'000 / board_ps;  // 100,000 pixels a second
           } else if (!frames && !enough && random.below(8) == 0) {
             write.request = any_request(random, pixels, 64);
@@ -386,9 +388,11 @@ int main(int argc, char** argv) {
             for (size_t k = 0; k < write.request.count; ++k)
               write.rgb.push_back(random.next() & 0xffffff);
             write.offered = true;
+            write.sent = 0;
           }
         }
-        if (write.writing && !write.valid && write.sent < write.request.count)
+        // The first pixel may be there before its request was taken.
+        if ((write.offered || write.writing) && !write.valid && write.sent < write.request.count)
           write.valid = frames || !filled || write.pace.active(random, clock);
         // Read.
         if (filled && !read.offered && !read.reading) {
