@@ -80,11 +80,13 @@ module lipp_sdram_write_port
     .in_data_i(split_transaction), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
     .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
   );
-  logic unused_busy;  // the next pulse takes longer than its way
+  // The next pulse takes longer than this one's way: it is never busy.
+  logic last_taken, done_busy, unused_busy;
+  assign last_taken = mem_valid_o && mem_ready_i && mem_transaction_o.last;
+  assign unused_busy = done_busy;
   lipp_pulse_sync i_done (
-    .from_clk_i(mem_clk_i), .from_rst_ni(mem_rst_ni),
-    .from_pulse_i(mem_valid_o && mem_ready_i && mem_transaction_o.last),
-    .from_busy_o(unused_busy), .to_clk_i(clk_i), .to_rst_ni(rst_ni), .to_pulse_o(done_o)
+    .from_clk_i(mem_clk_i), .from_rst_ni(mem_rst_ni), .from_pulse_i(last_taken),
+    .from_busy_o(done_busy), .to_clk_i(clk_i), .to_rst_ni(rst_ni), .to_pulse_o(done_o)
   );
 
   // ---- pixels to words ----

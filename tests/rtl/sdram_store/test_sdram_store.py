@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from lippmann.sim.compilation import FAST, kept, verilated
 from lippmann.sim.tools import needed, rtl_sources
-from runner import BUILD, OPTIONS, TOP, seed
+from runner import BUILD, CHECKS, OPTIONS, TOP, seed
 
 MAIN = Path(__file__).with_name("main.cpp")
 MODEL = TOP / "sim" / "board" / "sdram.h"
@@ -38,6 +38,7 @@ def store(build, must_fail=False, **arguments):
     """Run a build of the store; return what it prints, figures and violations."""
     parameters = BUILDS[build]
     sources = needed("lipp_sdram_store", rtl_sources(TOP))
+    sources += [CHECKS / f"lipp_sdram_{way}_port_checks.sv" for way in ("read", "write")]
 
     def make(program):
         verilated(program, "lipp_sdram_store", sources, [MAIN], parameters, options=OPTIONS, flags=FAST)
