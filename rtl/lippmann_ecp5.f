@@ -11,6 +11,7 @@ math/lipp_math_pkg.sv
 optics/lipp_optics_pkg.sv
 scene/lipp_scene_pkg.sv
 link/lipp_link_pkg.sv
+memory/lipp_sdram_pkg.sv
 panel/lipp_panel_pkg.sv
 registers/lipp_board_registers.sv
 registers/lipp_optics_registers.sv
@@ -20,6 +21,8 @@ common/lipp_bit_sync.sv
 common/lipp_pulse_sync.sv
 common/lipp_async_fifo.sv
 common/lipp_skid_buffer.sv
+common/lipp_word_join.sv
+common/lipp_word_split.sv
 common/lipp_delay.sv
 common/lipp_fifo.sv
 common/lipp_flow_control.sv
@@ -82,6 +85,12 @@ link/lipp_packet_fifo.sv
 link/lipp_packet_out.sv
 link/lipp_cobs_encoder.sv
 link/lipp_uart_tx.sv
+memory/lipp_sdram_splitter.sv
+memory/lipp_sdram_read_port.sv
+memory/lipp_sdram_write_port.sv
+memory/lipp_sdram_arbiter.sv
+memory/lipp_sdram_controller.sv
+memory/lipp_sdram_store.sv
 panel/lipp_tile_writer.sv
 panel/lipp_tile_table.sv
 panel/lipp_frame_check.sv

@@ -11,7 +11,8 @@
 ///
 /// Each side counts its words in Gray code, of which one bit changes at a time: the other side
 /// reads the count before a change or after it, whenever it looks. So it sees too few words or too
-/// few places for a while, and never too many.
+/// few places for a while, and never too many. The Gray code of the next count is there a clock
+/// before it is needed: no sum is in the way from a word to a count.
 module lipp_async_fifo #(
   parameter int Width = 8,
   parameter int AddressBits = 4,
@@ -37,25 +38,30 @@ module lipp_async_fifo #(
   localparam int C = AddressBits + 1;  // counts modulo twice the places
 
   logic [Width-1:0] words[1 << AddressBits];
-  logic [C-1:0] written_q, written_d, written_gray_q, written_gray_d, written_gray;
-  logic [C-1:0] read_q, read_d, read_gray_q, read_gray_d, read_gray;
+  logic [C-1:0] written_q, written_gray_q, written_next_q, written_after, written_gray;
+  logic [C-1:0] read_q, read_gray_q, read_next_q, read_after, read_gray;
 
   // ---- the writer's side ----
   logic write, open_q;
   assign in_ready_o = open_q;
   assign write = in_valid_i && in_ready_o;
-  assign written_d = written_q + C'(write);
-  assign written_gray_d = written_d ^ (written_d >> 1);
+  assign written_after = written_q + C'(2);
+  // Full: the counts differ by the number of places, in Gray code by the two highest bits.
+  logic [C-1:0] full;
+  assign full = read_gray ^ (C'(3) << (AddressBits - 1));
   always_ff @(posedge in_clk_i or negedge in_rst_ni) begin
     if (!in_rst_ni) begin
       written_q <= '0;
       written_gray_q <= '0;
+      written_next_q <= C'(1);
       open_q <= 1'b0;
     end else begin
-      written_q <= written_d;
-      written_gray_q <= written_gray_d;
-      // Full: the counts differ by the number of places, in Gray code by the two highest bits.
-      open_q <= written_gray_d != (read_gray ^ (C'(3) << (AddressBits - 1)));
+      if (write) begin
+        written_q <= written_q + 1'b1;
+        written_gray_q <= written_next_q;
+        written_next_q <= written_after ^ (written_after >> 1);
+      end
+      open_q <= write ? written_next_q != full : written_gray_q != full;
     end
   end
   always_ff @(posedge in_clk_i) if (write) words[written_q[AddressBits-1:0]] <= in_data_i;
@@ -63,16 +69,19 @@ module lipp_async_fifo #(
   // ---- the reader's side ----
   logic read;
   assign read = read_gray_q != written_gray && (!out_valid_o || out_ready_i);
-  assign read_d = read_q + C'(read);
-  assign read_gray_d = read_d ^ (read_d >> 1);
+  assign read_after = read_q + C'(2);
   always_ff @(posedge out_clk_i or negedge out_rst_ni) begin
     if (!out_rst_ni) begin
       read_q <= '0;
       read_gray_q <= '0;
+      read_next_q <= C'(1);
       out_valid_o <= 1'b0;
     end else begin
-      read_q <= read_d;
-      read_gray_q <= read_gray_d;
+      if (read) begin
+        read_q <= read_q + 1'b1;
+        read_gray_q <= read_next_q;
+        read_next_q <= read_after ^ (read_after >> 1);
+      end
       out_valid_o <= read || (out_valid_o && !out_ready_i);
     end
   end

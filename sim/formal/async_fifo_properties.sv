@@ -35,8 +35,10 @@ module async_fifo_properties #(
   // Internal registers: flattening connects these wires to those of the same name.
   (* hierconn *) wire [C-1:0] \i_fifo.written_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.written_gray_q ;
+  (* hierconn *) wire [C-1:0] \i_fifo.written_next_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.read_q ;
   (* hierconn *) wire [C-1:0] \i_fifo.read_gray_q ;
+  (* hierconn *) wire [C-1:0] \i_fifo.read_next_q ;
   (* hierconn *) wire [1:0] \i_fifo.gen_bit[0].i_written.stage_q ;
   (* hierconn *) wire [1:0] \i_fifo.gen_bit[1].i_written.stage_q ;
   (* hierconn *) wire [1:0] \i_fifo.gen_bit[2].i_written.stage_q ;
@@ -99,7 +101,9 @@ module async_fifo_properties #(
           && (read_change & (read_change - 1)) == 0));
 
       inside_gray: assert(binary(\i_fifo.written_gray_q ) == written
-          && binary(\i_fifo.read_gray_q ) == read);
+          && binary(\i_fifo.written_next_q ) == C'(written + 1)
+          && binary(\i_fifo.read_gray_q ) == read
+          && binary(\i_fifo.read_next_q ) == C'(read + 1));
       // Neither side sees more than there is.
       inside_written: assert(C'(written2 - read) <= C'(written1 - read)
           && C'(written1 - read) <= inside);

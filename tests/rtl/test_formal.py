@@ -59,6 +59,8 @@ PROOFS = [
     "pulse_sync cover",
     "ray_lenslet prove",
     "ray_lenslet cover",
+    "sdram_arbiter prove",
+    "sdram_arbiter cover",
     "wishbone_to_apb prove",
     "wishbone_to_apb cover",
 ]
@@ -67,7 +69,7 @@ PROOFS = [
 # (proof, file, text, its replacement, assertions of which one must fail)
 FAULTS = {
     "binary count brought over": (
-        "async_fifo bmc", "async_fifo.sv", "read_d ^ (read_d >> 1)", "read_d", "one_bit|gray"),
+        "async_fifo bmc", "async_fifo.sv", "read_after ^ (read_after >> 1)", "read_after", "one_bit|gray"),
     "word written while there is no place": (
         "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
     "word read while there is none": (
@@ -191,6 +193,19 @@ FAULTS = {
     "no copy after reset": (
         "ray_lenslet bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
         "steady|taken_over"),
+    "show waits as long as write has transactions": (
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "!(shown_q && write_valid_i)", "!write_valid_i", "show"),
+    "write waits as long as show has transactions": (
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "show_valid_i && !(shown_q && write_valid_i)", "show_valid_i",
+        "write"),
+    "a transaction is taken from two clients": (
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "ready_i && !show_o && !write_o", "ready_i && !show_o",
+        "one|in_order"),
+    "a transaction is done for another client": (
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "write_o ? write_i : read_i", "read_valid_i ? read_i : write_i",
+        "whose"),
+    "the last turn is forgotten": (
+        "sdram_arbiter bmc", "sdram_arbiter.sv", "shown_q <= show_o;", "shown_q <= 1'b1;", "show"),
 }  # fmt: skip
 
 # For every commit: one for each proof, and one for each of its ways to be run.
@@ -208,6 +223,7 @@ SANITY = {
     "optics change within a frame",
     "pulse accepted while one is on its way",
     "copy taken while rays are on the way",
+    "show waits as long as write has transactions",
 }
 
 

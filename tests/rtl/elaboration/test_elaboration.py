@@ -68,6 +68,17 @@ RAYS = [
     built(F=23, Grid=1, Model=2, Aims=1, Walk=2, Shear=1),
     built(F=23, Grid=1, Model=2, Viewer=1, Aims=1, Walk=2),
 ]
+#: Timings of the SDRAM, in the order of the fields: grade -7E, and ones with a CAS latency and a tMRD.
+GRADE_7E = (3, 15, 15, 37, 60, 66, 14, 2, 100, 64, 8192)
+
+
+def timed(cas=3, mrd=2):
+    """The parameter `Timing` of the SDRAM's controller, field by field from the highest bit."""
+    fields = (cas, *GRADE_7E[1:7], mrd, *GRADE_7E[8:])
+    return {"Timing": f"{16 * len(fields)}'h" + "".join(f"{field:04x}" for field in fields)}
+
+
+FRAMES = [{"Width": w, "Height": h} for w, h in ((2, 1), (34, 5), (1280, 720), (1920, 1080))]
 SCENES = [drawn(), drawn(1, 1, 5, 32, samples_bits=2), drawn(8, 15, 10, 254, bilinear=1, samples_bits=1)]
 #: Every module of rtl/common, rtl/math, rtl/optics, rtl/scene; those of other folders where their defaults are not all.
 #: optics_block holds a ray_lenslet, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
@@ -174,6 +185,15 @@ PARAMETERS = {
     "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
     "scan_out": [{**panel, **grid, "ClocksPerPixel": n}
                  for panel, grid, n in zip(PANELS, GRID_SETS, (1, 2, 4, 1), strict=True)],
+    "sdram_arbiter": [{}],
+    "sdram_controller": [{"ClockHz": f, "PadClocks": n, **timed()} for f, n in ((50_000_000, 0), (142_857_142, 4))],
+    "sdram_read_port": [{**frame, "Block": b, "AddressBits": a}
+                        for frame, b, a in zip(FRAMES, (1, 96, 512, 96), (4, 5, 10, 11), strict=True)],
+    "sdram_splitter": [{**frame, "Block": 96, "Budget": b, "MaxBudget": 400}
+                       for frame, b in zip(FRAMES, (0, 400, 96, 1), strict=True)],
+    "sdram_store": [*FRAMES, {"MemoryHz": 142_857_142, "PadClocks": 2, **timed(2, 3)}],
+    "sdram_write_port": [{**frame, "Block": b, "AddressBits": a}
+                         for frame, b, a in zip(FRAMES, (1, 12, 512, 96), (2, 2, 8, 9), strict=True)],
     "shear": [*F_SETS, *CELLS, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1}],
     "skid_buffer": [{"Width": w} for w in (1, 185)],
     "sqrt": [{"F": f, "Normalise": n} for f in (14, 23) for n in (0, 1)],
@@ -182,6 +202,8 @@ PARAMETERS = {
     "tile_writer": PANELS,
     "tmds_serialiser": [{"Channels": c} for c in (1, 4)],
     "unit_slope": [*F_SETS, *CELLS],
+    "word_join": [{"Width": w, "Parts": n} for w, n in ((1, 2), (16, 3), (24, 2), (8, 5))],
+    "word_split": [{"Width": w, "Parts": n} for w, n in ((1, 2), (16, 3), (24, 2), (8, 5))],
     "wishbone_to_apb": [{"AddressBits": b} for b in (3, 32)],
 }  # fmt: skip
 
@@ -273,6 +295,32 @@ REFUSED = [
     ),
     *(("register_access", {"Layers": n}, "register_access: Layers must be 0 to 8") for n in (-1, 9)),
     ("reply_builder", {"HeadBytes": 3}, "reply_builder: HeadBytes must be 4 or more"),
+    *(
+        (f"word_{way}", {name: n}, f"word_{way}: Width must be 1 or more and Parts 2 or more")
+        for way in ("join", "split")
+        for name, n in (("Width", 0), ("Parts", 1))
+    ),
+    *(
+        ("sdram_splitter", {"Width": w, "Height": h}, "sdram_splitter: Width must be even, Width and Height 1 to 16383")
+        for w, h in ((0, 8), (7, 8), (8, 0), (16384, 8), (8, 16384))
+    ),
+    ("sdram_splitter", {"Width": 4096, "Height": 1366}, "sdram_splitter: two frames must fit into the SDRAM's"),
+    ("sdram_store", {"Width": 16382, "Height": 16383}, "sdram_splitter: two frames must fit into the SDRAM's"),
+    ("sdram_store", {"Width": 641}, "sdram_splitter: Width must be even"),
+    *(
+        ("sdram_splitter", wrong, "sdram_splitter: Block must be 1 to 512, MaxBudget no less than Block and Budget")
+        for wrong in ({"Block": 0}, {"Block": 513, "MaxBudget": 999}, {"MaxBudget": 95}, {"Budget": 193})
+    ),
+    ("sdram_write_port", {"AddressBits": 3}, "sdram_write_port: 2^AddressBits pairs of pixels must hold Block words"),
+    *(
+        ("sdram_controller", timed(*wrong), "sdram_controller: cas_clocks must be 2 or 3, and mrd_clocks 2 to 8")
+        for wrong in ((1, 2), (4, 2), (3, 1), (3, 9))
+    ),
+    ("sdram_controller", {"PadClocks": -1}, "sdram_controller: PadClocks must be 0 or more"),
+    *(
+        ("sdram_controller", {"ClockHz": f}, "sdram_controller: ClockHz must be about 35 MHz to 400 MHz")
+        for f in (0, 1_000_000, 30_000_000, 500_000_000)
+    ),
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Chooses whose transaction is next: show before write before read.
+///
+/// After a transaction of show, a write that waits goes first. So show waits for one transaction of
+/// another client at most, and write for one of show, behind the one that is being done. Read has
+/// what the others leave. The choice is made in the clock in which ready_i is high; until then it
+/// may change.
+module lipp_sdram_arbiter
+  import lipp_sdram_pkg::*;
+(
+  input  logic         clk_i,
+  input  logic         rst_ni,
+
+  input  logic         show_valid_i,
+  output logic         show_ready_o,
+  input  transaction_t show_i,
+  input  logic         write_valid_i,
+  output logic         write_ready_o,
+  input  transaction_t write_i,
+  input  logic         read_valid_i,
+  output logic         read_ready_o,
+  input  transaction_t read_i,
+
+  output logic         valid_o,
+  input  logic         ready_i,
+  output transaction_t transaction_o,
+  output logic         write_o,  // it is of write
+  output logic         show_o    // it is of show
+);
+
+  logic shown_q;  // the last transaction was of show
+  assign show_o = show_valid_i && !(shown_q && write_valid_i);
+  assign write_o = write_valid_i && !show_o;
+  assign valid_o = show_valid_i || write_valid_i || read_valid_i;
+  assign transaction_o = show_o ? show_i : write_o ? write_i : read_i;
+
+  assign show_ready_o = ready_i && show_o;
+  assign write_ready_o = ready_i && write_o;
+  assign read_ready_o = ready_i && !show_o && !write_o;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) shown_q <= 1'b0;
+    else if (valid_o && ready_i) shown_q <= show_o;
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// A client of the SDRAM that reads: requests in, pixels out; transactions out and words in at the
+/// memory's side.
+///
+/// A transaction is offered when all of its words have a place among the 2^AddressBits pairs of
+/// pixels: words that come from the memory never wait. A pair crosses to the client's clock in one
+/// word. The next request is taken after the last pixel of the one before.
+///
+/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`.
+module lipp_sdram_read_port
+  import lipp_sdram_pkg::*;
+#(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  parameter int Block = 96,       // most words of a transaction
+  parameter int AddressBits = 7,  // of the buffer, in pairs of pixels
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                 clk_i,
+  input  logic                 rst_ni,
+  input  logic                 valid_i,
+  output logic                 ready_o,
+  input  logic                 buffer_i,
+  input  logic [PlaceBits-1:0] first_i,  // even
+  input  logic [PlaceBits:0]   count_i,  // even
+  output logic                 pixel_valid_o,
+  input  logic                 pixel_ready_i,
+  output logic [23:0]          rgb_o,
+
+  input  logic                 mem_clk_i,
+  input  logic                 mem_rst_ni,
+  output logic                 mem_valid_o,
+  input  logic                 mem_ready_i,
+  output transaction_t         mem_transaction_o,
+  input  logic                 mem_word_valid_i,
+  input  logic [WordBits-1:0]  mem_word_i
+);
+
+  localparam int Room = 3 << AddressBits;
+  logic [PlaceBits:0] left_q;
+  logic busy_q, take;
+  logic split_valid, split_ready, split_free, pair_valid, pair_ready;
+  transaction_t split_transaction;
+  logic [47:0] pair;
+
+  // ---- requests ----
+  assign ready_o = !busy_q;
+  assign take = pixel_valid_o && pixel_ready_i;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) busy_q <= 1'b0;
+    else if (!busy_q) busy_q <= valid_i;
+    else busy_q <= !(take && left_q == (PlaceBits + 1)'(1));
+  end
+  always_ff @(posedge clk_i) begin
+    if (!busy_q) left_q <= count_i;
+    else if (take) left_q <= left_q - 1'b1;
+  end
+
+  lipp_sdram_splitter #(
+    .Width(Width), .Height(Height), .Block(Block), .Budget(Room), .MaxBudget(Room)
+  ) i_splitter (
+    .clk_i, .rst_ni, .valid_i(valid_i && !busy_q), .ready_o(split_free), .buffer_i, .first_i,
+    .count_i, .pair_i(pair_valid && pair_ready), .valid_o(split_valid), .ready_i(split_ready),
+    .transaction_o(split_transaction)
+  );
+  logic unused_free;  // it is free whenever the last pixel has left
+  assign unused_free = split_free;
+  lipp_async_fifo #(.Width($bits(transaction_t)), .AddressBits(2)) i_transactions (
+    .in_clk_i(clk_i), .in_rst_ni(rst_ni), .in_valid_i(split_valid), .in_ready_o(split_ready),
+    .in_data_i(split_transaction), .out_clk_i(mem_clk_i), .out_rst_ni(mem_rst_ni),
+    .out_valid_o(mem_valid_o), .out_ready_i(mem_ready_i), .out_data_o(mem_transaction_o)
+  );
+
+  // ---- words to pixels: places are promised, so that both are ready always ----
+  logic mem_pair_valid, join_ready, fifo_ready, unused_ready;
+  logic [47:0] mem_pair;
+  assign unused_ready = join_ready && fifo_ready;
+  lipp_word_join #(.Width(WordBits), .Parts(3)) i_join (
+    .clk_i(mem_clk_i), .rst_ni(mem_rst_ni), .in_valid_i(mem_word_valid_i),
+    .in_ready_o(join_ready), .in_data_i(mem_word_i), .out_valid_o(mem_pair_valid),
+    .out_ready_i(1'b1), .out_data_o(mem_pair)
+  );
+  lipp_async_fifo #(.Width(48), .AddressBits(AddressBits)) i_pairs (
+    .in_clk_i(mem_clk_i), .in_rst_ni(mem_rst_ni), .in_valid_i(mem_pair_valid),
+    .in_ready_o(fifo_ready), .in_data_i(mem_pair), .out_clk_i(clk_i), .out_rst_ni(rst_ni),
+    .out_valid_o(pair_valid), .out_ready_i(pair_ready), .out_data_o(pair)
+  );
+  lipp_word_split #(.Width(24), .Parts(2)) i_split (
+    .clk_i, .rst_ni, .in_valid_i(pair_valid), .in_ready_o(pair_ready), .in_data_i(pair),
+    .out_valid_o(pixel_valid_o), .out_ready_i(pixel_ready_i), .out_data_o(rgb_o)
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+/// `lipp_sdram_arbiter` with clients that keep what they offer, and a memory that takes it at any
+/// time.
+///
+/// Each client's transactions are numbered; the rest of their contents is arbitrary. So what comes
+/// out shows whether one was lost, doubled, or taken for another client's.
+module sdram_arbiter_properties
+  import lipp_sdram_pkg::*;
+(
+  input logic       clk_i,
+  input logic       rst_ni,
+  input logic [2:0] valid_i,  // show, write, read
+  input logic [2:0][$bits(transaction_t)-13:0] rest_i,
+  input logic       ready_i
+);
+
+  logic started_q = 0;
+  always_ff @(posedge clk_i) started_q <= 1;
+  always_comb if (!started_q) assume(!rst_ni);
+
+  // ---- clients: the number is in the highest bits, then the client's own ----
+  logic [2:0] taken, valid_q;
+  logic [2:0][9:0] number_q;
+  logic [2:0] ready;
+  transaction_t [2:0] offered;
+  transaction_t out;
+  logic valid, is_write, is_show;
+  always_comb begin
+    for (int k = 0; k < 3; k++) offered[k] = transaction_t'({number_q[k], 2'(k), rest_i[k]});
+  end
+  assign taken = valid_i & ready;
+  lipp_sdram_arbiter i_dut (
+    .clk_i, .rst_ni, .show_valid_i(valid_i[0]), .show_ready_o(ready[0]), .show_i(offered[0]),
+    .write_valid_i(valid_i[1]), .write_ready_o(ready[1]), .write_i(offered[1]),
+    .read_valid_i(valid_i[2]), .read_ready_o(ready[2]), .read_i(offered[2]), .valid_o(valid),
+    .ready_i, .transaction_o(out), .write_o(is_write), .show_o(is_show)
+  );
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {valid_q, number_q} <= '0;
+    else begin
+      valid_q <= valid_i & ~taken;
+      for (int k = 0; k < 3; k++) number_q[k] <= number_q[k] + 10'(taken[k]);
+    end
+  end
+  always_comb if (rst_ni) assume((valid_i & valid_q) == valid_q);
+
+  // ---- what comes out: numbers of each client in their order ----
+  logic [2:0][9:0] got_q;
+  logic [1:0] client;
+  assign client = is_show ? 2'd0 : is_write ? 2'd1 : 2'd2;
+  logic [1:0] show_waited_q, write_waited_q;  // transactions of others while it waits
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      got_q <= '0;
+      {show_waited_q, write_waited_q} <= '0;
+    end else if (valid && ready_i) begin
+      got_q[client] <= got_q[client] + 1'b1;
+      show_waited_q <= valid_i[0] && !taken[0] ? show_waited_q + 1'b1 : '0;
+      write_waited_q <= valid_i[1] && !taken[1] ? write_waited_q + 1'b1 : '0;
+    end
+  end
+
+  always_ff @(posedge clk_i) begin
+    if (rst_ni && started_q) begin
+      whose: assert(!valid || out == offered[client]);
+      in_order: assert(got_q == number_q);
+      one: assert(taken == (valid && ready_i ? 3'(1 << client) : 3'd0));
+      goes_on: assert(valid == (valid_i != '0));
+      show_first: assert(show_waited_q <= 1);
+      write_second: assert(write_waited_q <= 1);
+      read_third: assert(!(ready_i && valid_i == 3'b100) || taken[2]);
+      inside_show: assert(show_waited_q == 0 || !i_dut.shown_q);
+      inside_write: assert(write_waited_q == 0 || i_dut.shown_q);
+    end
+  end
+
+  // ---- covers ----
+  always_ff @(posedge clk_i) begin
+    if (rst_ni && started_q) begin
+      cover_turns: cover(number_q[0] == 3 && number_q[1] == 2 && valid_q[2]);
+      cover_all: cover(number_q[0] == 1 && number_q[1] == 1 && number_q[2] == 2);
+      cover_waits: cover(show_waited_q == 1 && valid_q[1]);
+    end
+  end
+
+endmodule

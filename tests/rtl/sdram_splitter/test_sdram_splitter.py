@@ -1,0 +1,15 @@
+"""sdram_splitter: requests for pixels to transactions of the SDRAM."""
+
+import pytest
+from runner import compiled, seed, simulate
+
+PARAMETERS = ("Width", "Height", "Block", "Budget", "MaxBudget")
+
+
+@pytest.mark.parametrize(
+    "values", [(34, 60, 96, 384, 384), (64, 48, 48, 0, 105), (34, 110, 512, 1536, 1536), (6, 5, 7, 24, 24)]
+)
+def test_sdram_splitter(values):
+    parameters = dict(zip(PARAMETERS, values, strict=True))
+    program = compiled("sdram_splitter", parameters)
+    simulate(program, "sdram_splitter", "cocotb_sdram_splitter", seed(), plusargs=parameters)
