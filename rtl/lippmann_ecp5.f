@@ -85,6 +85,9 @@ link/lipp_packet_fifo.sv
 link/lipp_packet_out.sv
 link/lipp_cobs_encoder.sv
 link/lipp_uart_tx.sv
+memory/lipp_frame_store.sv
+memory/lipp_block_read_port.sv
+memory/lipp_block_store.sv
 memory/lipp_sdram_splitter.sv
 memory/lipp_sdram_read_port.sv
 memory/lipp_sdram_write_port.sv
@@ -94,7 +97,6 @@ memory/lipp_sdram_store.sv
 panel/lipp_tile_writer.sv
 panel/lipp_tile_table.sv
 panel/lipp_frame_check.sv
-panel/lipp_frame_store.sv
 panel/lipp_test_pattern.sv
 panel/lipp_draw_frame.sv
 panel/lipp_scan_out.sv

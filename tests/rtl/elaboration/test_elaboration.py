@@ -122,6 +122,7 @@ PARAMETERS = {
     "memory_1w1r": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "frame_check": [*PANELS, {"ReadLatency": 3}],
     "frame_gate": [{}],
+    "block_store": PANELS,
     "frame_store": PANELS,
     "flow_control": [{"Latency": c, "AddressBits": b, "Width": 9} for c, b in ((1, 4), (118, 7))],
     "leave_dome": [*F_SETS, *CELLS],
@@ -280,7 +281,7 @@ REFUSED = [
     ("row_multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "row_multiplier: Drop must cut off the product of the lower"),
     *(
         (module, {"Width": w, "Height": h}, f"{module}: Width and Height must be 1 to 16383")
-        for module in ("dispatcher", "request_reader", "tile_table", "frame_store")
+        for module in ("dispatcher", "request_reader", "tile_table", "frame_store", "block_store", "block_read_port")
         for w, h in ((0, 8), (8, 0), (16384, 8), (8, 16384))
     ),
     *(

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// A client of block RAM that reads: a request in, its pixels out, one each clock.
+///
+/// The next request is taken after the last pixel of the one before. The memory's pixel rgb_i(t) is
+/// that at at_o(t - 2). The first pixel is valid 7 clocks after its request was taken.
+module lipp_block_read_port #(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                 clk_i,
+  input  logic                 rst_ni,
+  input  logic                 valid_i,
+  output logic                 ready_o,
+  input  logic                 buffer_i,
+  input  logic [PlaceBits-1:0] first_i,
+  input  logic [PlaceBits:0]   count_i,  // 1 or more
+  output logic                 pixel_valid_o,
+  input  logic                 pixel_ready_i,
+  output logic [23:0]          rgb_o,
+
+  output logic                 buffer_o,
+  output logic [PlaceBits-1:0] at_o,
+  input  logic [23:0]          rgb_i
+);
+
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_block_read_port: Width and Height must be 1 to 16383");
+  end
+
+  logic [PlaceBits:0] unasked_q, left_q;  // pixels to ask for, and those to come
+  logic busy_q, asks_q, open, ask, take, unused_idle;
+  assign ready_o = !busy_q;
+  assign ask = asks_q && open;
+  assign take = pixel_valid_o && pixel_ready_i;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {busy_q, asks_q} <= '0;
+    end else if (!busy_q) begin
+      {busy_q, asks_q} <= {2{valid_i}};
+    end else begin
+      if (take && left_q == (PlaceBits + 1)'(1)) busy_q <= 1'b0;
+      if (ask && unasked_q == (PlaceBits + 1)'(1)) asks_q <= 1'b0;
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    if (!busy_q) begin
+      {buffer_o, at_o} <= {buffer_i, first_i};
+      {unasked_q, left_q} <= {2{count_i}};
+    end else begin
+      if (ask) {at_o, unasked_q} <= {at_o + 1'b1, unasked_q - 1'b1};
+      if (take) left_q <= left_q - 1'b1;
+    end
+  end
+
+  lipp_flow_control #(.Latency(2), .AddressBits(4), .Width(24)) i_flow (
+    .clk_i, .rst_ni, .hold_i(1'b0), .idle_o(unused_idle), .valid_i(asks_q), .ready_o(open),
+    .piped_i(rgb_i), .valid_o(pixel_valid_o), .ready_i(pixel_ready_i), .data_o(rgb_o)
+  );
+
+endmodule
+
+`default_nettype wire
