@@ -4,12 +4,12 @@
 /// Symbols of ten bits to pairs of bits, for cells that send one bit at each edge of a clock.
 ///
 /// shift_clk_i is five times as fast as pixel_clk_i and made from the same source, at any phase.
-/// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two to four shift clocks
-/// after the clock that brought it, when it has long been still; the first pair of it is at pair_o
-/// a clock later.
+/// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift clocks
+/// after the clock that brought it, when it has long been still; its first pair is at pair_o then.
 ///
-/// A bit that changes with each symbol tells where symbols begin. Where the clocks' edges meet, it
-/// is seen now a clock sooner, now a clock later: the count to five then goes on as it was.
+/// A bit that changes with each symbol tells where symbols begin: the first change after reset sets
+/// the count to five. Where the clocks' edges meet, a change is seen now a clock sooner, now a clock
+/// later; the count then goes on as it was. A change at any other place sets it again.
 module lipp_tmds_serialiser #(
   parameter int Channels = 3
 ) (
@@ -34,26 +34,29 @@ module lipp_tmds_serialiser #(
     else turn_q <= !turn_q;
   end
 
-  logic turn, turned_q, begins;
-  lipp_bit_sync i_turn (.clk_i(shift_clk_i), .rst_ni(shift_rst_ni), .d_i(turn_q), .q_o(turn));
-  assign begins = turn != turned_q;
-
-  logic [2:0] count_q;  // 0 to 4
+  // A LUT of four inputs between registers: the shift clock is as fast as an FPGA's logic goes.
+  logic turn, turned_q, begins_q, known_q, astray_q, load_q;
+  logic [4:0] place_q;  // a ring with one bit, for the five pairs of a symbol
   logic [Channels-1:0][9:0] rest_q;
+  lipp_bit_sync i_turn (.clk_i(shift_clk_i), .rst_ni(shift_rst_ni), .d_i(turn_q), .q_o(turn));
   always_ff @(posedge shift_clk_i or negedge shift_rst_ni) begin
     if (!shift_rst_ni) begin
-      turned_q <= 1'b0;
-      count_q <= '0;
+      {turned_q, begins_q, known_q, astray_q, load_q} <= '0;
+      place_q <= 5'd1;
     end else begin
       turned_q <= turn;
-      // Expected at 0, or a clock sooner.
-      if (count_q == 3'd4) count_q <= '0;
-      else count_q <= begins ? 3'd1 : count_q + 3'd1;
+      begins_q <= turn != turned_q;
+      // A symbol's beginning is seen at place 2, a clock sooner, or later. Two clocks after 2 comes 4.
+      astray_q <= begins_q && (!known_q || place_q[0] || place_q[4]);
+      known_q <= known_q || begins_q;
+      place_q <= astray_q ? 5'b10000 : {place_q[3:0], place_q[4]};
+      load_q <= place_q[0];
     end
   end
   always_ff @(posedge shift_clk_i) begin
+    // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
-      rest_q[k] <= count_q == '0 ? symbol_q[k] : rest_q[k] >> 2;
+      rest_q[k] <= load_q ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
     end
   end
   for (genvar k = 0; k < Channels; k++) begin : gen_pair
