@@ -84,7 +84,7 @@ def moved(rng, display, build, stack):
 
 
 def twin(display, stack, build):
-    return draw(display, virtual_board.board_build(display), stack, build)
+    return draw(display, virtual_board.board_build(display, build), stack, build)
 
 
 def captured(folder):

@@ -119,7 +119,7 @@ class Judge(ModelBoard):
             scene = build.layers, build.slots_built, build.width_bits, build.height
             behind = 0x600 + 32 * build.layers
             self.map = REGISTERS | {at: one for at, one in SCENE_REGISTERS.items() if at < behind}
-        self.build_of_optics = virtual_board.board_build(display)
+        self.build_of_optics = virtual_board.board_build(display, build)
         self.clock_hz = virtual_board.CLOCK_HZ
         self.table = {}
         self.known = {}
@@ -540,7 +540,7 @@ def test_each_request_has_the_models_reply(grid, line, scene):
     print(f"seed {SEED}, {count} requests")
     rng = random.Random(f"{SEED} {grid} {line}{' scene' * bool(scene)}")
     display = display_of(grid)
-    build = virtual_board.board_build(display)
+    build = virtual_board.board_build(display, scene)
     lens = dataclasses.replace(display.array, index=display.array.index + 0.05)
     displays = [configuration(one, build, "exact") for one in (display, dataclasses.replace(display, array=lens))]
     places = [(rng.randrange(-8 * WIDTH, 8 * WIDTH), rng.randrange(-8 * HEIGHT, 8 * HEIGHT)) for _ in range(4000)]

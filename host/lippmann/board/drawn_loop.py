@@ -46,7 +46,7 @@ def draw_on_virtual_board(
         loaded, slots = load_textures(scene, display, film)
         played = play_film(scene, display, film, slots, every_frame=True, progress=progress)
         captured.board.panel_crc()  # and the last one
-    optics = board_build(display)
+    optics = board_build(display, build)
     drawn = [draw(display, optics, film.at(frame)[0], build) for frame in range(film.frames)]
     # A frame like the one before it is captured once.
     wanted = [np.zeros_like(drawn[0])]

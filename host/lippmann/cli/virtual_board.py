@@ -17,12 +17,11 @@ import click
 
 from lippmann import interrupts
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DISPLAY, Slot, word_length
+from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.words import COMPACT
 from lippmann.images import replacing
 from lippmann.sim import virtual_board
 
@@ -41,7 +40,9 @@ def start_command(
     line: virtual_board.Port = option("Kind of port.", "tcp"),
     tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
     baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
-    fraction_bits: int = word_length("its optics", COMPACT),
+    fraction_bits: int | None = option(
+        "Word length of its optics.  [default: 16; 18 when it draws nearest texels]", None, FRACTION_BITS
+    ),
     capture: Path | None = option(
         "Write every new frame that is scanned out, as PNG; made when missing.", None, PATH, metavar="FOLDER"
     ),

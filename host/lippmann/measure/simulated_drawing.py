@@ -55,7 +55,7 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
             time.sleep(QUERY_S)
         captured.board.panel_crc()
     counts = captured.counts
-    differ = (captured.frames[-1] != draw(display, board_build(display), stack, build)).any(axis=2)
+    differ = (captured.frames[-1] != draw(display, board_build(display, build), stack, build)).any(axis=2)
     pixels, times = differ.size * counts["frames"], (counts["seconds"], counts["processor_seconds"])
     return _row(display, "drawing board", 1, pixels, times, counts["clocks"], differ)
 

@@ -116,12 +116,14 @@ def check_free(tcp_port: int) -> None:
             raise device_error("--tcp-port", what, "choose another port, or 0 for a free one") from None
 
 
-def board_build(display: Display, fraction_bits: int = COMPACT) -> Build:
+def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
     """Return the optics build of a display's board.
 
-    With the cross terms in multiplier cells: the build that simulates fastest.
+    With the cross terms in multiplier cells: the build that simulates fastest. Without `fraction_bits` F is 16; a board
+    that draws nearest texels has 18, because a ray a little beside takes another texel.
     """
-    return replace(Build.of(display, "exact", fraction_bits, aims=False), cross_cells=True)
+    usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
+    return replace(Build.of(display, "exact", fraction_bits or usual, aims=False), cross_cells=True)
 
 
 def check_panel(display: Display) -> None:
@@ -140,7 +142,7 @@ def start(
     baud: int | None = None,
     host_baud: int | None = None,
     clock_hz: int = CLOCK_HZ,
-    fraction_bits: int = COMPACT,
+    fraction_bits: int | None = None,
     capture: Path | None = None,
     ready: Path | None = None,
     trace: Path | None = None,
@@ -161,6 +163,8 @@ def start(
         A bit line of this baud rate; None: a byte line.
     host_baud
         Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
+    fraction_bits
+        F of the optics; None: the usual one (`board_build`).
     capture
         An existing folder for the scanned-out frames.
     ready
@@ -174,7 +178,7 @@ def start(
     """
     check_panel(display)
     step = 0 if baud is None else step_of(baud, clock_hz)
-    build = board_build(display, fraction_bits)
+    build = board_build(display, scene, fraction_bits)
     program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
