@@ -5,7 +5,8 @@
 ///
 /// shift_clk_i is five times as fast as pixel_clk_i and made from the same source, at any phase.
 /// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift clocks
-/// after the clock that brought it, when it has long been still; its first pair is at pair_o then.
+/// after the clock that brought it, when it has long been still; its first pair is at pair_o a
+/// clock later.
 ///
 /// A bit that changes with each symbol tells where symbols begin: the first change after reset sets
 /// the count to five. Where the clocks' edges meet, a change is seen now a clock sooner, now a clock
@@ -57,10 +58,8 @@ module lipp_tmds_serialiser #(
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
       rest_q[k] <= load_q ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
+      pair_o[k] <= rest_q[k][1:0];  // may be near the pins, the others together
     end
-  end
-  for (genvar k = 0; k < Channels; k++) begin : gen_pair
-    assign pair_o[k] = rest_q[k][1:0];
   end
 
 endmodule
