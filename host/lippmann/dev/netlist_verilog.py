@@ -8,67 +8,86 @@ yosys ships; tests/rtl/test_netlist.py compares them.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import cache
 from typing import Any
 
 from lippmann.dev.gates import Bit, Cell, Netlist
 from lippmann.errors import LippmannError
 
-#: Cells that stay instances.
-BLOCKS = ("MULT18X18D", "DP16KD")
+Writer = Callable[[Cell, str], Iterator[str]]
+#: Cells that become ports of the module.
+PORTS = ("BB", "EHXPLLL")
 
 
 def verilog(netlist: Netlist, name: str, ports: Mapping[str, Any]) -> str:
     """Return a netlist as a Verilog module of this name; `ports` are those of the netlist's top, as yosys writes them.
 
-    Raises LippmannError for a use of a cell that is not simulated here.
+    The outputs of a PLL become ports that the simulation drives, `pll_clkop` to `pll_clkos3` and `pll_lock`. A port of
+    both directions `p` becomes an input, and two outputs: `p_o`, and `p_t` of what is released. Raises LippmannError
+    for a use of a cell that is not simulated here.
     """
     return "\n".join(_lines(netlist, name, ports))
 
 
 def _lines(netlist: Netlist, name: str, ports: Mapping[str, Any]) -> Iterator[str]:
+    declared, connected = _ports(netlist, ports)
     yield f"module {name} ("
-    yield ",\n".join(f"  {port['direction']} wire {_range(port['bits'])}{key}" for key, port in ports.items())
+    yield ",\n".join(f"  {direction} wire {_range(bits)}{key}" for key, (direction, bits) in declared.items())
     yield ");"
-    registers = {cell.bit("Q") for cell in netlist.cells.values() if cell.kind == "TRELLIS_FF"}
-    driven = {bit for bit in netlist.driver if isinstance(bit, int)}
-    bits = sorted({*driven, *(bit for bit in netlist.readers if isinstance(bit, int)), *netlist.inputs})
-    yield from (f"  {'reg' if bit in registers else 'wire'} {_net(bit)};" for bit in bits)
-    for key, port in ports.items():
-        for index, bit in enumerate(port["bits"]):
-            pin = key if len(port["bits"]) == 1 else f"{key}[{index}]"
-            yield f"  assign {_net(bit)} = {pin};" if port["direction"] == "input" else f"  assign {pin} = {_net(bit)};"
+    begins = {
+        cell.bit("Q"): int(cell.choice("REGSET") == "SET")
+        for cell in netlist.cells.values()
+        if cell.kind == "TRELLIS_FF"
+    }
+    read = (bit for bit in netlist.readers if isinstance(bit, int))
+    for bit in sorted({*netlist.driver, *read, *netlist.inputs}, key=int):
+        yield f"  reg {_net(bit)} = 1'b{begins[bit]};" if bit in begins else f"  wire {_net(bit)};"
+    yield from (f"  assign {left} = {right};" for left, right in connected)
     used = {*netlist.readers, *netlist.outputs}
     memories: dict[tuple[str, ...], list[Cell]] = {}
     for key, cell in netlist.cells.items():
-        if cell.kind == "LUT4":
-            table = cell.number("INIT")
-            yield f"  assign {_net(cell.bit('Z'))} = {_table(table, [cell.bit(port) for port in 'ABCD'])};"
-        elif cell.kind == "PFUMX":
-            yield f"  assign {_net(cell.bit('Z'))} = {_choice(cell, 'C0', 'ALUT', 'BLUT')};"
-        elif cell.kind == "L6MUX21":
-            yield f"  assign {_net(cell.bit('Z'))} = {_choice(cell, 'SD', 'D1', 'D0')};"
-        elif cell.kind == "CCU2C":
+        if cell.kind == "CCU2C":
             yield from _carry(cell, used)
-        elif cell.kind == "TRELLIS_FF":
-            yield _register(cell)
         elif cell.kind == "TRELLIS_DPR16X4":
-            if (
-                cell.choice("WCKMUX") != "WCK"
-                or cell.choice("WREMUX") != "WRE"
-                or "1" in cell.parameters.get("INITVAL", "")
-            ):
-                raise LippmannError(f"{key}: this use of a memory of LUTs is not simulated")
-            address = (*map(_net, cell.connections["WAD"]), *map(_net, cell.connections["RAD"]))
-            memories.setdefault((_net(cell.bit("WCK")), _net(cell.bit("WRE")), *address), []).append(cell)
-        elif cell.kind in BLOCKS:
-            yield from _block(cell, key)
-        else:
+            memories.setdefault(_shared(cell, key), []).append(cell)
+        elif cell.kind in WRITTEN:
+            yield from WRITTEN[cell.kind](cell, key)
+        elif cell.kind not in PORTS:
             raise LippmannError(f"{key}: a {cell.kind} is not simulated")
     for number, (nets, cells) in enumerate(memories.items()):
         yield from _memory(f"m{number}", nets, cells)
     yield "endmodule"
+
+
+def _ports(
+    netlist: Netlist, ports: Mapping[str, Any]
+) -> tuple[dict[str, tuple[str, list[Bit]]], list[tuple[str, str]]]:
+    """Return the module's ports with directions, and what is assigned to and from them."""
+    declared: dict[str, tuple[str, list[Bit]]] = {}
+    assigned: list[tuple[str, str]] = []
+    pads = {cell.bit("B"): cell for cell in netlist.cells.values() if cell.kind == "BB"}
+    for key, port in ports.items():
+        bits = port["bits"]
+        places = [key if len(bits) == 1 else f"{key}[{index}]" for index in range(len(bits))]
+        if port["direction"] == "inout":
+            declared |= {key: ("input", bits), f"{key}_o": ("output", bits), f"{key}_t": ("output", bits)}
+            for place, bit in zip(places, bits, strict=True):
+                assigned.append((_net(pads[bit].bit("O")), place))
+                for end, pin in (("o", "I"), ("t", "T")):
+                    assigned.append((place.replace(key, f"{key}_{end}", 1), _net(pads[bit].bit(pin))))
+        else:
+            declared[key] = port["direction"], bits
+            pairs = [(_net(bit), place) for place, bit in zip(places, bits, strict=True)]
+            assigned += pairs if port["direction"] == "input" else [(place, net) for net, place in pairs]
+    plls = [cell for cell in netlist.cells.values() if cell.kind == "EHXPLLL"]
+    for port in ("CLKOP", "CLKOS", "CLKOS2", "CLKOS3", "LOCK") if plls else ():
+        if port in plls[0].connections:
+            declared[f"pll_{port.lower()}"] = "input", [0]
+            assigned.append((_net(plls[0].bit(port)), f"pll_{port.lower()}"))
+    if len(plls) > 1:
+        raise LippmannError("the netlist has more than one PLL; only one is simulated")
+    return declared, assigned
 
 
 def _net(bit: Bit) -> str:
@@ -79,8 +98,19 @@ def _range(bits: Sequence[Bit]) -> str:
     return f"[{len(bits) - 1}:0] " if len(bits) > 1 else ""
 
 
-def _choice(cell: Cell, chooses: str, one: str, zero: str) -> str:
-    return f"{_net(cell.bit(chooses))} ? {_net(cell.bit(one))} : {_net(cell.bit(zero))}"
+def _lut(cell: Cell, _: str) -> Iterator[str]:
+    expression = _table(cell.number("INIT"), [cell.bit(port) for port in "ABCD"])
+    yield f"  assign {_net(cell.bit('Z'))} = {expression};"
+
+
+def _chooser(chooses: str, one: str, zero: str) -> Writer:
+    """Return what writes a cell that takes one of two inputs."""
+
+    def write(cell: Cell, _: str) -> Iterator[str]:
+        z, s, a, b = (_net(cell.bit(port)) for port in ("Z", chooses, one, zero))
+        yield f"  assign {z} = {s} ? {a} : {b};"
+
+    return write
 
 
 # ---- tables ----
@@ -123,25 +153,20 @@ def _joined(name: str, zero: int, one: int, inputs: int, k: int) -> tuple[int, s
         cost, text = _shortest(table, inputs - 1)
         return cost, re.sub(r"v(\d)", lambda found: f"v{int(found[1]) + (int(found[1]) >= k)}", text)
 
-    if zero == one:
-        return inner(zero)
-    if zero == full ^ one:  # the input only inverts
-        if zero == 0:
-            return 0, name
-        cost, text = inner(zero)
-        return (1, f"~{name}") if zero == full else (cost + 1, f"({name} ^ {text})")
-    if zero == 0:
-        cost, text = inner(one)
-        return cost + 1, f"({name} & {text})"
-    if zero == full:
-        cost, text = inner(one)
-        return cost + 2, f"(~{name} | {text})"
-    if one == 0:
-        cost, text = inner(zero)
-        return cost + 2, f"(~{name} & {text})"
-    if one == full:
-        cost, text = inner(zero)
-        return cost + 1, f"({name} | {text})"
+    cases: list[tuple[bool, int, int, str]] = [  # whether, the inner table, the operators more, the form
+        (zero == one, zero, 0, "{0}"),
+        (zero == 0 and one == full, full, 0, name),
+        (zero == full and one == 0, full, 1, f"~{name}"),
+        (zero == full ^ one, zero, 1, f"({name} ^ {{0}})"),
+        (zero == 0, one, 1, f"({name} & {{0}})"),
+        (one == full, zero, 1, f"({name} | {{0}})"),
+        (zero == full, one, 2, f"(~{name} | {{0}})"),
+        (one == 0, zero, 2, f"(~{name} & {{0}})"),
+    ]
+    for holds, table, more, form in cases:
+        if holds:
+            cost, text = inner(table)
+            return cost + more, form.format(text)
     (cost_one, text_one), (cost_zero, text_zero) = inner(one), inner(zero)
     return cost_one + cost_zero + 3, f"({name} ? {text_one} : {text_zero})"
 
@@ -187,10 +212,10 @@ def _carry(cell: Cell, used: Set[Bit]) -> Iterator[str]:
             yield f"  assign {_net(ends)} = {following};"
 
 
-def _register(cell: Cell) -> str:
-    """Return a flip-flop: set or reset at once or with the clock, both before the enable."""
+def _register(cell: Cell, name: str) -> Iterator[str]:
+    """Yield a flip-flop: set or reset at once or with the clock, both before the enable."""
     if cell.choice("GSR") not in ("DISABLED", "AUTO") or cell.choice("LSRMODE") not in ("", "LSR"):
-        raise LippmannError("a flip-flop with the global reset or a preload is not simulated")
+        raise LippmannError(f"{name}: a flip-flop with the global reset or a preload is not simulated")
     q, d, reset, enable = (_net(cell.bit(port)) for port in ("Q", "DI", "LSR", "CE"))
     edge = "negedge" if cell.choice("CLKMUX") == "INV" else "posedge"
     inverted = cell.choice("LSRMUX") == "INV"
@@ -206,7 +231,26 @@ def _register(cell: Cell) -> str:
         take = f"if ({'~' if inverted else ''}{reset}) {q} <= 1'b{value}; else {take}"
         if cell.choice("SRMODE") == "ASYNC":
             when += f" or {'negedge' if inverted else 'posedge'} {reset}"
-    return f"  always @({when}) {take}"
+    yield f"  always @({when}) {take}"
+
+
+def _output(cell: Cell, name: str) -> Iterator[str]:
+    """Yield a cell that sends two bits a clock, D0 while it is high."""
+    q, clock, first, second = (_net(cell.bit(port)) for port in ("Q", "SCLK", "D0", "D1"))
+    if cell.bit("RST") != "0":
+        raise LippmannError(f"{name}: an {cell.kind} with a reset is not simulated")
+    yield f"  reg {q}_0 = 1'b0, {q}_1 = 1'b0;"
+    yield f"  always @(posedge {clock}) {{{q}_0, {q}_1}} <= {{{first}, {second}}};"
+    yield f"  assign {q} = {clock} ? {q}_0 : {q}_1;"
+
+
+def _shared(cell: Cell, name: str) -> tuple[str, ...]:
+    """Return the nets of clock, enable and addresses of a memory of LUTs."""
+    usual = cell.choice("WCKMUX") == "WCK" and cell.choice("WREMUX") == "WRE"
+    if not usual or "1" in cell.parameters.get("INITVAL", ""):
+        raise LippmannError(f"{name}: this use of a memory of LUTs is not simulated")
+    bits = [cell.bit("WCK"), cell.bit("WRE"), *cell.connections["WAD"], *cell.connections["RAD"]]
+    return tuple(map(_net, bits))
 
 
 def _memory(name: str, key: tuple[str, ...], cells: Sequence[Cell]) -> Iterator[str]:
@@ -234,3 +278,15 @@ def _block(cell: Cell, name: str) -> Iterator[str]:
     parameters = ", ".join(f".{key}({value})" for key, value in kept.items())
     ports = ", ".join(f".{port}({_net(bits[0])})" for port, bits in cell.connections.items())
     yield f"  {cell.kind} #({parameters}) b{cell.bit('DOB0') if cell.kind == 'DP16KD' else cell.bit('P0')} ({ports});"
+
+
+#: What writes each cell that is written alone, of the cell and its name.
+WRITTEN: Mapping[str, Writer] = {
+    "LUT4": _lut,
+    "PFUMX": _chooser("C0", "ALUT", "BLUT"),
+    "L6MUX21": _chooser("SD", "D1", "D0"),
+    "TRELLIS_FF": _register,
+    "ODDRX1F": _output,
+    "MULT18X18D": _block,
+    "DP16KD": _block,
+}
