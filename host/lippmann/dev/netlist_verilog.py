@@ -99,8 +99,8 @@ def _range(bits: Sequence[Bit]) -> str:
 
 
 def _lut(cell: Cell, _: str) -> Iterator[str]:
-    expression = _table(cell.number("INIT"), [cell.bit(port) for port in "ABCD"])
-    yield f"  assign {_net(cell.bit('Z'))} = {expression};"
+    inputs = [cell.bit(port) for port in "ABCD"]
+    yield f"  assign {_net(cell.bit('Z'))} = {expression(cell.number('INIT'), inputs)};"
 
 
 def _chooser(chooses: str, one: str, zero: str) -> Writer:
@@ -116,7 +116,7 @@ def _chooser(chooses: str, one: str, zero: str) -> Writer:
 # ---- tables ----
 
 
-def _table(table: int, inputs: Sequence[Bit]) -> str:
+def expression(table: int, inputs: Sequence[Bit]) -> str:
     """Return the expression of a table of four inputs, some of them constants or equal."""
     values = [table >> at & 1 for at in range(16)]
     free = sorted({bit for bit in inputs if isinstance(bit, int)})
@@ -192,7 +192,7 @@ def _carry(cell: Cell, used: Set[Bit]) -> Iterator[str]:
     for half in ("0", "1"):
         table = cell.number(f"INIT{half}")
         inputs: list[Bit] = [cell.bit(f"{letter}{half}") for letter in "ABCD"]
-        adds, generates = _table(table, inputs), _table(table, [*inputs[:2], "0", "0"])
+        adds, generates = expression(table, inputs), expression(table, [*inputs[:2], "0", "0"])
         if cell.choice(f"INJECT1_{half}") == "YES":
             carry_in, generates = "1'b0", "1'b0"
         else:
