@@ -17,7 +17,7 @@ from lippmann.errors import LippmannError
 
 Writer = Callable[[Cell, str], Iterator[str]]
 #: Cells that become ports of the module.
-PORTS = ("BB", "EHXPLLL")
+PORTS = ("BB", "TRELLIS_IO", "EHXPLLL")
 
 
 def verilog(netlist: Netlist, name: str, ports: Mapping[str, Any]) -> str:
@@ -66,7 +66,9 @@ def _ports(
     """Return the module's ports with directions, and what is assigned to and from them."""
     declared: dict[str, tuple[str, list[Bit]]] = {}
     assigned: list[tuple[str, str]] = []
-    pads = {cell.bit("B"): cell for cell in netlist.cells.values() if cell.kind == "BB"}
+    pads = {cell.bit("B"): cell for cell in netlist.cells.values() if cell.kind in ("BB", "TRELLIS_IO")}
+    if any(cell.choice("DIR") not in ("", "BIDIR") for cell in pads.values()):
+        raise LippmannError("a pad of one direction is not simulated as a cell")
     for key, port in ports.items():
         bits = port["bits"]
         places = [key if len(bits) == 1 else f"{key}[{index}]" for index in range(len(bits))]
@@ -214,8 +216,9 @@ def _carry(cell: Cell, used: Set[Bit]) -> Iterator[str]:
 
 def _register(cell: Cell, name: str) -> Iterator[str]:
     """Yield a flip-flop: set or reset at once or with the clock, both before the enable."""
-    if cell.choice("GSR") not in ("DISABLED", "AUTO") or cell.choice("LSRMODE") not in ("", "LSR"):
-        raise LippmannError(f"{name}: a flip-flop with the global reset or a preload is not simulated")
+    # The global reset comes at power-up alone: a cell that drives it would not be known.
+    if cell.choice("LSRMODE") not in ("", "LSR"):
+        raise LippmannError(f"{name}: a flip-flop with a preload is not simulated")
     q, d, reset, enable = (_net(cell.bit(port)) for port in ("Q", "DI", "LSR", "CE"))
     edge = "negedge" if cell.choice("CLKMUX") == "INV" else "posedge"
     inverted = cell.choice("LSRMUX") == "INV"
