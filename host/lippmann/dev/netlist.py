@@ -170,7 +170,7 @@ def _on_pins(netlist: Path, made: Plan) -> Path:
     files = simulated(netlist, made.board.top)
     around = [path for path in sorted((top / "sim" / "board").iterdir()) if path.stem != "main"]
     main = [top / "sim" / "netlist" / "ulx3s.cpp", *(path for path in around if path.suffix == ".cpp")]
-    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING"]
+    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", "--output-split-cfuncs", "1000"]
 
     def make(path: Path) -> None:
         verilated(path, made.board.top, files, main, options=options, flags=[*QUICKLY, *defines], link=["-lutil"])
