@@ -257,6 +257,7 @@ module lipp_board #(
   );
 
   // ---- registers ----
+  logic late, frame_lost;
   lipp_board_registers_pkg::board_registers__in_t told;
   lipp_board_registers_pkg::board_registers__out_t set;
   logic psel_board, psel_optics, psel_scene, penable, pwrite;
@@ -316,7 +317,7 @@ module lipp_board #(
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
-  logic front, filled, swap, swapped, late, frame_lost;
+  logic front, filled, swap, swapped;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc, presented_crc;
   logic copy_valid, copy_buffer, copy_ready, check_valid, check_buffer, check_ready;

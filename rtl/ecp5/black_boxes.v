@@ -65,4 +65,62 @@ module DP16KD #(
 );
 endmodule
 
+/// Ports of ECP5's PLL.
+module EHXPLLL #(
+  parameter FEEDBK_PATH = "CLKOP",
+  parameter CLKI_DIV = 1,
+  parameter CLKFB_DIV = 1,
+  parameter CLKOP_ENABLE = "ENABLED",
+  parameter CLKOP_DIV = 8,
+  parameter CLKOP_CPHASE = 0,
+  parameter CLKOS_ENABLE = "DISABLED",
+  parameter CLKOS_DIV = 8,
+  parameter CLKOS_CPHASE = 0,
+  parameter CLKOS2_ENABLE = "DISABLED",
+  parameter CLKOS2_DIV = 8,
+  parameter CLKOS2_CPHASE = 0,
+  parameter CLKOS3_ENABLE = "DISABLED",
+  parameter CLKOS3_DIV = 8,
+  parameter CLKOS3_CPHASE = 0
+) (
+  input CLKI, CLKFB, RST, STDBY, PHASESEL0, PHASESEL1, PHASEDIR, PHASESTEP, PHASELOADREG,
+    PLLWAKESYNC, ENCLKOP, ENCLKOS, ENCLKOS2, ENCLKOS3,
+  output CLKOP, CLKOS, CLKOS2, CLKOS3, LOCK
+);
+endmodule
+
+/// Ports of ECP5's cell that sends a bit at each edge of a clock: D0 while it is high.
+module ODDRX1F (
+  input SCLK, RST, D0, D1,
+  output Q
+);
+endmodule
+
+/// Ports of ECP5's registers at a pad: out with power-up value 1, out with 0, in.
+module OFS1P3BX (
+  input SCLK, SP, PD, D,
+  output Q
+);
+endmodule
+
+module OFS1P3DX (
+  input SCLK, SP, CD, D,
+  output Q
+);
+endmodule
+
+module IFS1P3DX (
+  input SCLK, SP, CD, D,
+  output Q
+);
+endmodule
+
+/// Ports of ECP5's pad of both directions.
+module BB (
+  input I, T,
+  output O,
+  inout B
+);
+endmodule
+
 `default_nettype wire

@@ -35,29 +35,35 @@ module lipp_tmds_serialiser #(
     else turn_q <= !turn_q;
   end
 
-  // A LUT of four inputs between registers: the shift clock is as fast as an FPGA's logic goes.
-  logic turn, turned_q, begins_q, known_q, astray_q, load_q;
+  // A LUT of four inputs between registers, and a third of a chip's width: the shift clock is as
+  // fast as an FPGA's logic goes.
+  logic turn, turned_q, begins_q, known_q, astray_q, set_q, load_q, hold_q;
   logic [4:0] place_q;  // a ring with one bit, for the five pairs of a symbol
   logic [Channels-1:0][9:0] rest_q;
-  lipp_bit_sync i_turn (.clk_i(shift_clk_i), .rst_ni(shift_rst_ni), .d_i(turn_q), .q_o(turn));
+  lipp_bit_sync #(.Stages(3)) i_turn (
+    .clk_i(shift_clk_i), .rst_ni(shift_rst_ni), .d_i(turn_q), .q_o(turn)
+  );
   always_ff @(posedge shift_clk_i or negedge shift_rst_ni) begin
     if (!shift_rst_ni) begin
-      {turned_q, begins_q, known_q, astray_q, load_q} <= '0;
+      {turned_q, begins_q, known_q, astray_q, set_q, load_q} <= '0;
+      hold_q <= 1'b1;
       place_q <= 5'd1;
     end else begin
       turned_q <= turn;
       begins_q <= turn != turned_q;
-      // A symbol's beginning is seen at place 2, a clock sooner, or later. Two clocks after 2 comes 4.
-      astray_q <= begins_q && (!known_q || place_q[0] || place_q[4]);
+      // A symbol's beginning is seen at place 3, a clock sooner, or later. Three clocks after 3 comes 1.
+      astray_q <= begins_q && (!known_q || place_q[0] || place_q[1]);
       known_q <= known_q || begins_q;
-      place_q <= astray_q ? 5'b10000 : {place_q[3:0], place_q[4]};
+      set_q <= astray_q;
+      place_q <= set_q ? 5'b00010 : {place_q[3:0], place_q[4]};
       load_q <= place_q[0];
+      hold_q <= !place_q[0];  // the same for other channels: synthesis does not make one register of both
     end
   end
   always_ff @(posedge shift_clk_i) begin
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
-      rest_q[k] <= load_q ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
+      rest_q[k] <= (k % 3 == 0 ? load_q : !hold_q) ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
       pair_o[k] <= rest_q[k][1:0];  // may be near the pins, the others together
     end
   end

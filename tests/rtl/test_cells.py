@@ -11,7 +11,8 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.dev.synthesis import DESIGNS, elaborate, elaboration, place, run_tool, sources, stages
+from lippmann.dev.flow import elaborate, run_tool
+from lippmann.dev.synthesis import DESIGNS, place, source, sources, stages
 from lippmann.sim.compilation import SHORT, kept, verilated
 from lippmann.sim.tools import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
 from runner import BUILD
@@ -211,7 +212,7 @@ def test_sources_of_the_probe():
 @pytest.mark.parametrize("name", DESIGNS)
 def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
     """In a checkout below the system's temporary folder, which yosys does not see, too."""
-    said = elaboration(DESIGNS[name], TOP)
+    said = source(DESIGNS[name]).commands
     heart = "optics/lipp_ray_lenslet.sv" if DESIGNS[name].top != "probe_scene" else "scene/lipp_scene.sv"
     assert f" rtl/{heart} " in said
     assert str(TOP) not in said
@@ -232,14 +233,14 @@ assert set(USUAL) <= set(DESIGNS)
 )
 def test_design_elaborates(name):
     """yosys reads each design, checks its hierarchy, and finds no loop and no net with two drivers."""
-    said = elaborate(DESIGNS[name])
+    said = elaborate(source(DESIGNS[name]))
     assert "Found and reported 0 problems" in said
     assert stages(DESIGNS[name].named) > 30
 
 
 @pytest.mark.full
 def test_place_and_route_of_the_smallest():
-    placed = place(DESIGNS["pinhole-compact"], seed=1)
+    (placed,) = place(DESIGNS["pinhole-compact"], [1])
     print(placed)
     # The clock of a seed is luck within some percent; what is there is not.
     assert placed["mhz"] > 148.5

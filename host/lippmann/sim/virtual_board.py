@@ -14,7 +14,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -149,6 +149,7 @@ def start(
     trace_clocks: tuple[int, int] = (0, 1_000_000),
     stalls: int = 0,
     scene: SceneBuild | None = None,
+    program: Path | None = None,
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
@@ -175,11 +176,14 @@ def start(
         Seed of random pauses at both ends of a byte line; 0: none.
     scene
         The build of a board that draws; None: a board that shows stored frames only.
+    program
+        A board's program, compiled for this display, line and clock; None: it is compiled at first use.
     """
     check_panel(display)
     step = 0 if baud is None else step_of(baud, clock_hz)
     build = board_build(display, scene, fraction_bits)
-    program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
+    if program is None:
+        program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
@@ -251,21 +255,13 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
     return made
 
 
-def compiled(
-    display: Display,
-    build: Build,
-    byte_link: bool,
-    clock_hz: int = CLOCK_HZ,
-    trace: bool = False,
-    scene: SceneBuild | None = None,
-) -> Path:
-    """Return the program of a board, compiled at first use. Raises as `verilated`."""
-    top = hardware()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board_with_store", rtl_sources(top))]
-    parts = sorted((top / "sim" / "board").iterdir())
+def board_parameters(
+    display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None
+) -> dict[str, int | str]:
+    """Return the parameters of `lipp_board_with_store` for a display."""
     panel = display.panel
     timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
-    numbers: dict[str, int | str] = {
+    return {
         **parameters(build),
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
@@ -274,12 +270,35 @@ def compiled(
         **dict(zip(TIMING, timing, strict=True)),
         **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
     }
+
+
+def compiled(
+    display: Display,
+    build: Build,
+    byte_link: bool,
+    clock_hz: int = CLOCK_HZ,
+    trace: bool = False,
+    scene: SceneBuild | None = None,
+    netlist: Sequence[Path] = (),
+) -> Path:
+    """Return the program of a board, compiled at first use. Raises as `verilated`.
+
+    `netlist` are files that take the place of the RTL: a module `lipp_board_with_store` of these parameters.
+    """
+    top = hardware()
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board_with_store", rtl_sources(top))]
+    parts = sorted((top / "sim" / "board").iterdir())
+    numbers = board_parameters(display, build, byte_link, clock_hz, scene)
+    panel = display.panel
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
         *["-DLIPPMANN_TRACE"] * trace,
     ]  # fmt: skip
     options = [*UNCHECKED, *["--trace-fst"] * trace]
+    if netlist:
+        files, numbers = list(netlist), {}
+        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING"]
     main = [part for part in parts if part.suffix == ".cpp"]
     flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 

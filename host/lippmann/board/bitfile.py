@@ -1,0 +1,64 @@
+"""What the header of an ECP5 bitstream (.bit) tells: the device, and the texts that `make bitstream` writes.
+
+A file begins with FF 00, texts that each end with 00, then FF. The configuration follows the preamble FF FF BD B3:
+commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's JTAG identity.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from lippmann.errors import input_error, reason
+
+PREAMBLE = b"\xff\xff\xbd\xb3"
+VERIFY_ID = b"\xe2\x00\x00\x00"
+#: Commands that may come before VERIFY_ID, without data: nothing, and the reset of the checksum.
+NO_OPERATION, RESET_CRC = 0xFF, 0x3B
+#: JTAG identities of the family.
+DEVICES = {
+    0x21111043: "LFE5U-12F", 0x41111043: "LFE5U-25F", 0x41112043: "LFE5U-45F", 0x41113043: "LFE5U-85F",
+    0x01111043: "LFE5UM-25F", 0x01112043: "LFE5UM-45F", 0x01113043: "LFE5UM-85F",
+    0x81111043: "LFE5UM5G-25F", 0x81112043: "LFE5UM5G-45F", 0x81113043: "LFE5UM5G-85F",
+}  # fmt: skip
+REMEDY = "give a file that make bitstream wrote"
+
+
+@dataclass(frozen=True)
+class BitFile:
+    """A bitstream's header; board, display and identity are empty when another program wrote it."""
+
+    idcode: int
+    board: str
+    display: str
+    identity: str
+
+    @property
+    def device(self) -> str:
+        """The device's name, or its identity."""
+        return DEVICES.get(self.idcode, f"0x{self.idcode:08x}")
+
+
+def comment(board: str, display: str, identity: str, seed: int) -> str:
+    """Return the text in a bitstream's header."""
+    return f"Lippmann board={board} display={display} identity={identity} seed={seed}"
+
+
+def read_bitfile(path: Path) -> BitFile:
+    """Return the header of a bitstream; raise InputError for a file that is none, or cannot be read."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise input_error(str(path), "no such file", "run make bitstream") from None
+    except OSError as error:
+        raise input_error(str(path), f"cannot be read ({reason(error)})", REMEDY) from None
+    start = data.find(PREAMBLE)
+    at = start + len(PREAMBLE)
+    while start >= 0 and data[at : at + 1] in (bytes([NO_OPERATION]), bytes([RESET_CRC])):
+        at += 1 if data[at] == NO_OPERATION else 4
+    if start < 0 or data[at : at + 4] != VERIFY_ID or len(data) < at + 8:
+        raise input_error(str(path), "is not an ECP5 bitstream", REMEDY)
+    texts = data[:start].decode("ascii", errors="replace")
+    told = re.search(r"Lippmann board=(\S+) display=(.+?) identity=([0-9a-f]{16})", texts)
+    return BitFile(int.from_bytes(data[at + 4 : at + 8], "big"), *(told.groups() if told else ("", "", "")))

@@ -1,0 +1,133 @@
+"""FPGA boards that bitstreams are made for: rtl/board/NAME/board.toml, and how to know one on USB."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+import serial.tools.list_ports
+from serial.tools.list_ports_common import ListPortInfo
+
+from lippmann.errors import did_you_mean, input_error
+from lippmann.link.port import DEFAULT_BAUD
+from lippmann.sim.tools import hardware
+from lippmann.toml import documented, key, load, read
+
+#: Folder of the boards' folders in a checkout, and the file in each.
+FOLDER, FILE = Path("rtl", "board"), "board.toml"
+
+
+@documented
+@dataclass(frozen=True)
+class Fpga:
+    """The FPGA, as nextpnr names it, and as a bitstream's header does."""
+
+    device: Annotated[str, key("nextpnr's option of the size, such as `85k`")]
+    name: Annotated[str, key("the maker's name, such as `LFE5U-85F`")]
+    package: Annotated[str, key("package, such as `CABGA381`")]
+    speed: Annotated[int, key("speed grade", low=6, high=8)]
+    idcode: Annotated[int, key("JTAG identity, 32 bits", low=0, high=0xFFFFFFFF)]
+
+
+@documented
+@dataclass(frozen=True)
+class Memory:
+    """The SDR SDRAM of 16 bits."""
+
+    grade: Annotated[str, key("its times: a constant of `rtl/memory/lipp_sdram_pkg.sv`")]
+    max_mhz: Annotated[float, key("greatest clock", above=0.0)]
+    megabytes: Annotated[int, key("size, MiB", low=1)]
+
+
+@documented
+@dataclass(frozen=True)
+class Limits:
+    """Greatest clocks that place-and-route meets."""
+
+    system_mhz: Annotated[float, key("greatest clock of the system", above=0.0)]
+    memory_mhz: Annotated[float, key("greatest clock of the SDRAM's controller", above=0.0)]
+    shift_mhz: Annotated[float | None, key("greatest clock of DVI's bits, two in each")] = None
+
+
+@documented
+@dataclass(frozen=True)
+class Usb:
+    """How the board's adapter is known, and the name that openFPGALoader has for the board."""
+
+    vendor: Annotated[int, key("vendor", low=0, high=0xFFFF)]
+    product: Annotated[int, key("product", low=0, high=0xFFFF)]
+    text: Annotated[str, key("a part of the product's text")]
+    loader: Annotated[str, key("openFPGALoader's name of the board")]
+
+
+@documented
+@dataclass(frozen=True)
+class FpgaBoard:
+    """A board: what is in its folder beside its RTL and its pins."""
+
+    name: Annotated[str, key("its name, that of its folder")]
+    title: Annotated[str, key("its maker's name, and its video output")]
+    top: Annotated[str, key("top module")]
+    constraints: Annotated[list[str], key("files of pins (.lpf), relative to the folder", shape="a list of paths")]
+    oscillator_mhz: Annotated[float, key("clock of the oscillator", above=0.0)]
+    video: Annotated[Literal["dvi", "parallel"], key("DVI's pairs of wires, or the parallel signals of a panel")]
+    baud: Annotated[int, key("baud rate of the serial line", low=1)]
+    fpga: Annotated[Fpga, key("the FPGA")]
+    memory: Annotated[Memory, key("the SDRAM")]
+    limits: Annotated[Limits, key("clocks")]
+    usb: Annotated[Usb, key("its adapter on USB")]
+    like: Annotated[str | None, key("another board: its RTL, and its keys where this file has none")] = None
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return hardware() / FOLDER / self.name
+
+    @property
+    def folders(self) -> list[Path]:
+        """The folders of its RTL."""
+        return [self.folder, *([] if self.like is None else [self.folder.parent / self.like])]
+
+    def owns(self, port: ListPortInfo) -> bool:
+        """Return whether a serial port is that of such a board."""
+        return (port.vid, port.pid) == (self.usb.vendor, self.usb.product) and self.usb.text in (port.product or "")
+
+
+@cache
+def fpga_boards() -> dict[str, FpgaBoard]:
+    """Return the boards by name; raise InputError for a file that is wrong."""
+    found = {}
+    for path in sorted((hardware() / FOLDER).glob(f"*/{FILE}")):
+        keys = load(path, "board")
+        other = path.parent.parent / str(keys.get("like")) / FILE
+        board = read(FpgaBoard, {**(load(other, "board") if "like" in keys else {}), **keys}, str(path))
+        if board.name != path.parent.name:
+            raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{path.parent.name}"')
+        found[board.name] = board
+    return found
+
+
+def fpga_board(name: str) -> FpgaBoard:
+    """Return a board by its name; raise InputError for an unknown one."""
+    boards = fpga_boards()
+    if name not in boards:
+        remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
+        raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
+    return boards[name]
+
+
+def board_of_port(url: str) -> FpgaBoard | None:
+    """Return the board that a serial port belongs to, by its USB adapter; None for any other port.
+
+    Boards that share an adapter differ in their bitstreams only; the first is returned.
+    """
+    ports = [port for port in serial.tools.list_ports.comports() if port.device == url]
+    return next((board for board in fpga_boards().values() for port in ports if board.owns(port)), None)
+
+
+def usual_baud(url: str) -> int:
+    """Return the baud rate of a port's board, or `DEFAULT_BAUD` for a port of no known board."""
+    board = board_of_port(url)
+    return DEFAULT_BAUD if board is None else board.baud

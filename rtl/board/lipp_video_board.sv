@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// A whole board but for the cells of its FPGA's vendor: `lipp_board` on a serial line, its frames in
+/// an SDR SDRAM, its video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
+///
+///   rx_i -> lipp_board <-> lipp_sdram_store <-> pins of the SDRAM
+///                |
+///                +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
+///
+/// Four clocks: clk_i of ClockHz; pixel_clk_i, clk_i divided by the clocks a pixel, from the same
+/// source; shift_clk_i, five times pixel_clk_i, from the same source; mem_clk_i of MemoryHz, unrelated.
+/// Each has its reset from rst_ni, which is asynchronous, such as a PLL's lock: while it is low the
+/// video is black, and afterwards until a frame is shown.
+///
+/// The pins of the SDRAM are described at `lipp_sdram_controller`, the lamps at `lipp_board_lamps`.
+module lipp_video_board #(
+  parameter bit Dvi = 1'b1,
+  parameter int ClockHz = 25_200_000,
+  parameter int MemoryHz = 105_000_000,
+  parameter int Width = 640,
+  parameter int Height = 480,
+  parameter int HFront = 16,
+  parameter int HSync = 96,
+  parameter int HBack = 48,
+  parameter int VFront = 10,
+  parameter int VSync = 2,
+  parameter int VBack = 33,
+  parameter bit HPositive = 1'b0,
+  parameter bit VPositive = 1'b0,
+  parameter lipp_optics_pkg::build_t Build = '{
+    fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
+  },
+  parameter lipp_scene_pkg::scene_build_t Scene = '0,
+  parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
+  parameter int PadClocks = 2
+) (
+  input  logic            clk_i,
+  input  logic            pixel_clk_i,
+  input  logic            shift_clk_i,   // used with Dvi
+  input  logic            mem_clk_i,
+  input  logic            rst_ni,
+  input  logic            clock_lost_i,  // level, of any clock: a clock was lost since power-up
+  input  logic [63:0]     identity_i,    // hash of panel and array
+
+  input  logic [15:0]     step_i,        // UART: bits per clock, times 65536
+  input  logic            rx_i,
+  output logic            tx_o,
+
+  input  logic            button_i,
+  output logic            linked_o,
+  output logic            shown_o,
+  output logic            alarm_o,
+  output logic [2:0]      pattern_o,
+
+  output logic            cke_o,
+  output logic            cs_no,
+  output logic            ras_no,
+  output logic            cas_no,
+  output logic            we_no,
+  output logic [lipp_sdram_pkg::BankBits-1:0] ba_o,
+  output logic [lipp_sdram_pkg::RowBits-1:0]  a_o,
+  output logic [1:0]      dqm_o,
+  output logic [lipp_sdram_pkg::WordBits-1:0] dq_o,
+  output logic            dq_oe_o,
+  input  logic [lipp_sdram_pkg::WordBits-1:0] dq_i,
+
+  output logic            de_o,          // of clk_i, each value for a whole pixel
+  output logic            hsync_o,
+  output logic            vsync_o,
+  output logic [23:0]     rgb_o,
+  output logic [3:0][1:0] pair_o         // of shift_clk_i
+);
+
+  localparam int PlaceBits = $clog2(Width * Height);
+
+  logic rst_n, clock_lost, packet, error;
+  lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
+  lipp_bit_sync i_clock_lost (.clk_i, .rst_ni(rst_n), .d_i(clock_lost_i), .q_o(clock_lost));
+  lipp_board_lamps i_lamps (
+    .clk_i, .rst_ni(rst_n), .packet_i(packet), .error_i(error), .clock_lost_i(clock_lost),
+    .button_i, .linked_o, .alarm_o, .pattern_o
+  );
+
+  // ---- board ----
+  logic store_rst_n;
+  logic show_valid, show_ready, show_buffer, show_pixel_valid, show_pixel_ready;
+  logic write_valid, write_ready, write_buffer, write_pixel_valid, write_pixel_ready, write_done;
+  logic read_valid, read_ready, read_buffer, read_pixel_valid, read_pixel_ready;
+  logic [PlaceBits-1:0] show_first, write_first, read_first;
+  logic [PlaceBits:0] show_count, write_count, read_count;
+  logic [23:0] show_rgb, write_rgb, read_rgb;
+  logic unused_in_ready, unused_out_valid, unused_pixel;
+  logic [7:0] unused_out_data;
+  lipp_board #(
+    .ClockHz(ClockHz), .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync),
+    .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive),
+    .VPositive(VPositive), .Build(Build), .Scene(Scene)
+  ) i_board (
+    .clk_i, .rst_ni, .identity_i, .step_i, .rx_i, .tx_o, .in_valid_i(1'b0),
+    .in_ready_o(unused_in_ready), .in_data_i('0), .out_valid_o(unused_out_valid),
+    .out_ready_i(1'b0), .out_data_o(unused_out_data), .pattern_i(pattern_o),
+    .clock_lost_i(clock_lost), .packet_o(packet), .shown_o, .error_o(error),
+    .store_rst_no(store_rst_n), .show_valid_o(show_valid), .show_ready_i(show_ready),
+    .show_buffer_o(show_buffer), .show_first_o(show_first), .show_count_o(show_count),
+    .show_pixel_valid_i(show_pixel_valid), .show_pixel_ready_o(show_pixel_ready),
+    .show_rgb_i(show_rgb), .write_valid_o(write_valid), .write_ready_i(write_ready),
+    .write_buffer_o(write_buffer), .write_first_o(write_first), .write_count_o(write_count),
+    .write_pixel_valid_o(write_pixel_valid), .write_pixel_ready_i(write_pixel_ready),
+    .write_rgb_o(write_rgb), .write_done_i(write_done), .read_valid_o(read_valid),
+    .read_ready_i(read_ready), .read_buffer_o(read_buffer), .read_first_o(read_first),
+    .read_count_o(read_count), .read_pixel_valid_i(read_pixel_valid),
+    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pixel_o(unused_pixel), .de_o,
+    .hsync_o, .vsync_o, .rgb_o
+  );
+
+  // ---- frames ----
+  lipp_sdram_store #(
+    .Width(Width), .Height(Height), .MemoryHz(MemoryHz), .Timing(Timing), .PadClocks(PadClocks)
+  ) i_store (
+    .clk_i, .rst_ni(store_rst_n), .show_valid_i(show_valid), .show_ready_o(show_ready),
+    .show_buffer_i(show_buffer), .show_first_i(show_first), .show_count_i(show_count),
+    .show_pixel_valid_o(show_pixel_valid), .show_pixel_ready_i(show_pixel_ready),
+    .show_rgb_o(show_rgb), .write_valid_i(write_valid), .write_ready_o(write_ready),
+    .write_buffer_i(write_buffer), .write_first_i(write_first), .write_count_i(write_count),
+    .write_pixel_valid_i(write_pixel_valid), .write_pixel_ready_o(write_pixel_ready),
+    .write_rgb_i(write_rgb), .write_done_o(write_done), .read_valid_i(read_valid),
+    .read_ready_o(read_ready), .read_buffer_i(read_buffer), .read_first_i(read_first),
+    .read_count_i(read_count), .read_pixel_valid_o(read_pixel_valid),
+    .read_pixel_ready_i(read_pixel_ready), .read_rgb_o(read_rgb), .mem_clk_i, .cke_o, .cs_no,
+    .ras_no, .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o, .dq_i
+  );
+
+  // ---- video ----
+  if (Dvi) begin : gen_dvi
+    logic pixel_rst_n, shift_rst_n;
+    lipp_reset_sync i_pixel_reset (.clk_i(pixel_clk_i), .rst_ni, .rst_no(pixel_rst_n));
+    lipp_reset_sync i_shift_reset (.clk_i(shift_clk_i), .rst_ni, .rst_no(shift_rst_n));
+    lipp_dvi_out i_dvi_out (
+      .pixel_clk_i, .pixel_rst_ni(pixel_rst_n), .de_i(de_o), .hsync_i(hsync_o), .vsync_i(vsync_o),
+      .rgb_i(rgb_o), .shift_clk_i, .shift_rst_ni(shift_rst_n), .pair_o
+    );
+  end else begin : gen_parallel
+    assign pair_o = '0;
+    logic unused_clocks;
+    assign unused_clocks = ^{pixel_clk_i, shift_clk_i};
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Pins of the ULX3S's SDRAM: a register at each pad, out and in, so `lipp_sdram_controller` has
+/// PadClocks = 2. The chip's clock is clk_i inverted: commands and data reach it in the middle of
+/// their clock.
+///
+/// What the chip sends is captured four clocks after the command left the pads. Its clock is late by
+/// half a period T and the delay d of a pad; with a CAS latency of 3 a word is there from
+/// 2.5 T + d + tAC to 3.5 T + d + tOH. With tAC = 5.4 ns and tOH = 2.7 ns of grade -75, d may be
+/// T / 2 - 2.7 ns to 1.5 T - 5.4 ns: 1.3 to 6.7 ns at 123.8 MHz, 2.1 to 8.9 ns at 105 MHz.
+module lipp_ulx3s_memory (
+  input  logic        clk_i,
+  input  logic        cke_i,
+  input  logic        cs_ni,
+  input  logic        ras_ni,
+  input  logic        cas_ni,
+  input  logic        we_ni,
+  input  logic [1:0]  ba_i,
+  input  logic [12:0] a_i,
+  input  logic [1:0]  dqm_i,
+  input  logic [15:0] dq_i,
+  input  logic        dq_oe_i,
+  output logic [15:0] dq_o,
+
+  output logic        sdram_clk,
+  output logic        sdram_cke,
+  output logic        sdram_csn,
+  output logic        sdram_rasn,
+  output logic        sdram_casn,
+  output logic        sdram_wen,
+  output logic [1:0]  sdram_ba,
+  output logic [12:0] sdram_a,
+  output logic [1:0]  sdram_dqm,
+  inout  wire  [15:0] sdram_d
+);
+
+  ODDRX1F i_clock (.SCLK(clk_i), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(sdram_clk));
+
+  // Until the clock runs, the chip is not selected and its data pins are free.
+  logic [5:0] high, high_pad;
+  logic [15:0] low, low_pad;
+  assign high = {cs_ni, ras_ni, cas_ni, we_ni, dqm_i};
+  assign {sdram_csn, sdram_rasn, sdram_casn, sdram_wen, sdram_dqm} = high_pad;
+  assign low = {cke_i, ba_i, a_i};
+  assign {sdram_cke, sdram_ba, sdram_a} = low_pad;
+  for (genvar k = 0; k < 6; k++) begin : gen_high
+    OFS1P3BX i_out (.SCLK(clk_i), .SP(1'b1), .PD(1'b0), .D(high[k]), .Q(high_pad[k]));
+  end
+  for (genvar k = 0; k < 16; k++) begin : gen_low
+    OFS1P3DX i_out (.SCLK(clk_i), .SP(1'b1), .CD(1'b0), .D(low[k]), .Q(low_pad[k]));
+  end
+
+  logic [15:0] data, released, pad;
+  for (genvar k = 0; k < 16; k++) begin : gen_data
+    OFS1P3DX i_out (.SCLK(clk_i), .SP(1'b1), .CD(1'b0), .D(dq_i[k]), .Q(data[k]));
+    OFS1P3BX i_release (.SCLK(clk_i), .SP(1'b1), .PD(1'b0), .D(!dq_oe_i), .Q(released[k]));
+    BB i_pad (.B(sdram_d[k]), .I(data[k]), .T(released[k]), .O(pad[k]));
+    IFS1P3DX i_in (.SCLK(clk_i), .SP(1'b1), .CD(1'b0), .D(pad[k]), .Q(dq_o[k]));
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The ULX3S with a parallel RGB LCD at its header J2; all else is as in `lipp_ulx3s`.
+///
+/// The LCD's signals change with the rising edge of the pixel's clock, and lcd_clk rises half a clock
+/// later.
+module lipp_ulx3s_lcd #(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  parameter int HFront = 16,
+  parameter int HSync = 96,
+  parameter int HBack = 48,
+  parameter int VFront = 10,
+  parameter int VSync = 2,
+  parameter int VBack = 33,
+  parameter bit HPositive = 1'b0,
+  parameter bit VPositive = 1'b0,
+  parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
+  parameter lipp_scene_pkg::scene_build_t Scene = '0,
+  parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
+  parameter logic [63:0] Identity = '0,
+  parameter logic [15:0] UartStep = 16'd7802,  // 3 Mbit/s
+  parameter int ClockHz = 25_200_000,
+  parameter int MemoryHz = 105_000_000,
+  parameter int InputDiv = 5,
+  parameter int FeedbackDiv = 21,
+  parameter int Feedback = 2,
+  parameter int ShiftDiv = 5,
+  parameter int SystemDiv = 25,
+  parameter int MemoryDiv = 6,
+  parameter int PixelDiv = 25
+) (
+  input  wire         clk_25mhz,
+  input  wire  [2:1]  btn,
+  output logic [7:0]  led,
+  output logic        wifi_gpio0,
+
+  input  wire         ftdi_txd,
+  output logic        ftdi_rxd,
+
+  output logic        sdram_clk,
+  output logic        sdram_cke,
+  output logic        sdram_csn,
+  output logic        sdram_rasn,
+  output logic        sdram_casn,
+  output logic        sdram_wen,
+  output logic [1:0]  sdram_ba,
+  output logic [12:0] sdram_a,
+  output logic [1:0]  sdram_dqm,
+  inout  wire  [15:0] sdram_d,
+
+  output logic [7:0]  lcd_r,
+  output logic [7:0]  lcd_g,
+  output logic [7:0]  lcd_b,
+  output logic        lcd_de,
+  output logic        lcd_hsync,
+  output logic        lcd_vsync,
+  output logic        lcd_clk
+);
+
+  // ---- clocks ----
+  logic unused_shift_clk, clk, mem_clk, pixel_clk, locked, lost, rst_n;
+  logic [24:0] blink_q;
+  lipp_ulx3s_clocks #(
+    .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .Feedback(Feedback), .ShiftDiv(ShiftDiv),
+    .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv), .PixelDiv(PixelDiv)
+  ) i_clocks (
+    .clk_i(clk_25mhz), .shift_clk_o(unused_shift_clk), .system_clk_o(clk), .memory_clk_o(mem_clk),
+    .pixel_clk_o(pixel_clk), .locked_o(locked), .lost_o(lost)
+  );
+  assign rst_n = locked && !btn[1];
+  always_ff @(posedge clk) blink_q <= blink_q + 1'b1;
+
+  // ---- board ----
+  logic linked, shown, alarm, cke, cs_n, ras_n, cas_n, we_n, dq_oe;
+  logic [2:0] pattern;
+  logic [1:0] ba, dqm;
+  logic [12:0] a;
+  logic [15:0] dq_out, dq_in;
+  logic [26:0] video, pads;
+  logic [3:0][1:0] unused_pair;
+  lipp_video_board #(
+    .Dvi(1'b0), .ClockHz(ClockHz), .MemoryHz(MemoryHz), .Width(Width), .Height(Height), .HFront(HFront),
+    .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
+    .HPositive(HPositive), .VPositive(VPositive), .Build(Build), .Scene(Scene), .Timing(Timing)
+  ) i_video_board (
+    .clk_i(clk), .pixel_clk_i(pixel_clk), .shift_clk_i(1'b0), .mem_clk_i(mem_clk),
+    .rst_ni(rst_n), .clock_lost_i(lost), .identity_i(Identity), .step_i(UartStep),
+    .rx_i(ftdi_txd), .tx_o(ftdi_rxd), .button_i(btn[2]), .linked_o(linked), .shown_o(shown),
+    .alarm_o(alarm), .pattern_o(pattern), .cke_o(cke), .cs_no(cs_n), .ras_no(ras_n),
+    .cas_no(cas_n), .we_no(we_n), .ba_o(ba), .a_o(a), .dqm_o(dqm), .dq_o(dq_out), .dq_oe_o(dq_oe),
+    .dq_i(dq_in), .de_o(video[26]), .hsync_o(video[25]), .vsync_o(video[24]), .rgb_o(video[23:0]),
+    .pair_o(unused_pair)
+  );
+  assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
+  assign wifi_gpio0 = 1'b1;  // the ESP32 leaves the FPGA alone
+
+  // ---- pins ----
+  lipp_ulx3s_memory i_memory (
+    .clk_i(mem_clk), .cke_i(cke), .cs_ni(cs_n), .ras_ni(ras_n), .cas_ni(cas_n), .we_ni(we_n),
+    .ba_i(ba), .a_i(a), .dqm_i(dqm), .dq_i(dq_out), .dq_oe_i(dq_oe), .dq_o(dq_in), .sdram_clk,
+    .sdram_cke, .sdram_csn, .sdram_rasn, .sdram_casn, .sdram_wen, .sdram_ba, .sdram_a, .sdram_dqm,
+    .sdram_d
+  );
+  for (genvar k = 0; k < 27; k++) begin : gen_pad
+    OFS1P3DX i_pad (.SCLK(pixel_clk), .SP(1'b1), .CD(1'b0), .D(video[k]), .Q(pads[k]));
+  end
+  assign {lcd_de, lcd_hsync, lcd_vsync, lcd_r, lcd_g, lcd_b} = pads;
+  ODDRX1F i_clock (.SCLK(pixel_clk), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(lcd_clk));
+
+endmodule
+
+`default_nettype wire
