@@ -151,10 +151,11 @@ def evaluated(words, values):
 
 
 @pytest.mark.full
-def test_a_boards_netlist_is_its_rtl():
+@pytest.mark.parametrize("memory", ["block", "sdram"])
+def test_a_boards_netlist_is_its_rtl(memory):
     """Every request, a streamed frame and a drawn one: 0 pixels and no reply differ."""
     display = small(load_display("scenes/displays/paper-square.toml"), 112, 80)
-    found, netlist, _ = compare(Boards.with_store(display, SCENE))
+    found, netlist, _ = compare(Boards.virtual(display, SCENE, memory))
     assert found.differ == 0
     assert found.pixels >= 3 * 112 * 80
     assert found.kinds >= 12

@@ -50,14 +50,11 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.link.packets import BACK, FRONT, REPLY, Kind, packed
 from lippmann.registers import OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.sim import virtual_board
-from lippmann.sim.compilation import UNCHECKED, kept, verilated
+from lippmann.sim.compilation import NETLIST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.tools import build_folder, repository
 
 Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 
-STORE = "lipp_board_with_store"
-#: For hundred thousands of assignments, of which the compiler can make little.
-QUICKLY = ("-O1", "-march=native")
 #: Longest wait for a reply and for a frame, s: a netlist is simulated at some thousand clocks a second.
 PATIENCE_S = 1800.0
 #: The scene: few texels, which are soon loaded.
@@ -118,17 +115,20 @@ class Boards:
     timed: tuple[str, ...]
 
     @classmethod
-    def with_store(cls, display: Display, scene: SceneBuild | None) -> Boards:
-        """Return the board with its frames in block RAM, on a byte line."""
+    def virtual(cls, display: Display, scene: SceneBuild | None, memory: virtual_board.Memory) -> Boards:
+        """Return the virtual board on a byte line, with its frames in block RAM or in an SDRAM."""
+        top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene)
         panel = display.panel
-        source = Source(STORE, parameters, flow.ecp5_files(STORE))
-        netlist = synthesised(source, f"board-{panel.width_px}x{panel.height_px}")
+        source = Source(top, parameters, flow.ecp5_files(top))
+        netlist = synthesised(source, f"board-{memory}-{panel.width_px}x{panel.height_px}")
         rtl = virtual_board.compiled(display, build, True, scene=scene)
-        # Its pins are a test bench's: they come with the clock.
-        program = virtual_board.compiled(display, build, True, scene=scene, netlist=simulated(netlist, STORE))
-        return cls(display, scene, build, Program(rtl), Program(program), netlist, STORE, ("*",))
+        program = virtual_board.compiled(
+            display, build, True, scene=scene, memory=memory, netlist=simulated(netlist, top)
+        )
+        # Its pins are the simulation's: they change with the clock.
+        return cls(display, scene, build, Program(rtl), Program(program), netlist, top, ("*",))
 
     @classmethod
     def of_bitstream(cls, made: Plan) -> Boards:
@@ -170,12 +170,12 @@ def _on_pins(netlist: Path, made: Plan) -> Path:
     files = simulated(netlist, made.board.top)
     around = [path for path in sorted((top / "sim" / "board").iterdir()) if path.stem != "main"]
     main = [top / "sim" / "netlist" / "ulx3s.cpp", *(path for path in around if path.suffix == ".cpp")]
-    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", "--output-split-cfuncs", "1000"]
+    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
 
     def make(path: Path) -> None:
-        verilated(path, made.board.top, files, main, options=options, flags=[*QUICKLY, *defines], link=["-lutil"])
+        verilated(path, made.board.top, files, main, options=options, flags=[*SHORT, *defines], link=["-lutil"])
 
-    inputs: list[Path | str] = [*files, *main, *around, *defines, *options, *QUICKLY]
+    inputs: list[Path | str] = [*files, *main, *around, *defines, *options, *SHORT]
     return kept(build_folder() / "netlist" / made.name, inputs, make)
 
 
@@ -445,13 +445,11 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
 
 
 @click.command()
-@click.option(
-    "--board", help="Board of a bitstream, such as ulx3s.  [default: frames in block RAM, a byte line]"
-)
+@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: frames in block RAM, a byte line]")
 @click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
 @click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
 @click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
-def main(board: str | None, path: str, size: tuple[int, int] | None, layers: int) -> None:
+def main(board: str | None, memory: virtual_board.Memory, path: str, size: tuple[int, int] | None, layers: int) -> None:
     """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
 
     Example: python -m lippmann.dev.netlist --board ulx3s
@@ -459,7 +457,7 @@ def main(board: str | None, path: str, size: tuple[int, int] | None, layers: int
     display = load_display(path)
     display = small(display, *size) if size else display
     made = None if board is None else plan(fpga_board(board), display, layers)
-    boards = Boards.with_store(display, SCENE) if made is None else Boards.of_bitstream(made)
+    boards = Boards.virtual(display, SCENE, memory) if made is None else Boards.of_bitstream(made)
     crossings = check(Netlist(json.loads(boards.json.read_text())["modules"][boards.top]), boards.timed)
     for one in crossings.crossings:
         click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")

@@ -28,7 +28,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
-from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
+from lippmann.sim.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import build_folder, hardware, needed, rtl_sources
 
@@ -111,7 +111,9 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
     """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
-        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)} baud")
+        raise InputError(
+            f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)} baud"
+        )
     return step
 
 
@@ -331,9 +333,10 @@ def compiled(
     options = [*UNCHECKED, *["--trace-fst"] * trace]
     if netlist:
         files, numbers = list(netlist), {}
-        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING"]
+        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
     main = [part for part in parts if part.suffix == ".cpp"]
-    flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
+    # Writing waveforms takes far longer than the model itself, and compiling a netlist.
+    flags = [*(SHORT if trace or netlist else FAST), *defines]
 
     def make(path: Path) -> None:
         verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])
