@@ -151,12 +151,13 @@ def evaluated(words, values):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("memory", ["block", "sdram"])
-def test_a_boards_netlist_is_its_rtl(memory):
+@pytest.mark.parametrize(("memory", "width", "height"), [("block", 112, 80), ("sdram", 640, 480)])
+def test_a_boards_netlist_is_its_rtl(memory, width, height):
     """Every request, a streamed frame and a drawn one: 0 pixels and no reply differ."""
-    display = small(load_display("scenes/displays/paper-square.toml"), 112, 80)
+    display = small(load_display("scenes/displays/vga-square.toml"), width, height)
     found, netlist, _ = compare(Boards.virtual(display, SCENE, memory))
     assert found.differ == 0
-    assert found.pixels >= 3 * 112 * 80
-    assert found.kinds >= 12
+    assert found.pixels >= 3 * width * height
+    assert found.kinds == 13  # all types of requests, and one that there is not
     assert netlist.counts["broken_frames"] == 0
+    assert not netlist.counts.get("memory_violations")
