@@ -98,6 +98,8 @@ panel/lipp_tile_writer.sv
 panel/lipp_tile_table.sv
 panel/lipp_frame_check.sv
 panel/lipp_test_pattern.sv
+panel/lipp_pixel_feed.sv
+panel/lipp_show_frame.sv
 panel/lipp_draw_frame.sv
 panel/lipp_scan_out.sv
 video/lipp_tmds_encoder.sv
@@ -117,6 +119,7 @@ board/lipp_reply_writer.sv
 board/lipp_dispatcher.sv
 board/lipp_board.sv
 board/lipp_board_with_store.sv
+board/lipp_board_with_sdram.sv
 board/lipp_board_lamps.sv
 board/lipp_video_board.sv
 common/lipp_ring.sv

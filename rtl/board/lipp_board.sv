@@ -18,11 +18,14 @@
 ///
 /// The request RESET resets all but the line and its packets, so that no byte of them is lost.
 ///
-/// The store of the frames is the memory at the ports store_*: two buffers of Width * Height
-/// pixels, 14.7 Mbit at 640 x 480, more than the block RAM of a small FPGA. A pixel is written in
-/// the clock of store_write_o. store_a_rgb_i(t) is the pixel at store_a_at_o(t - StoreLatency) of
-/// buffer store_a_buffer_o, as written before; likewise b. All these ports are registers.
-/// lipp_board_with_store has a memory there.
+/// The store of the frames is a memory behind the ports show_*, write_* and read_*, with the contract of
+/// lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480. store_rst_no is its
+/// reset: RESET forgets what the clients asked. lipp_board_with_store has block RAM there, for small
+/// panels and for simulation; lipp_board_with_sdram an SDRAM.
+///
+/// pattern_i, a button's, shows a test pattern in place of the register's, unless it is 0. packet_o is a
+/// pulse for each packet received, error_o for each that was dropped and for each pixel late; shown_o
+/// says that a frame or a scene is on the panel.
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
@@ -40,7 +43,6 @@ module lipp_board #(
   parameter int VBack = 36,
   parameter bit HPositive = 1'b1,   // polarities of the syncs
   parameter bit VPositive = 1'b1,
-  parameter int StoreLatency = 2,   // clocks from a port's address to its pixel: 1 to 13, hexagonal 16
   // Chief rays through the optics of the whole board: aims must be 0.
   parameter lipp_optics_pkg::build_t Build = '{
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
@@ -65,16 +67,38 @@ module lipp_board #(
   input  logic        out_ready_i,
   output logic [7:0]  out_data_o,
 
-  output logic                 store_write_o,
-  output logic                 store_write_buffer_o,
-  output logic [PlaceBits-1:0] store_write_at_o,      // row by row
-  output logic [23:0]          store_write_rgb_o,
-  output logic                 store_a_buffer_o,
-  output logic [PlaceBits-1:0] store_a_at_o,
-  input  logic [23:0]          store_a_rgb_i,
-  output logic                 store_b_buffer_o,
-  output logic [PlaceBits-1:0] store_b_at_o,
-  input  logic [23:0]          store_b_rgb_i,
+  output logic                 store_rst_no,
+  output logic                 show_valid_o,
+  input  logic                 show_ready_i,
+  output logic                 show_buffer_o,
+  output logic [PlaceBits-1:0] show_first_o,
+  output logic [PlaceBits:0]   show_count_o,
+  input  logic                 show_pixel_valid_i,
+  output logic                 show_pixel_ready_o,
+  input  logic [23:0]          show_rgb_i,
+  output logic                 write_valid_o,
+  input  logic                 write_ready_i,
+  output logic                 write_buffer_o,
+  output logic [PlaceBits-1:0] write_first_o,
+  output logic [PlaceBits:0]   write_count_o,
+  output logic                 write_pixel_valid_o,
+  input  logic                 write_pixel_ready_i,
+  output logic [23:0]          write_rgb_o,
+  input  logic                 write_done_i,
+  output logic                 read_valid_o,
+  input  logic                 read_ready_i,
+  output logic                 read_buffer_o,
+  output logic [PlaceBits-1:0] read_first_o,
+  output logic [PlaceBits:0]   read_count_o,
+  input  logic                 read_pixel_valid_i,
+  output logic                 read_pixel_ready_o,
+  input  logic [23:0]          read_rgb_i,
+
+  input  logic [2:0]  pattern_i,
+  input  logic        clock_lost_i, // a clock has failed since power-up
+  output logic        packet_o,
+  output logic        shown_o,
+  output logic        error_o,
 
   output logic        pixel_o,
   output logic        de_o,
@@ -96,17 +120,12 @@ module lipp_board #(
   if (ClockHz < 1) begin : gen_illegal_clock
     $fatal(1, "lipp_board: ClockHz must be 1 or more");
   end
-  localparam int MostStore = lipp_panel_pkg::pattern_latency(int'(Build.grid)) - 3;
-  if (StoreLatency < 1 || StoreLatency > MostStore) begin : gen_illegal_store
-    $fatal(1, "lipp_board: StoreLatency must be 1 to %0d", MostStore);
-  end
   if (Build.aims) begin : gen_illegal_aims
     $fatal(1, "lipp_board: Build.aims must be 0: a board traces chief rays");
   end
 
   localparam bit Draws = Scene.layers != '0;
   localparam int ClocksPerPixel = Draws ? 1 << Scene.samples_bits : 1;
-  localparam int ReadLatency = StoreLatency + 2;  // the ports are registers
   if (Draws && !lipp_scene_pkg::legal(Scene)) begin : gen_illegal_scene
     $fatal(1, "lipp_board: Scene must be a legal build, or have no layers");
   end
@@ -201,6 +220,7 @@ module lipp_board #(
   logic [8:0][31:0] exit_words;
   logic sign_start, sign_done, exit_last;
   logic [31:0] sign_rays, sign_crc;
+  logic scene_late;     // a pixel was not drawn in time
   logic drawn, update;  // the optics draw the panel; the scene's registers are being written
   logic [15:0] shown_slots;
   logic block_start, block_done, blocks_busy;
@@ -288,29 +308,37 @@ module lipp_board #(
   assign told.counters.stale.count.incr = stale;
   assign told.counters.tile_bad.count.incr = tile_bad;
   assign told.counters.frame_bad.count.incr = frame_bad;
+  assign told.counters.late.count.incr = late;
+  assign told.state.shown.next = shown_o;
+  assign told.state.frame_lost.next = frame_lost;
+  assign told.state.clock_lost.next = clock_lost_i;
 
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
-  logic front, swap, swapped;
-  logic write, write_buffer, copy_buffer, check_buffer;
-  logic [PlaceBits-1:0] write_at, copy_at, check_at, show_at;
-  logic [23:0] write_rgb, second_rgb_q, show_rgb_q;
+  logic front, filled, swap, swapped, late, frame_lost;
   logic check_start, check_busy, check_done;
-  logic [31:0] check_crc;
+  logic [31:0] check_crc, presented_crc;
+  logic copy_valid, copy_buffer, copy_ready, check_valid, check_buffer, check_ready;
+  logic [PlaceBits-1:0] copy_first, check_first;
+  logic [PlaceBits:0] copy_count, check_count;
+  assign store_rst_no = core_rst_n;
   // Whether the writer is ready hangs on its state: that way ends here, not in the dispatcher.
   lipp_skid_buffer #(.Width(9)) i_tile_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(part_valid), .in_ready_o(part_ready),
     .in_data_i({part_last, part_data}), .out_valid_o(tile_valid), .out_ready_i(tile_ready),
     .out_data_o({tile_last, tile_data})
   );
-  lipp_tile_writer #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_tile_writer (
+  lipp_tile_writer #(.Width(Width), .Height(Height)) i_tile_writer (
     .clk_i, .rst_ni(core_rst_n), .start_i(tile_start), .tile_i(tile), .coding_i(tile_coding),
     .buffer_i(!front), .empty_i(tile_empty), .done_o(tile_done), .ok_o(tile_ok),
     .crc_o(tile_crc), .valid_i(tile_valid), .ready_o(tile_ready), .data_i(tile_data),
-    .last_i(tile_last), .write_o(write), .write_buffer_o(write_buffer),
-    .write_at_o(write_at), .write_rgb_o(write_rgb), .copy_buffer_o(copy_buffer),
-    .copy_at_o(copy_at), .copy_rgb_i(second_rgb_q)
+    .last_i(tile_last), .write_valid_o, .write_ready_i, .write_buffer_o, .write_first_o,
+    .write_count_o, .write_pixel_valid_o, .write_pixel_ready_i, .write_rgb_o, .write_done_i,
+    .read_valid_o(copy_valid), .read_ready_i(read_ready_i && !check_busy),
+    .read_buffer_o(copy_buffer), .read_first_o(copy_first), .read_count_o(copy_count),
+    .read_pixel_valid_i(read_pixel_valid_i && !check_busy), .read_pixel_ready_o(copy_ready),
+    .read_rgb_i
   );
   // The table's entry of a tile is invalid from its start until it ended without an error.
   lipp_tile_table #(.Width(Width), .Height(Height)) i_tile_table (
@@ -322,48 +350,58 @@ module lipp_board #(
   );
   logic unused_table;
   assign unused_table = ^table_at[15:TileBits];
-  lipp_frame_check #(.Width(Width), .Height(Height), .ReadLatency(ReadLatency)) i_frame_check (
+  lipp_frame_check #(.Width(Width), .Height(Height)) i_frame_check (
     .clk_i, .rst_ni(core_rst_n), .start_i(check_start), .buffer_i(!front),
-    .busy_o(check_busy), .done_o(check_done), .crc_o(check_crc), .read_buffer_o(check_buffer), .read_at_o(check_at),
-    .read_rgb_i(second_rgb_q)
+    .busy_o(check_busy), .done_o(check_done), .crc_o(check_crc), .read_valid_o(check_valid),
+    .read_ready_i, .read_buffer_o(check_buffer), .read_first_o(check_first),
+    .read_count_o(check_count), .read_pixel_valid_i, .read_pixel_ready_o(check_ready), .read_rgb_i
   );
+  // Requests are executed one at a time, so a tile is never copied while a frame is checked.
+  assign {read_valid_o, read_buffer_o, read_first_o, read_count_o, read_pixel_ready_o} = check_busy
+      ? {check_valid, check_buffer, check_first, check_count, check_ready}
+      : {copy_valid, copy_buffer, copy_first, copy_count, copy_ready};
   lipp_presenter i_presenter (
     .clk_i, .rst_ni(core_rst_n), .start_i(present_start), .epoch_i(present_epoch),
-    .crc_i(present_crc), .done_o(present_done), .status_o(present_status), .epoch_o(epoch), .failed_o(frame_bad),
+    .crc_i(present_crc), .done_o(present_done), .status_o(present_status), .epoch_o(epoch),
+    .shown_crc_o(presented_crc), .failed_o(frame_bad),
     .check_start_o(check_start), .check_done_i(check_done), .check_crc_i(check_crc),
     .swap_o(swap), .swapped_i(swapped)
   );
-  // Requests are executed one at a time, so a tile is never copied while a frame is checked.
-  always_ff @(posedge clk_i or negedge core_rst_n) begin
-    if (!core_rst_n) store_write_o <= 1'b0;
-    else store_write_o <= write;
-  end
-  always_ff @(posedge clk_i) begin
-    {store_write_buffer_o, store_write_at_o, store_write_rgb_o}
-        <= {write_buffer, write_at, write_rgb};
-    {store_a_buffer_o, store_a_at_o, show_rgb_q} <= {front, show_at, store_a_rgb_i};
-    {store_b_buffer_o, store_b_at_o} <=
-        check_busy ? {check_buffer, check_at} : {copy_buffer, copy_at};
-    second_rgb_q <= store_b_rgb_i;
-  end
-  logic unused_start, frame_end, scene_shown, scene_take;
-  logic [23:0] scene_rgb;
+  logic unused_start, frame_end, scene_shown, want;
+  logic [23:0] scene_rgb, stored_rgb;
+  lipp_show_frame #(.Width(Width), .Height(Height)) i_show_frame (
+    .clk_i, .rst_ni(core_rst_n), .begin_i(frame_end), .front_i(front),
+    .shown_i(filled && !scene_shown), .swapped_i(swapped), .crc_i(presented_crc),
+    .valid_o(show_valid_o), .ready_i(show_ready_i), .buffer_o(show_buffer_o),
+    .first_o(show_first_o), .count_o(show_count_o), .pixel_valid_i(show_pixel_valid_i),
+    .pixel_ready_o(show_pixel_ready_o), .pixel_rgb_i(show_rgb_i), .want_i(want && !scene_shown),
+    .rgb_o(stored_rgb), .underflow_o(late), .lost_o(frame_lost)
+  );
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .F(F), .Grid(int'(Build.grid)), .ReadLatency(ReadLatency),
-    .ClocksPerPixel(ClocksPerPixel)
+    .F(F), .Grid(int'(Build.grid)), .ClocksPerPixel(ClocksPerPixel)
   ) i_scan_out (
     .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
-    .brightness_i(set.display.brightness.value),
+    .filled_o(filled), .brightness_i(set.display.brightness.value),
     .pattern_i('{
-      kind: lipp_panel_pkg::pattern_e'(set.display.pattern.value), i: set.lens.i.value,
-      j: set.lens.j.value
+      kind: lipp_panel_pkg::pattern_e'(pattern_i != '0 ? pattern_i : set.display.pattern.value),
+      i: set.lens.i.value, j: set.lens.j.value
     }),
-    .optics_i(optics), .read_at_o(show_at), .read_rgb_i(show_rgb_q), .frame_end_o(frame_end),
-    .scene_i(scene_shown), .scene_take_o(scene_take), .scene_rgb_i(scene_rgb), .pixel_o, .de_o,
+    .optics_i(optics), .frame_end_o(frame_end), .want_o(want),
+    .pixel_i(scene_shown ? scene_rgb : stored_rgb), .pixel_o, .de_o,
     .hsync_o, .vsync_o, .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
   );
+
+  // ---- lamps ----
+  assign shown_o = scene_shown || (filled && !frame_lost);
+  always_ff @(posedge clk_i or negedge rst_n) begin
+    if (!rst_n) {packet_o, error_o} <= '0;
+    else {packet_o, error_o} <= {
+      accepted, dropped_long || dropped_cobs || dropped_short || dropped_crc || framing_error
+          || overflow || late || scene_late
+    };
+  end
 
   // ---- rays ----
   logic signed [IndexBits-1:0] exit_i, exit_j;
@@ -419,7 +457,7 @@ module lipp_board #(
     end
 
     lipp_scene_pkg::scene_config_t config_set;
-    logic source, take, underflow, frame_drawn, pixel_valid, pixel_ready;
+    logic source, take, frame_drawn, pixel_valid, pixel_ready;
     logic unused_busy, unused_idle, unused_pixel_first, unused_pixel_last;
     logic [23:0] pixel_rgb;
     lipp_scene_block #(.Scene(Scene)) i_scene_block (
@@ -427,7 +465,7 @@ module lipp_board #(
       .s_apb_pwrite(pwrite), .s_apb_pprot(pprot), .s_apb_paddr(paddr), .s_apb_pwdata(pwdata),
       .s_apb_pstrb(pstrb), .s_apb_pready(pready_scene), .s_apb_prdata(prdata_scene),
       .s_apb_pslverr(pslverr_scene), .config_o(config_set), .source_o(source), .take_i(take),
-      .shown_i(scene_shown), .slots_o(shown_slots), .drawn_i(frame_drawn), .underflow_i(underflow)
+      .shown_i(scene_shown), .slots_o(shown_slots), .drawn_i(frame_drawn), .underflow_i(scene_late)
     );
     lipp_draw_frame #(
       .Width(Width), .Height(Height), .SamplesBits(int'(Scene.samples_bits))
@@ -436,8 +474,8 @@ module lipp_board #(
       .take_o(take), .shown_o(scene_shown), .owns_o(drawn), .ray_valid_o(draw_valid),
       .ray_ready_i(stream_ready && drawn), .ray_u_o(draw_u), .ray_v_o(draw_v),
       .ray_first_o(draw_first), .ray_last_o(draw_last), .pixel_valid_i(pixel_valid),
-      .pixel_ready_o(pixel_ready), .pixel_rgb_i(pixel_rgb), .want_i(scene_take), .rgb_o(scene_rgb),
-      .underflow_o(underflow), .drawn_o(frame_drawn)
+      .pixel_ready_o(pixel_ready), .pixel_rgb_i(pixel_rgb), .want_i(want && scene_shown),
+      .rgb_o(scene_rgb), .underflow_o(scene_late), .drawn_o(frame_drawn)
     );
     logic slot_write;
     logic [3:0] slot;
@@ -462,13 +500,13 @@ module lipp_board #(
       .pixel_first_o(unused_pixel_first), .pixel_last_o(unused_pixel_last)
     );
   end else begin : gen_no_scene
-    assign {drawn, scene_shown, scene_rgb, shown_slots, scene_ready} = '0;
+    assign {drawn, scene_shown, scene_late, scene_rgb, shown_slots, scene_ready} = '0;
     assign {draw_valid, draw_u, draw_v, draw_first, draw_last} = '0;
     assign {pready_scene, prdata_scene, pslverr_scene} = '0;
     assign {block_done, block_word_at, blocks_busy, blocks_crc} = '0;
     logic unused_scene;
     assign unused_scene = ^{
-      frame_end, scene_take, update, exit_first, psel_scene, paddr[9], block_start, block_slot,
+      update, exit_first, psel_scene, paddr[9], block_start, block_slot,
       block, block_word, blocks_slot, blocks_at
     };
   end

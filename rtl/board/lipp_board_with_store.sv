@@ -45,9 +45,15 @@ module lipp_board_with_store #(
 );
 
   localparam int PlaceBits = $clog2(Width * Height);
-  logic write, write_buffer, a_buffer, b_buffer;
-  logic [PlaceBits-1:0] write_at, a_at, b_at;
-  logic [23:0] write_rgb, a_rgb, b_rgb;
+  logic store_rst_n;
+  logic show_valid, show_ready, show_buffer, show_pixel_valid, show_pixel_ready;
+  logic write_valid, write_ready, write_buffer, write_pixel_valid, write_pixel_ready, write_done;
+  logic read_valid, read_ready, read_buffer, read_pixel_valid, read_pixel_ready;
+  logic [PlaceBits-1:0] show_first, write_first, read_first;
+  logic [PlaceBits:0] show_count, write_count, read_count;
+  logic [23:0] show_rgb, write_rgb, read_rgb;
+  logic packet, shown, error, unused_lamps;
+  assign unused_lamps = ^{packet, shown, error};
   lipp_board #(
     .ByteLink(ByteLink), .ClockHz(ClockHz), .Width(Width), .Height(Height), .HFront(HFront),
     .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
@@ -55,15 +61,29 @@ module lipp_board_with_store #(
     .Scene(Scene)
   ) i_board (
     .clk_i, .rst_ni, .identity_i, .step_i, .rx_i, .tx_o, .in_valid_i, .in_ready_o, .in_data_i,
-    .out_valid_o, .out_ready_i, .out_data_o, .pixel_o, .de_o, .hsync_o, .vsync_o, .rgb_o,
-    .store_write_o(write), .store_write_buffer_o(write_buffer), .store_write_at_o(write_at),
-    .store_write_rgb_o(write_rgb), .store_a_buffer_o(a_buffer), .store_a_at_o(a_at),
-    .store_a_rgb_i(a_rgb), .store_b_buffer_o(b_buffer), .store_b_at_o(b_at), .store_b_rgb_i(b_rgb)
+    .out_valid_o, .out_ready_i, .out_data_o, .store_rst_no(store_rst_n),
+    .show_valid_o(show_valid), .show_ready_i(show_ready), .show_buffer_o(show_buffer),
+    .show_first_o(show_first), .show_count_o(show_count), .show_pixel_valid_i(show_pixel_valid),
+    .show_pixel_ready_o(show_pixel_ready), .show_rgb_i(show_rgb), .write_valid_o(write_valid),
+    .write_ready_i(write_ready), .write_buffer_o(write_buffer), .write_first_o(write_first),
+    .write_count_o(write_count), .write_pixel_valid_o(write_pixel_valid),
+    .write_pixel_ready_i(write_pixel_ready), .write_rgb_o(write_rgb), .write_done_i(write_done),
+    .read_valid_o(read_valid), .read_ready_i(read_ready), .read_buffer_o(read_buffer),
+    .read_first_o(read_first), .read_count_o(read_count), .read_pixel_valid_i(read_pixel_valid),
+    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pattern_i('0), .clock_lost_i(1'b0), .packet_o(packet), .shown_o(shown), .error_o(error),
+    .pixel_o, .de_o, .hsync_o, .vsync_o, .rgb_o
   );
-  lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
-    .clk_i, .write_i(write), .write_buffer_i(write_buffer), .write_at_i(write_at),
-    .write_rgb_i(write_rgb), .a_buffer_i(a_buffer), .a_at_i(a_at), .a_rgb_o(a_rgb),
-    .b_buffer_i(b_buffer), .b_at_i(b_at), .b_rgb_o(b_rgb)
+  lipp_block_store #(.Width(Width), .Height(Height)) i_store (
+    .clk_i, .rst_ni(store_rst_n),
+    .show_valid_i(show_valid), .show_ready_o(show_ready), .show_buffer_i(show_buffer),
+    .show_first_i(show_first), .show_count_i(show_count), .show_pixel_valid_o(show_pixel_valid),
+    .show_pixel_ready_i(show_pixel_ready), .show_rgb_o(show_rgb), .write_valid_i(write_valid),
+    .write_ready_o(write_ready), .write_buffer_i(write_buffer), .write_first_i(write_first),
+    .write_count_i(write_count), .write_pixel_valid_i(write_pixel_valid),
+    .write_pixel_ready_o(write_pixel_ready), .write_rgb_i(write_rgb), .write_done_o(write_done),
+    .read_valid_i(read_valid), .read_ready_o(read_ready), .read_buffer_i(read_buffer),
+    .read_first_i(read_first), .read_count_i(read_count), .read_pixel_valid_o(read_pixel_valid),
+    .read_pixel_ready_i(read_pixel_ready), .read_rgb_o(read_rgb)
   );
 
 endmodule

@@ -18,6 +18,7 @@ module lipp_presenter (
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [15:0]       epoch_o,
+  output logic [31:0]       shown_crc_o,     // of the frame that was shown last, from the clock after swapped_i
   output logic              failed_o,        // the CRC differs
 
   output logic              check_start_o,   // to frame_check
@@ -33,6 +34,7 @@ module lipp_presenter (
   logic any_shown_q;
   logic here, repeated, equal;
   assign epoch_o = epoch_q;
+  assign shown_crc_o = shown_q;
   assign here = epoch_i == epoch_q;
   assign repeated = any_shown_q && epoch_i == epoch_q - 1'b1 && crc_i == shown_q;
   assign equal = check_crc_i == crc_q;

@@ -17,12 +17,10 @@
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
 /// first and last mark the frame's.
 ///
-/// Drawn pixels come in the rays' order. want_i takes the frame's next pixel for the video; rgb_o
-/// is that pixel, or black if it has not come: underflow_o is high in the next clock then, and the
-/// pixel is dropped when it comes. So each pixel is shown at its own place or not at all. If pixels
-/// are still missing at begin_i, they are dropped, and the frame that would begin is black: all its
-/// pixels are underflows. owns_o: the optics belong to the drawing, since in the clock before the
-/// scene was to be shown, or was shown, or pixels were missing.
+/// Drawn pixels come in the rays' order, and reach the video by `lipp_pixel_feed`: each is shown at its
+/// own place, or is late, counted and dropped. If pixels are still missing at begin_i, the frame that
+/// would begin is black: all its pixels are underflows. owns_o: the optics belong to the drawing, since
+/// in the clock before the scene was to be shown, or was shown, or pixels were missing.
 module lipp_draw_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -56,9 +54,6 @@ module lipp_draw_frame #(
 );
   import lipp_optics_pkg::PanelBits, lipp_optics_pkg::PixelBits;
 
-  localparam int Pixels = Width * Height;
-  localparam int CountBits = $clog2(Pixels + 1);
-
   if (Width < 1 || Width >= 1 << PanelBits || Height < 1 || Height >= 1 << PanelBits) begin : gen_illegal_panel
     $fatal(1, "lipp_draw_frame: Width and Height must be 1 to %0d", (1 << PanelBits) - 1);
   end
@@ -67,10 +62,9 @@ module lipp_draw_frame #(
   end
 
   // ---- frames ----
-  logic shown_q, begins, owed_none_q;
-  logic [CountBits-1:0] owed_q;  // pixels of the frame that have not come
-  assign take_o = begin_i && owed_none_q && !hold_i;
-  assign begins = begin_i && owed_none_q && (hold_i ? shown_q : source_i);
+  logic shown_q, begins, owed_none;
+  assign take_o = begin_i && owed_none && !hold_i;
+  assign begins = begin_i && owed_none && (hold_i ? shown_q : source_i);
   assign shown_o = shown_q;
 
   // ---- the rays ----
@@ -117,32 +111,18 @@ module lipp_draw_frame #(
   end
 
   // ---- the pixels ----
-  logic draws_q;                 // the frame of the video is drawn: it began with no pixel missing
-  logic [CountBits-1:0] late_q;  // pixels that the video has passed and that have not come
-  logic drop, come, hit, miss;
-  assign drop = !draws_q || late_q != '0;
-  assign hit = want_i && pixel_valid_i && !drop;
-  assign miss = want_i && shown_q && !hit;
-  assign pixel_ready_o = drop || want_i;
-  assign come = pixel_valid_i && pixel_ready_o;
-  assign rgb_o = hit ? pixel_rgb_i : '0;
+  logic unused_hit;
+  lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
+    .clk_i, .rst_ni, .begin_i, .fed_i(begins), .shown_i(shown_q), .none_o(owed_none),
+    .last_o(drawn_o), .pixel_valid_i, .pixel_ready_o, .pixel_rgb_i, .want_i, .hit_o(unused_hit),
+    .rgb_o, .underflow_o
+  );
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {shown_q, owns_o, draws_q, underflow_o, drawn_o} <= '0;
-      {owed_q, late_q, owed_none_q} <= {{(2 * CountBits){1'b0}}, 1'b1};
+      {shown_q, owns_o} <= '0;
     end else begin
-      owns_o <= source_i || shown_q || !owed_none_q;
-      owed_none_q <= !begins && (owed_none_q || (come && owed_q == CountBits'(1)));
-      underflow_o <= miss;
-      drawn_o <= come && owed_q == CountBits'(1);
+      owns_o <= source_i || shown_q || !owed_none;
       if (take_o) shown_q <= source_i;
-      if (begin_i) begin
-        draws_q <= begins;
-        late_q <= '0;
-      end else if (draws_q) begin
-        late_q <= late_q + CountBits'(miss) - CountBits'(come && late_q != '0);
-      end
-      owed_q <= begins ? CountBits'(Pixels) : owed_q - CountBits'(come);
     end
   end
 

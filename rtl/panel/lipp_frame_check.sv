@@ -3,13 +3,12 @@
 
 /// CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
 ///
-/// start_i starts the check; it is ignored while busy_o is high. done_o is a pulse
-/// Width * Height + ReadLatency + 1 clocks later; crc_o is then valid until the next start. The
-/// module reads one pixel a clock through a port of the store, which it owns while busy_o is high.
+/// start_i starts the check; it is ignored while busy_o is high. The module asks the store's client
+/// read, which it owns while busy_o is high, for all pixels, and takes each as it comes. done_o is a
+/// pulse two clocks after the last one; crc_o is then valid until the next start.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int ReadLatency = 2,  // 2 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -21,44 +20,53 @@ module lipp_frame_check #(
   output logic                 done_o,    // pulse
   output logic [31:0]          crc_o,
 
+  output logic                 read_valid_o,
+  input  logic                 read_ready_i,
   output logic                 read_buffer_o,
-  output logic [PlaceBits-1:0] read_at_o,
-  input  logic [23:0]          read_rgb_i  // ReadLatency clocks after its address
+  output logic [PlaceBits-1:0] read_first_o,
+  output logic [PlaceBits:0]   read_count_o,
+  input  logic                 read_pixel_valid_i,
+  output logic                 read_pixel_ready_o,
+  input  logic [23:0]          read_rgb_i
 );
 
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_frame_check: Width and Height must be 1 to 16383");
   end
-  if (ReadLatency < 2) begin : gen_illegal
-    $fatal(1, "lipp_frame_check: ReadLatency must be 2 or more");
-  end
 
-  logic ask_q, take;
-  logic [ReadLatency:1] asked_q;  // clocks ago
+  logic take, come, come_q, last_q;
+  logic [PlaceBits:0] left_q;
+  logic [23:0] rgb_q;
   logic [31:0] crc_q;
   assign take = start_i && !busy_o;
-  assign busy_o = ask_q || asked_q != '0;
+  assign come = busy_o && read_pixel_valid_i;
+  assign read_pixel_ready_o = busy_o;
+  assign read_first_o = '0;
+  assign read_count_o = (PlaceBits + 1)'(Width * Height);
   assign crc_o = ~crc_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {ask_q, asked_q, done_o} <= '0;
+      {busy_o, read_valid_o, come_q, last_q, done_o} <= '0;
     end else begin
-      if (take) ask_q <= 1'b1;
-      else if (read_at_o == PlaceBits'(Width * Height - 1)) ask_q <= 1'b0;
-      asked_q <= ReadLatency'({asked_q, ask_q});
-      done_o <= asked_q == ReadLatency'(1) << (ReadLatency - 1);
+      if (take) busy_o <= 1'b1;
+      else if (last_q) busy_o <= 1'b0;
+      read_valid_o <= take || (read_valid_o && !read_ready_i);
+      come_q <= come;
+      last_q <= come && left_q == (PlaceBits + 1)'(1);
+      done_o <= last_q;
     end
   end
 
   always_ff @(posedge clk_i) begin
+    rgb_q <= read_rgb_i;
     if (take) begin
       read_buffer_o <= buffer_i;
-      read_at_o <= '0;
+      left_q <= read_count_o;
       crc_q <= lipp_link_pkg::CrcStart;
     end else begin
-      if (ask_q) read_at_o <= read_at_o + 1'b1;
-      if (asked_q[ReadLatency]) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, read_rgb_i);
+      if (come) left_q <= left_q - 1'b1;
+      if (come_q) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, rgb_q);
     end
   end
 

@@ -1,22 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video output: the front buffer, the drawn scene, or a test pattern, without end. A pixel lasts
-/// ClocksPerPixel clocks, pixel_o marks the first of them.
+/// Video output: the pixels of a frame, or a test pattern, without end. A pixel lasts ClocksPerPixel
+/// clocks, pixel_o marks the first of them.
 ///
 /// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
 /// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
 /// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
 /// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
 /// changes), and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset
-/// starts a frame of buffer 0. Pixels are black until the first swap, since the store holds no
-/// frame before.
+/// starts a frame of buffer 0. filled_o is low until the first swap: no buffer holds a frame before.
 ///
 /// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is on
-/// its way. scene_i may change in the next clock: 1 shows the scene in place of the front buffer.
-/// Then scene_take_o is a pulse for each pixel of the frame, and scene_rgb_i that pixel, in the same
-/// clock. The first pulse comes (VSync + VBack) lines and HSync + HBack pixels, in clocks, plus
-/// ReadLatency, after frame_end_o.
+/// its way, and a clock before swapped_o. Then want_o is a pulse for each pixel of the frame, a
+/// pattern's too, and pixel_i that pixel, in the same clock. The first pulse comes (VSync + VBack) lines
+/// and HSync + HBack pixels, in clocks, after frame_end_o.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
 /// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
@@ -35,7 +33,6 @@ module lipp_scan_out #(
   parameter bit VPositive = 1'b1,                // polarity of vertical sync
   parameter int F = 23,                          // of the test patterns' optics
   parameter int Grid = lipp_optics_pkg::GridSquare,
-  parameter int ReadLatency = 2,                 // 1 or more
   parameter int ClocksPerPixel = 1,              // a power of two
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
@@ -45,17 +42,14 @@ module lipp_scan_out #(
   input  logic                            swap_i,  // hold until swapped_o
   output logic                            swapped_o,
   output logic                            front_o,
+  output logic                            filled_o,
   input  logic [7:0]                      brightness_i,
   input  lipp_panel_pkg::pattern_t        pattern_i,
   input  lipp_optics_pkg::optics_config_t optics_i,
 
-  output logic [PlaceBits-1:0]       read_at_o,  // in buffer front_o
-  input  logic [23:0]                read_rgb_i, // ReadLatency clocks after its address
-
   output logic                       frame_end_o,
-  input  logic                       scene_i,
-  output logic                       scene_take_o,
-  input  logic [23:0]                scene_rgb_i,
+  output logic                       want_o,
+  input  logic [23:0]                pixel_i,
 
   output logic                       pixel_o,
   output logic                       de_o,
@@ -77,13 +71,9 @@ module lipp_scan_out #(
   localparam int PanelBits = lipp_optics_pkg::PanelBits;
   localparam int Pattern = pattern_latency(Grid);
   localparam int Latency = Pattern + 3;  // from the counters to the output
-  localparam int Read = Pattern - ReadLatency;  // from the counters to the store's address
 
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_scan_out: Width and Height must be 1 to 16383");
-  end
-  if (ReadLatency < 1 || Read < 1) begin : gen_illegal_latency
-    $fatal(1, "lipp_scan_out: ReadLatency must be 1 or more, and below %0d", Pattern);
   end
   if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
     $fatal(1, "lipp_scan_out: porches must be 0 or more, and syncs and VFront 1 or more");
@@ -151,23 +141,23 @@ module lipp_scan_out #(
   assign vsync_o = vsync_q[Latency] == VPositive;
 
   // ---- between two frames ----
-  logic frame_end, shown_q;
+  logic frame_end;
   logic [7:0] brightness_q;
   pattern_t pattern_q;
   lipp_optics_pkg::optics_config_t optics_q;
-  assign frame_end = vsync_q[Read] && !vsync_q[Read+1];
+  assign frame_end = vsync_q[Pattern] && !vsync_q[Pattern+1];
   assign frame_end_o = frame_end;
-  assign scene_take_o = scene_i && active_q[Pattern] && begin_q[Pattern];
+  assign want_o = active_q[Pattern] && begin_q[Pattern];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {front_o, swapped_o, shown_q} <= '0;
+      {front_o, swapped_o, filled_o} <= '0;
       brightness_q <= '1;
       pattern_q <= '0;
     end else begin
       swapped_o <= frame_end && swap_i;
       if (frame_end) begin
         front_o <= front_o ^ swap_i;
-        shown_q <= shown_q || swap_i;
+        filled_o <= filled_o || swap_i;
         brightness_q <= brightness_i;
         pattern_q <= pattern_i;
       end
@@ -176,7 +166,8 @@ module lipp_scan_out #(
 
   always_ff @(posedge clk_i) if (frame_end) optics_q <= optics_i;
 
-  // ---- the pixel: from the store, from the scene, or from the test pattern ----
+  // ---- the pixel: of the frame or of the test pattern ----
+  logic [PlaceBits-1:0] at_q;  // the pixel's number
   logic [23:0] pattern_rgb, rgb_q;
   lipp_test_pattern #(.Width(Width), .Height(Height), .F(F), .Grid(Grid)) i_pattern (
     .clk_i, .pattern_i(pattern_q), .optics_i(optics_q),
@@ -184,11 +175,10 @@ module lipp_scan_out #(
     .rgb_o(pattern_rgb)
   );
   always_ff @(posedge clk_i) begin
-    if (frame_end) read_at_o <= '0;
-    else if (active_q[Read] && begin_q[Read-1]) read_at_o <= read_at_o + 1'b1;
+    if (frame_end) at_q <= '0;
+    else if (active_q[Pattern] && begin_q[Pattern-1]) at_q <= at_q + 1'b1;
     if (pattern_q.kind != PatternOff) rgb_q <= pattern_rgb;
-    else if (!scene_i) rgb_q <= shown_q ? read_rgb_i : '0;
-    else if (begin_q[Pattern]) rgb_q <= scene_rgb_i;
+    else if (begin_q[Pattern]) rgb_q <= pixel_i;
   end
 
   // p (brightness + 1) in two steps: the products of the brightness' halves, and their sum.
@@ -204,7 +194,7 @@ module lipp_scan_out #(
   end
 
   // ---- the frame: CRC and count ----
-  localparam int Shown = Latency - Read;  // from the store's address to the output
+  localparam int Shown = Latency - Pattern;  // from the pixel's number to the output
   logic [Shown:1] first_q, last_q;
   logic ended_q;
   logic [31:0] crc_q;
@@ -215,10 +205,10 @@ module lipp_scan_out #(
       frames_o <= '0;
       shown_crc_o <= '0;
     end else begin
-      first_q <= {first_q[Shown-1:1], active_q[Read] && begin_q[Read] && read_at_o == '0};
+      first_q <= {first_q[Shown-1:1], active_q[Pattern] && begin_q[Pattern] && at_q == '0};
       last_q <= {
         last_q[Shown-1:1],
-        active_q[Read] && begin_q[Read] && read_at_o == PlaceBits'(Width * Height - 1)
+        active_q[Pattern] && begin_q[Pattern] && at_q == PlaceBits'(Width * Height - 1)
       };
       ended_q <= last_q[Shown];
       if (ended_q) begin

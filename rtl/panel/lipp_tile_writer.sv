@@ -5,7 +5,7 @@
 ///
 /// start_i copies the parameters; it is ignored while a tile is being written. The packet's data
 /// follow as a stream with its last byte marked, unless empty_i is high: no data. A pixel is
-/// written each clock, or as fast as the bytes arrive:
+/// written each clock, or as fast as the bytes arrive and the store takes pixels:
 ///
 ///   CodingRaw    R, G, B of each pixel
 ///   CodingSolid  R, G, B of all
@@ -18,12 +18,17 @@
 /// Otherwise the data were invalid, or the panel has no such tile or coding; the rest of the packet
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
-/// From start_i to done_o: a clock for each byte, one for each pixel without a byte of its own, and
-/// ReadLatency + 4 + ceil(log2(rows of tiles)) more. A single row of tiles takes ReadLatency + 5.
+/// Each row of the tile is a request to the store's client write; copied rows are requests to its
+/// client read before. A row that bad data cut short is filled up with any pixels. A request is made
+/// when the row's first pixel is there, and after the row before is written.
+///
+/// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b bytes
+/// up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
+///
+///   raw 3 w h + n + 5, copy h (w + 4) + n + 3, solid and a single run b + h (w + 3) + n + 2
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int ReadLatency = 2,  // 1 or more
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
   input  logic                 clk_i,
@@ -43,14 +48,24 @@ module lipp_tile_writer #(
   input  logic [7:0]           data_i,
   input  logic                 last_i,
 
-  output logic                 write_o,
+  output logic                 write_valid_o,        // client write of the store
+  input  logic                 write_ready_i,
   output logic                 write_buffer_o,
-  output logic [PlaceBits-1:0] write_at_o,
+  output logic [PlaceBits-1:0] write_first_o,
+  output logic [PlaceBits:0]   write_count_o,
+  output logic                 write_pixel_valid_o,
+  input  logic                 write_pixel_ready_i,
   output logic [23:0]          write_rgb_o,
+  input  logic                 write_done_i,
 
-  output logic                 copy_buffer_o,
-  output logic [PlaceBits-1:0] copy_at_o,
-  input  logic [23:0]          copy_rgb_i   // ReadLatency clocks after its address
+  output logic                 read_valid_o,         // client read of the store
+  input  logic                 read_ready_i,
+  output logic                 read_buffer_o,
+  output logic [PlaceBits-1:0] read_first_o,
+  output logic [PlaceBits:0]   read_count_o,
+  input  logic                 read_pixel_valid_i,
+  output logic                 read_pixel_ready_o,
+  input  logic [23:0]          read_rgb_i
 );
   import lipp_panel_pkg::*;
 
@@ -67,9 +82,6 @@ module lipp_tile_writer #(
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_tile_writer: Width and Height must be 1 to 16383");
   end
-  if (ReadLatency < 1) begin : gen_illegal_latency
-    $fatal(1, "lipp_tile_writer: ReadLatency must be 1 or more");
-  end
   if (Columns * Rows >= 1 << 16) begin : gen_illegal
     $fatal(1, "lipp_tile_writer: the panel must have fewer than 65536 tiles");
   end
@@ -79,7 +91,10 @@ module lipp_tile_writer #(
   coding_e coding_q;
   logic buffer_q, last_q, bad_q, full_q;
   logic start, take, emit;
-  logic [ReadLatency:0] write_q;  // a pixel was decoded, clocks ago less one
+  logic pixel_q;  // rgb_q is a pixel of the tile that has not left
+  logic copies_q; // pixels come from the other buffer
+  logic into, into_valid, into_ready;  // a pixel to the rows' buffer
+  logic [23:0] into_rgb;
   assign start = start_i && state_q == Idle;
   assign take = valid_i && ready_o;
 
@@ -87,15 +102,12 @@ module lipp_tile_writer #(
   logic [15:0] rest_q;     // the tile's number, in the end its column
   logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
   logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
-  logic [SideBits-1:0] x_q, last_x_q;
+  logic [SideBits-1:0] last_x_q;
   logic last_column, last_row_q;  // of tiles
-  logic [PlaceBits-1:0] row_at_q, at_q, tile_at, next_row_at;
-  logic end_of_row, missing;
+  logic [PlaceBits-1:0] row_at_q;
+  logic missing, row_done;
   assign missing = int'(tile_i) >= Columns * Rows;
-  assign tile_at = row_at_q + PlaceBits'({rest_q, SideBits'(0)});
   assign last_column = rest_q == 16'(Columns - 1);
-  assign end_of_row = x_q == last_x_q;
-  assign next_row_at = row_at_q + PlaceBits'(Width);
 
   always_ff @(posedge clk_i) begin
     if (start) begin
@@ -104,7 +116,6 @@ module lipp_tile_writer #(
       rows_q <= PlaceBits'((Tile * Width) << (RowBits - 1));
       row_at_q <= '0;
       last_row_q <= int'(tile_i) >= Columns * (Rows - 1);
-      x_q <= '0;
     end
     if (state_q == Locate) begin
       columns_q <= columns_q >> 1;
@@ -116,14 +127,9 @@ module lipp_tile_writer #(
     end
     if (state_q == Place) begin
       last_x_q <= last_column ? CutX : Whole;
-      row_at_q <= tile_at;
-      at_q <= tile_at;
+      row_at_q <= row_at_q + PlaceBits'({rest_q, SideBits'(0)});
     end
-    if (write_q[0]) begin
-      x_q <= end_of_row ? '0 : x_q + 1'b1;
-      at_q <= end_of_row ? next_row_at : at_q + 1'b1;
-      if (end_of_row) row_at_q <= next_row_at;
-    end
+    if (row_done) row_at_q <= row_at_q + PlaceBits'(Width);
   end
 
   // ---- QOI's index of pixels; it always contains the previous pixel ----
@@ -141,7 +147,7 @@ module lipp_tile_writer #(
   assign indexed = previous ? rgb_q : known ? index[data_i[5:0]] : '0;
   always_ff @(posedge clk_i) begin
     if (start) known_q <= '0;
-    else if (write_q[0]) begin  // rgb_q is a pixel
+    else if (pixel_q) begin
       known_q[hash] <= 1'b1;
       index[hash] <= rgb_q;
     end
@@ -155,12 +161,13 @@ module lipp_tile_writer #(
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
   logic [LeftBits-1:0] left_q; // pixels of the tile to come, less 2: negative at the last
   logic draws, moves, wrong;   // of a byte: a pixel, a part of one, none that QOI has here
-  logic step, repeats, bad, repeating, colour, look_up;
+  logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be made
   logic [23:0] rgb, difference;
   logic [5:0] hash_d, more_d;
 
   assign repeating = !run_q[6] || fill_q;
-  assign ready_o = state_q == Decode && !repeating && !last_q;
+  assign open = copies_q ? read_pixel_valid_i && into_ready : !pixel_q || into_ready;
+  assign ready_o = state_q == Decode && !repeating && !last_q && open;
 
   // The next pixel is this one plus a difference, black plus a difference, or one of the index. Its
   // hash follows from the same operation, since the hash of a sum is a sum: 3 r + 5 g + 7 b, modulo
@@ -215,7 +222,7 @@ module lipp_tile_writer #(
       endcase
     end
   end
-  assign repeats = state_q == Decode && repeating;
+  assign repeats = state_q == Decode && repeating && open;
   assign step = take && !bad_q;
   assign emit = repeats || (step && draws);
   assign bad = (step && wrong) || (full_q && (take || emit));
@@ -227,7 +234,7 @@ module lipp_tile_writer #(
       {rgb_q, hash_q, more_q} <= {24'd0, BlackHash, 6'd0};
       want_q <= coding_i == CodingQoi ? 2'd0 : 2'd3;
       {luma_q, run_q, full_q} <= {1'b0, -7'd1, 1'b0};
-      fill_q <= coding_i == CodingCopy && empty_i && !missing;
+      {copies_q, fill_q} <= {2{coding_i == CodingCopy && empty_i && !missing}};
       last_q <= empty_i;
       bad_q <= missing || coding_i > CodingCopy || (coding_i == CodingCopy && !empty_i);
     end else begin
@@ -251,36 +258,75 @@ module lipp_tile_writer #(
     end
   end
 
-  // ---- pixels to the store, ReadLatency clocks later: a copied pixel has arrived by then ----
-  logic [ReadLatency:1][PlaceBits-1:0] write_at_q;
-  logic [ReadLatency:1][23:0] written_q;
+  // ---- pixels to the rows: whether the store takes one ends here ----
+  logic out_valid, out_ready;
+  logic [23:0] out_rgb;
+  assign into_valid = copies_q ? repeats : pixel_q;
+  assign into_rgb = copies_q ? read_rgb_i : rgb_q;
+  assign into = into_valid && into_ready;
+  lipp_skid_buffer #(.Width(24)) i_buffer (
+    .clk_i, .rst_ni, .clear_i(1'b0), .in_valid_i(into_valid), .in_ready_o(into_ready),
+    .in_data_i(into_rgb), .out_valid_o(out_valid), .out_ready_i(out_ready), .out_data_o(out_rgb)
+  );
   logic [31:0] crc_q;
-  logic hash_valid_q;  // a pixel of the CRC, a clock after the store's
+  logic hash_valid_q;  // a pixel of the CRC, a clock after it came to the rows
   logic [23:0] hashed_q;
-  assign copy_buffer_o = !buffer_q;
-  assign copy_at_o = at_q;
-  assign write_o = write_q[ReadLatency];
-  assign write_buffer_o = buffer_q;
-  assign write_at_o = write_at_q[ReadLatency];
-  assign write_rgb_o = coding_q == CodingCopy ? copy_rgb_i : written_q[ReadLatency];
   assign crc_o = ~crc_q;
   always_ff @(posedge clk_i) begin
-    write_at_q <= (ReadLatency * PlaceBits)'({write_at_q, at_q});
-    written_q <= (24 * ReadLatency)'({written_q, rgb_q});
     if (start) crc_q <= lipp_link_pkg::CrcStart;
     else if (hash_valid_q) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, hashed_q);
-    hashed_q <= write_rgb_o;
+    hashed_q <= into_rgb;
   end
 
-  assign done_o = state_q == Finish && write_q == '0 && !hash_valid_q;
+  // ---- rows to the store: ask for a copied row, ask to write, write, and wait until it is written ----
+  typedef enum logic [1:0] {Ask, Offer, Fill, Settle} row_e;
+  row_e row_q;
+  logic fills, ended, pads, x_last;  // ended: the decoder makes no pixel any more
+  logic [SideBits-1:0] x_q;
+  logic placed_q;  // the tile's place is known
+  assign ended = state_q == Finish && !pixel_q && !out_valid;
+  assign pads = row_q == Fill && ended;
+  assign read_valid_o = placed_q && row_q == Ask && copies_q && fill_q;
+  assign write_valid_o = row_q == Offer && out_valid;
+  assign write_pixel_valid_o = row_q == Fill && (out_valid || ended);
+  assign fills = write_pixel_valid_o && write_pixel_ready_i;
+  assign out_ready = fills && !pads;
+  assign x_last = x_q == last_x_q;
+  assign row_done = row_q == Settle && write_done_i;
+  assign {write_buffer_o, read_buffer_o} = {buffer_q, !buffer_q};
+  assign {write_first_o, read_first_o} = {2{row_at_q}};
+  assign {write_count_o, read_count_o} = {2{(PlaceBits + 1)'(last_x_q) + 1'b1}};
+  assign write_rgb_o = out_rgb;
+  assign read_pixel_ready_o = copies_q && state_q == Decode && repeating && into_ready;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      row_q <= Ask;
+      placed_q <= 1'b0;
+    end else begin
+      placed_q <= state_q == Decode || state_q == Finish;
+      unique case (row_q)
+        Ask: if (placed_q && !ended && (read_valid_o ? read_ready_i : !copies_q)) row_q <= Offer;
+        Offer: if (write_valid_o && write_ready_i) row_q <= Fill;
+          else if (ended) row_q <= Ask;
+        Fill: if (fills && x_last) row_q <= Settle;
+        default: if (row_done) row_q <= Ask;  // Settle
+      endcase
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    if (row_q != Fill) x_q <= '0;
+    else if (fills) x_q <= x_q + 1'b1;
+  end
+
+  assign done_o = ended && row_q == Ask && !hash_valid_q;
   assign ok_o = full_q && !bad_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= Idle;
-      {write_q, hash_valid_q} <= '0;
+      {pixel_q, hash_valid_q} <= '0;
     end else begin
-      hash_valid_q <= write_o;
-      write_q <= (ReadLatency + 1)'({write_q, emit && !full_q});
+      hash_valid_q <= into;
+      pixel_q <= (emit && !full_q && !copies_q) || (pixel_q && !into_ready);
       unique case (state_q)
         Idle: if (start_i) state_q <= Locate;
         Locate: if (columns_q == 16'(Columns)) state_q <= Place;

@@ -111,6 +111,7 @@ module lipp_board_registers (
         logic shown_crc;
         logic frames;
         logic clocks;
+        logic state;
         struct {
             logic packets;
             logic framing;
@@ -122,6 +123,7 @@ module lipp_board_registers (
             logic stale;
             logic tile_bad;
             logic frame_bad;
+            logic late;
         } counters;
     } decoded_reg_strb_t;
     decoded_reg_strb_t decoded_reg_strb;
@@ -173,6 +175,9 @@ module lipp_board_registers (
         decoded_reg_strb.clocks <= cpuif_req_masked & (cpuif_addr == 7'h2c) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h2c);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h2c) & !cpuif_req_is_wr;
+        decoded_reg_strb.state <= cpuif_req_masked & (cpuif_addr == 7'h30) & !cpuif_req_is_wr;
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h30);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h30) & !cpuif_req_is_wr;
         decoded_reg_strb.counters.packets <= cpuif_req_masked & (cpuif_addr == 7'h40) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h40);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h40) & !cpuif_req_is_wr;
@@ -203,6 +208,9 @@ module lipp_board_registers (
         decoded_reg_strb.counters.frame_bad <= cpuif_req_masked & (cpuif_addr == 7'h64) & !cpuif_req_is_wr;
         is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h64);
         is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h64) & !cpuif_req_is_wr;
+        decoded_reg_strb.counters.late <= cpuif_req_masked & (cpuif_addr == 7'h68) & !cpuif_req_is_wr;
+        is_valid_addr |= cpuif_req_masked & (cpuif_addr == 7'h68);
+        is_valid_rw |= cpuif_req_masked & (cpuif_addr == 7'h68) & !cpuif_req_is_wr;
         decoded_err <= (~is_valid_addr | (is_valid_addr & ~is_valid_rw)) & cpuif_req_masked;
     end
 
@@ -322,6 +330,14 @@ module lipp_board_registers (
                     logic overflow;
                 } count;
             } frame_bad;
+            struct {
+                struct {
+                    logic [31:0] next;
+                    logic load_next;
+                    logic incrthreshold;
+                    logic overflow;
+                } count;
+            } late;
         } counters;
     } field_combo_t;
     field_combo_t field_combo;
@@ -394,6 +410,11 @@ module lipp_board_registers (
                     logic [31:0] value;
                 } count;
             } frame_bad;
+            struct {
+                struct {
+                    logic [31:0] value;
+                } count;
+            } late;
         } counters;
     } field_storage_t;
     field_storage_t field_storage;
@@ -760,6 +781,33 @@ module lipp_board_registers (
             end
         end
     end
+    // Field: board_registers.counters.late.count
+    always_comb begin
+        automatic logic [31:0] next_c;
+        automatic logic load_next_c;
+        next_c = field_storage.counters.late.count.value;
+        load_next_c = '0;
+        
+        if(hwif_in.counters.late.count.incr) begin // increment
+            field_combo.counters.late.count.overflow = (((33)'(next_c) + 32'h1) > 33'hffffffff);
+            next_c = next_c + 32'h1;
+            load_next_c = '1;
+        end else begin
+            field_combo.counters.late.count.overflow = '0;
+        end
+        field_combo.counters.late.count.incrthreshold = (field_storage.counters.late.count.value >= 32'hffffffff);
+        field_combo.counters.late.count.next = next_c;
+        field_combo.counters.late.count.load_next = load_next_c;
+    end
+    always_ff @(posedge clk or negedge arst_n) begin
+        if(~arst_n) begin
+            field_storage.counters.late.count.value <= 32'h0;
+        end else begin
+            if(field_combo.counters.late.count.load_next) begin
+                field_storage.counters.late.count.value <= field_combo.counters.late.count.next;
+            end
+        end
+    end
 
     //--------------------------------------------------------------------------
     // Write response
@@ -794,7 +842,7 @@ module lipp_board_registers (
             readback_data_var[ad_hi(7'h0)][31:0] = 32'h4c495042;
         end
         if(ad_low(rd_mux_addr) == ad_low(7'h4)) begin
-            readback_data_var[ad_hi(7'h4)][15:0] = 16'h0;
+            readback_data_var[ad_hi(7'h4)][15:0] = 16'h1;
             readback_data_var[ad_hi(7'h4)][31:16] = 16'h1;
         end
         if(ad_low(rd_mux_addr) == ad_low(7'h8)) begin
@@ -830,6 +878,11 @@ module lipp_board_registers (
         if(ad_low(rd_mux_addr) == ad_low(7'h2c)) begin
             readback_data_var[ad_hi(7'h2c)][31:0] = hwif_in.clocks.value.next;
         end
+        if(ad_low(rd_mux_addr) == ad_low(7'h30)) begin
+            readback_data_var[ad_hi(7'h30)][0] = hwif_in.state.shown.next;
+            readback_data_var[ad_hi(7'h30)][1] = hwif_in.state.frame_lost.next;
+            readback_data_var[ad_hi(7'h30)][2] = hwif_in.state.clock_lost.next;
+        end
         if(ad_low(rd_mux_addr) == ad_low(7'h40)) begin
             readback_data_var[ad_hi(7'h40)][31:0] = field_storage.counters.packets.count.value;
         end
@@ -859,6 +912,9 @@ module lipp_board_registers (
         end
         if(ad_low(rd_mux_addr) == ad_low(7'h64)) begin
             readback_data_var[ad_hi(7'h64)][31:0] = field_storage.counters.frame_bad.count.value;
+        end
+        if(ad_low(rd_mux_addr) == ad_low(7'h68)) begin
+            readback_data_var[ad_hi(7'h68)][31:0] = field_storage.counters.late.count.value;
         end
         readback_data_rt_c = readback_data_var;
     end

@@ -7,7 +7,7 @@ package lipp_board_registers_pkg;
 
     localparam LIPP_BOARD_REGISTERS_DATA_WIDTH = 32;
     localparam LIPP_BOARD_REGISTERS_MIN_ADDR_WIDTH = 7;
-    localparam LIPP_BOARD_REGISTERS_SIZE = 'h68;
+    localparam LIPP_BOARD_REGISTERS_SIZE = 'h6c;
 
     typedef struct {
         logic [31:0] next;
@@ -77,6 +77,24 @@ package lipp_board_registers_pkg;
     typedef struct {
         board_registers__clocks__value__in_t value;
     } board_registers__clocks__in_t;
+
+    typedef struct {
+        logic next;
+    } board_registers__state__shown__in_t;
+
+    typedef struct {
+        logic next;
+    } board_registers__state__frame_lost__in_t;
+
+    typedef struct {
+        logic next;
+    } board_registers__state__clock_lost__in_t;
+
+    typedef struct {
+        board_registers__state__shown__in_t shown;
+        board_registers__state__frame_lost__in_t frame_lost;
+        board_registers__state__clock_lost__in_t clock_lost;
+    } board_registers__state__in_t;
 
     typedef struct {
         logic incr;
@@ -159,6 +177,14 @@ package lipp_board_registers_pkg;
     } board_registers__counters__frame_bad__in_t;
 
     typedef struct {
+        logic incr;
+    } board_registers__counters__late__count__in_t;
+
+    typedef struct {
+        board_registers__counters__late__count__in_t count;
+    } board_registers__counters__late__in_t;
+
+    typedef struct {
         board_registers__counters__packets__in_t packets;
         board_registers__counters__framing__in_t framing;
         board_registers__counters__overflow__in_t overflow;
@@ -169,6 +195,7 @@ package lipp_board_registers_pkg;
         board_registers__counters__stale__in_t stale;
         board_registers__counters__tile_bad__in_t tile_bad;
         board_registers__counters__frame_bad__in_t frame_bad;
+        board_registers__counters__late__in_t late;
     } board_registers__counters__in_t;
 
     typedef struct {
@@ -180,6 +207,7 @@ package lipp_board_registers_pkg;
         board_registers__shown_crc__in_t shown_crc;
         board_registers__frames__in_t frames;
         board_registers__clocks__in_t clocks;
+        board_registers__state__in_t state;
         board_registers__counters__in_t counters;
     } board_registers__in_t;
 

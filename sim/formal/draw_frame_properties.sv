@@ -49,7 +49,7 @@ module draw_frame_properties #(
   wire begins = i_dut.begins;
   wire sends = ray_valid && ray_ready_i;
   wire comes = pixel_valid_i && pixel_ready;
-  wire hit = i_dut.hit;
+  wire hit = i_dut.i_feed.hit_o;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {sent_q, come_q, passed_q} <= {8'(Rays), 8'(Pixels), 8'd0};
@@ -98,23 +98,23 @@ module draw_frame_properties #(
   end
 
   // ---- invariants ----
-  wire [7:0] owed = 8'(i_dut.owed_q), late = 8'(i_dut.late_q);
+  wire [7:0] owed = 8'(i_dut.i_feed.owed_q), late = 8'(i_dut.i_feed.late_q);
   wire [7:0] placed = 8'((i_dut.row_q * Width + i_dut.column_q) << SamplesBits) + 8'(i_dut.sample_q);
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
       in_owed: assert (owed == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
-      in_owed_none: assert (i_dut.owed_none_q == (owed == '0));
+      in_owed_none: assert (i_dut.owed_none == (owed == '0));
       in_sent: assert (sent_q <= 8'(Rays) && come_q <= 8'(sent_q >> SamplesBits));
       in_passed: assert (passed_q <= 8'(Pixels));
-      in_late: assert (!i_dut.draws_q || come_q + late == passed_q);
-      in_late_none: assert (i_dut.draws_q || late == '0);
+      in_late: assert (!i_dut.i_feed.fed_q || come_q + late == passed_q);
+      in_late_none: assert (i_dut.i_feed.fed_q || late == '0);
       in_place: assert (!i_dut.walk_q || (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
           && i_dut.sample_q <= 2'((1 << SamplesBits) - 1)));
       in_walk: assert (!i_dut.walk_q || placed == sent_q + 8'(ray_valid));
       in_walked: assert (i_dut.walk_q || sent_q + 8'(ray_valid) == 8'(Rays));
-      in_shown: assert (!i_dut.draws_q || shown);
+      in_shown: assert (!i_dut.i_feed.fed_q || shown);
       in_missing: assert (come_q == 8'(Pixels) || shown);
-      in_sets: assert (!i_dut.draws_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);
+      in_sets: assert (!i_dut.i_feed.fed_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);
     end
   end
 

@@ -24,8 +24,8 @@ module probe_board #(
 );
 
   localparam int PlaceBits = $clog2(Width * Height);
-  localparam int In = 64 + 16 + 1 + 10 + 2 * 24;
-  localparam int Out = 1 + 10 + (2 + PlaceBits + 24) + 2 * (1 + PlaceBits) + 28;
+  localparam int In = 64 + 16 + 1 + 10 + 2 * 26 + 3 + 4;
+  localparam int Out = 1 + 10 + 1 + 3 * (2 + PlaceBits + PlaceBits + 1) + 2 + 25 + 3 + 28;
 
   logic rst_n;
   logic [In-1:0] in;
@@ -36,18 +36,30 @@ module probe_board #(
 
   logic [63:0] identity;
   logic [15:0] step;
-  logic rx, in_valid, out_ready;
+  logic rx, in_valid, out_ready, clock_lost;
   logic [7:0] in_data;
-  logic [23:0] a_rgb, b_rgb;
-  assign {identity, step, rx, in_valid, out_ready, in_data, a_rgb, b_rgb} = in;
+  logic [2:0] pattern;
+  logic show_ready, show_pixel_valid, write_ready, write_pixel_ready, write_done, read_ready;
+  logic read_pixel_valid;
+  logic [23:0] show_rgb, read_rgb;
+  assign {
+    identity, step, rx, in_valid, out_ready, in_data, show_ready, show_pixel_valid, show_rgb,
+    read_ready, read_pixel_valid, read_rgb, write_ready, write_pixel_ready, write_done, pattern,
+    clock_lost
+  } = in;
 
-  logic tx, in_ready, out_valid, write, write_buffer, a_buffer, b_buffer, pixel, de, hsync, vsync;
+  logic tx, in_ready, out_valid, pixel, de, hsync, vsync, packet, shown, error, store_rst_n;
+  logic show_valid, show_buffer, show_pixel_ready, write_valid, write_buffer, write_pixel_valid;
+  logic read_valid, read_buffer, read_pixel_ready;
   logic [7:0] out_data;
-  logic [PlaceBits-1:0] write_at, a_at, b_at;
+  logic [PlaceBits-1:0] show_first, write_first, read_first;
+  logic [PlaceBits:0] show_count, write_count, read_count;
   logic [23:0] write_rgb, rgb;
   assign out = {
-    tx, in_ready, out_valid, out_data, write, write_buffer, write_at, write_rgb, a_buffer, a_at,
-    b_buffer, b_at, pixel, de, hsync, vsync, rgb
+    tx, in_ready, out_valid, out_data, store_rst_n, show_valid, show_buffer, show_first, show_count,
+    write_valid, write_buffer, write_first, write_count, read_valid, read_buffer, read_first,
+    read_count, show_pixel_ready, read_pixel_ready, write_pixel_valid, write_rgb, packet, shown,
+    error, pixel, de, hsync, vsync, rgb
   };
   lipp_board #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
@@ -56,11 +68,18 @@ module probe_board #(
   ) i_board (
     .clk_i, .rst_ni(rst_n), .identity_i(identity), .step_i(step), .rx_i(rx), .tx_o(tx),
     .in_valid_i(in_valid), .in_ready_o(in_ready), .in_data_i(in_data), .out_valid_o(out_valid),
-    .out_ready_i(out_ready), .out_data_o(out_data), .store_write_o(write),
-    .store_write_buffer_o(write_buffer), .store_write_at_o(write_at),
-    .store_write_rgb_o(write_rgb), .store_a_buffer_o(a_buffer), .store_a_at_o(a_at),
-    .store_a_rgb_i(a_rgb), .store_b_buffer_o(b_buffer), .store_b_at_o(b_at),
-    .store_b_rgb_i(b_rgb), .pixel_o(pixel), .de_o(de), .hsync_o(hsync), .vsync_o(vsync), .rgb_o(rgb)
+    .out_ready_i(out_ready), .out_data_o(out_data), .store_rst_no(store_rst_n),
+    .show_valid_o(show_valid), .show_ready_i(show_ready), .show_buffer_o(show_buffer),
+    .show_first_o(show_first), .show_count_o(show_count), .show_pixel_valid_i(show_pixel_valid),
+    .show_pixel_ready_o(show_pixel_ready), .show_rgb_i(show_rgb), .write_valid_o(write_valid),
+    .write_ready_i(write_ready), .write_buffer_o(write_buffer), .write_first_o(write_first),
+    .write_count_o(write_count), .write_pixel_valid_o(write_pixel_valid),
+    .write_pixel_ready_i(write_pixel_ready), .write_rgb_o(write_rgb), .write_done_i(write_done),
+    .read_valid_o(read_valid), .read_ready_i(read_ready), .read_buffer_o(read_buffer),
+    .read_first_o(read_first), .read_count_o(read_count), .read_pixel_valid_i(read_pixel_valid),
+    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pattern_i(pattern),
+    .clock_lost_i(clock_lost), .packet_o(packet), .shown_o(shown), .error_o(error),
+    .pixel_o(pixel), .de_o(de), .hsync_o(hsync), .vsync_o(vsync), .rgb_o(rgb)
   );
 
 endmodule

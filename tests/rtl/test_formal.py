@@ -109,19 +109,19 @@ FAULTS = {
         "dispatcher bmc_scene", "ray_access.sv", "if (drawn_i && op_i != OpResult) begin\n            done_o <= 1'b1;",
         "if (drawn_i && op_i != OpResult) begin\n            done_o <= op_i != OpAbort;", "answered|todo|part"),
     "a late pixel is shown at the next one's place": (
-        "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q != '0;", "assign drop = !draws_q;",
+        "draw_frame bmc_1", "pixel_feed.sv", "assign drop = !fed_q || late_q != '0;", "assign drop = !fed_q;",
         "pixel_in_place|late"),
     "a late frame goes on in the next one": (
-        "draw_frame bmc_1", "draw_frame.sv", "assign drop = !draws_q || late_q", "assign drop = late_q",
+        "draw_frame bmc_1", "pixel_feed.sv", "assign drop = !fed_q || late_q", "assign drop = late_q",
         "pixel_in_place|late|whole"),
     "registers are taken while they are written": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none_q && !hold_i", "begin_i && owed_none_q",
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && owed_none",
         "taken_between|one_set"),
     "registers are taken within a late frame": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none_q && !hold_i", "begin_i && !hold_i",
+        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && !hold_i",
         "taken_between|one_set"),
     "a black pixel is not counted": (
-        "draw_frame bmc_1", "draw_frame.sv", "want_i && shown_q && !hit", "want_i && draws_q && !hit",
+        "draw_frame bmc_1", "pixel_feed.sv", "want_i && shown_i && !hit_o", "want_i && fed_q && !hit_o",
         "in_time_or_counted"),
     "a row has a ray too few": (
         "draw_frame bmc_1", "draw_frame.sv", "PanelBits'(Width - 1)", "PanelBits'(Width - 2)", "rays|walk|place"),

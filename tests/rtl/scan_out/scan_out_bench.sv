@@ -1,5 +1,5 @@
-/// scan_out at a port of a frame store, which the test fills, and beside a scene: pixel n of a frame is
-/// n times a constant and a key.
+/// scan_out with two buffers, which the test fills, and beside a scene: pixel n of a frame is n times a
+/// constant and a key.
 module scan_out_bench #(
   parameter int Width = 70,
   parameter int Height = 35,
@@ -12,7 +12,6 @@ module scan_out_bench #(
   parameter bit HPositive = 1'b1,
   parameter bit VPositive = 1'b1,
   parameter int Grid = 0,
-  parameter int ReadLatency = 2,
   parameter int ClocksPerPixel = 1,
   localparam int PlaceBits = $clog2(Width * Height)
 ) (
@@ -34,16 +33,15 @@ module scan_out_bench #(
   /// pixel, front, swapped, frame_start, vsync, hsync, de, rgb
   output logic [30:0]          out_o,
   output logic                 frame_end_o,
-  output logic                 scene_take_o,
+  output logic                 want_o,
   input  logic                 fill_i,
   input  logic                 fill_buffer_i,
   input  logic [PlaceBits-1:0] fill_at_i,
   input  logic [23:0]          fill_rgb_i
 );
 
-  logic front, swapped;
-  logic [PlaceBits-1:0] read_at;
-  logic [23:0] read_rgb, late_rgb, unused_rgb, rgb;
+  logic front, filled, swapped;
+  logic [23:0] rgb;
   lipp_panel_pkg::pattern_t pattern;
   // Every pixel lies on the same point of lenslet (0, 0): (view + 1/2) / 256 - 1/2 pitches.
   lipp_optics_pkg::optics_config_t optics;
@@ -58,32 +56,29 @@ module scan_out_bench #(
   lipp_scan_out #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
-    .Grid(Grid), .ReadLatency(ReadLatency), .ClocksPerPixel(ClocksPerPixel)
+    .Grid(Grid), .ClocksPerPixel(ClocksPerPixel)
   ) i_scan_out (
-    .clk_i, .rst_ni, .swap_i, .swapped_o(swapped), .front_o(front), .brightness_i,
-    .pattern_i(pattern), .optics_i(optics), .read_at_o(read_at), .read_rgb_i(late_rgb),
-    .frame_end_o, .scene_i(scene_q), .scene_take_o, .scene_rgb_i(scene_rgb), .pixel_o,
-    .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
+    .clk_i, .rst_ni, .swap_i, .swapped_o(swapped), .front_o(front), .filled_o(filled), .brightness_i,
+    .pattern_i(pattern), .optics_i(optics), .frame_end_o, .want_o, .pixel_i(pixel), .pixel_o, .de_o, .hsync_o, .vsync_o, .rgb_o(rgb), .frame_start_o, .shown_crc_o, .frames_o
   );
-  // A pixel is there in the clock in which it is taken, and in no other.
+  // A pixel is there in the clock in which it is wanted, and in no other.
   logic scene_q;
-  logic [23:0] pixel_q, key_q, scene_rgb;
-  assign scene_rgb = scene_take_o ? pixel_q ^ key_q : 24'hdead00;
+  logic [PlaceBits-1:0] at_q;
+  logic [23:0] pixel_q, key_q, pixel;
+  logic [23:0] pixels[2 << PlaceBits];
+  always_comb begin
+    pixel = 24'hdead00;
+    if (want_o) pixel = scene_q ? pixel_q ^ key_q : filled ? pixels[{front, at_q}] : '0;
+  end
+  always_ff @(posedge clk_i) if (fill_i) pixels[{fill_buffer_i, fill_at_i}] <= fill_rgb_i;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {scene_q, pixel_q, key_q} <= '0;
+      {scene_q, pixel_q, key_q, at_q} <= '0;
     end else if (frame_end_o) begin
-      {scene_q, pixel_q, key_q} <= {scene_i, 24'd0, key_i};
-    end else if (scene_take_o) begin
-      pixel_q <= pixel_q + 24'h9e3779;
+      {scene_q, pixel_q, key_q, at_q} <= {scene_i, 24'd0, key_i, PlaceBits'(0)};
+    end else if (want_o) begin
+      {pixel_q, at_q} <= {pixel_q + 24'h9e3779, at_q + 1'b1};
     end
   end
-  // Behind the store's two clocks, as many as make ReadLatency.
-  lipp_delay #(.Width(24), .Cycles(ReadLatency - 2)) i_late (.clk_i, .d_i(read_rgb), .q_o(late_rgb));
-  lipp_frame_store #(.Width(Width), .Height(Height)) i_store (
-    .clk_i, .write_i(fill_i), .write_buffer_i(fill_buffer_i), .write_at_i(fill_at_i),
-    .write_rgb_i(fill_rgb_i), .a_buffer_i(front), .a_at_i(read_at), .a_rgb_o(read_rgb),
-    .b_buffer_i(1'b0), .b_at_i('0), .b_rgb_o(unused_rgb)
-  );
 
 endmodule

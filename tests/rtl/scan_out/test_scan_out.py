@@ -11,20 +11,18 @@ TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VB
 
 
 @pytest.mark.parametrize(
-    ("timing", "grid", "latency", "clocks"),
+    ("timing", "grid", "clocks"),
     [
-        ((70, 3, 5, 4, 35, 2, 3, 1, 1, 0), 0, 4, 1),
-        ((70, 3, 5, 4, 35, 2, 3, 1, 0, 1), 1, 2, 2),
-        ((7, 0, 14, 0, 2, 1, 1, 0, 0, 0), 0, 2, 1),
-        ((7, 0, 14, 0, 2, 1, 1, 0, 1, 1), 1, 7, 1),
-        ((7, 0, 4, 0, 2, 1, 1, 0, 1, 1), 0, 2, 4),
+        ((70, 3, 5, 4, 35, 2, 3, 1, 1, 0), 0, 1),
+        ((70, 3, 5, 4, 35, 2, 3, 1, 0, 1), 1, 2),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 0, 0), 0, 1),
+        ((7, 0, 14, 0, 2, 1, 1, 0, 1, 1), 1, 1),
+        ((7, 0, 4, 0, 2, 1, 1, 0, 1, 1), 0, 4),
     ],
     ids=["small-square", "small-hex-2", "tiny-square", "tiny-hex", "tiny-square-4"],
 )
-def test_every_clock(timing, grid, latency, clocks):
-    parameters = {
-        **dict(zip(TIMINGS, timing, strict=True)), "Grid": grid, "ReadLatency": latency, "ClocksPerPixel": clocks,
-    }  # fmt: skip
+def test_every_clock(timing, grid, clocks):
+    parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid, "ClocksPerPixel": clocks}
     program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}-{clocks}")
     simulate(program, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
 

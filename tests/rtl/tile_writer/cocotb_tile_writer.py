@@ -1,4 +1,4 @@
-"""tile_writer in the simulator, in front of a frame store.
+"""tile_writer in the simulator, in front of a store that pauses.
 
 What is written is watched at every clock; on small panels the whole store is read back as well.
 """
@@ -19,10 +19,14 @@ WIDTH, HEIGHT = int(cocotb.plusargs["Width"]), int(cocotb.plusargs["Height"])
 PLACE_BITS = (WIDTH * HEIGHT - 1).bit_length()
 COLUMNS, ROWS = -(-WIDTH // 32), -(-HEIGHT // 32)
 TILES = COLUMNS * ROWS
-#: Clocks that a tile takes beside those of its bytes and pixels.
-MORE = int(cocotb.plusargs["ReadLatency"]) + 4 + max((ROWS - 1).bit_length(), 1)
+#: Clocks of a tile until its first byte is taken.
+FIRST = 3 + max((ROWS - 1).bit_length(), 1)
+#: Clocks of the store, which never pauses, for a row beside those of its pixels: asked, offered, settled.
+ROW = 3
 SMALL = WIDTH * HEIGHT < 5000
 RAW, SOLID, QOI, COPY = range(4)
+#: When bytes come, and when the store works.
+ENDS = [("always", "always"), ("light", "heavy"), ("heavy", "light"), ("bursts", "bursts"), ("stuck", "always"), ("always", "stuck")]
 SEEN = Coverage("tile_writer", f"{WIDTH}x{HEIGHT}")
 
 
@@ -83,7 +87,8 @@ class Bench:
     def __init__(self, dut):
         self.dut, self.edge = dut, FallingEdge(dut.clk_i)
         self.store = np.zeros((2, HEIGHT, WIDTH, 3), np.uint8)
-        self.inputs = ("start_i", "tile_i", "coding_i", "buffer_i", "empty_i", "valid_i", "data_i", "last_i", "fill_i",
+        self.pauses = "always"  # when the store works
+        self.inputs = ("pause_i", "start_i", "tile_i", "coding_i", "buffer_i", "empty_i", "valid_i", "data_i", "last_i", "fill_i",
                        "at_buffer_i", "at_i", "rgb_i")  # fmt: skip
 
     async def begin(self):
@@ -116,8 +121,8 @@ class Bench:
         if not SMALL:
             return
         dut, got = self.dut, []
-        for at in range(2 * WIDTH * HEIGHT + 2):
-            if at >= 2:
+        for at in range(2 * WIDTH * HEIGHT + 1):
+            if at >= 1:
                 got.append(int(dut.rgb_o.value))
             dut.at_buffer_i.value = at // (WIDTH * HEIGHT) % 2
             dut.at_i.value = at % (WIDTH * HEIGHT)
@@ -127,7 +132,7 @@ class Bench:
 
     async def tile(self, tile, coding, data, buffer, idle="always"):
         """Write a tile: whether it went well, its CRC, pixels written in order (place, colour), and clocks."""
-        dut, idles = self.dut, pattern(idle, random, 20)
+        dut, idles, works = self.dut, pattern(idle, random, 20), pattern(self.pauses, random, 20)
         dut.tile_i.value, dut.coding_i.value, dut.buffer_i.value = tile, coding, buffer
         dut.start_i.value, dut.empty_i.value = 1, not data
         sent, written, clocks, offered = 0, [], 0, False
@@ -138,6 +143,7 @@ class Bench:
             await self.edge
             clocks += 1
             dut.start_i.value = 0
+            dut.pause_i.value = not next(works)
             # What was copied at the start may change.
             dut.tile_i.value, dut.coding_i.value = random.getrandbits(16), random.getrandbits(8)
             dut.empty_i.value, dut.buffer_i.value = random.getrandbits(1), random.getrandbits(1)
@@ -158,7 +164,7 @@ class Bench:
             else:
                 assert not ready, "a byte of the next packet was taken"
                 dut.valid_i.value, dut.data_i.value, dut.last_i.value = 1, random.getrandbits(8), 1
-            assert clocks < 12 * (len(data) + 200) + 1100, "no end"
+            assert clocks < 12 * (len(data) + 200) + (1100 if self.pauses == "always" else 25000), "no end"
         assert sent == len(data), "not all of the packet was taken"
         dut.valid_i.value = 0
         await self.edge
@@ -201,10 +207,11 @@ class Bench:
 
 
 @cocotb.test()
-@cocotb.parametrize(idle=PATTERNS)
-async def good_tiles_become_their_pixels(dut, idle):
+@cocotb.parametrize((("idle", "pauses"), ENDS))
+async def good_tiles_become_their_pixels(dut, idle, pauses):
     bench = Bench(dut)
     await bench.begin()
+    bench.pauses = pauses
     for turn, tile in enumerate(some_tiles()):
         height, width = shape(tile)
         kind = random.choice(KINDS)
@@ -220,14 +227,17 @@ async def good_tiles_become_their_pixels(dut, idle):
 
 
 @cocotb.test()
-async def a_tile_is_copied_from_the_other_buffer(dut):
+@cocotb.parametrize(pauses=PATTERNS)
+async def a_tile_is_copied_from_the_other_buffer(dut, pauses):
     bench = Bench(dut)
     await bench.begin()
+    bench.pauses = pauses
     for tile in sorted({0, COLUMNS - 1, TILES - 1} | (set(range(TILES)) if SMALL else set())):
         buffer = random.getrandbits(1)
         rows, columns = box(tile)
         clocks = await bench.good(tile, COPY, b"", bench.store[1 - buffer, rows, columns].copy(), buffer)
-        assert clocks == np.prod(shape(tile)) + MORE
+        height, width = shape(tile)
+        assert pauses != "always" or clocks == FIRST + height * (width + ROW + 1)
         SEEN.point("copies", 1)
     await bench.read_back()
 
@@ -384,16 +394,17 @@ async def random_bytes_stay_in_their_tile(dut):
 
 @cocotb.test()
 async def a_pixel_a_clock(dut):
+    """As fast as the bytes, or as the store's rows: each takes its pixels and three clocks."""
     bench = Bench(dut)
     await bench.begin()
     for tile in some_tiles():
-        size = np.prod(shape(tile))
+        (height, width), size = shape(tile), np.prod(shape(tile))
         pixels = picture(*shape(tile), "noise")
-        assert await bench.good(tile, RAW, pixels.tobytes(), pixels, 0) == 3 * size + MORE
+        assert await bench.good(tile, RAW, pixels.tobytes(), pixels, 0) == FIRST + 3 * size + 2
         solid = np.broadcast_to(np.array([200, 100, 50], np.uint8), (*shape(tile), 3))
-        assert await bench.good(tile, SOLID, solid[0, 0].tobytes(), solid, 0) == 3 + size - 1 + MORE
+        assert await bench.good(tile, SOLID, solid[0, 0].tobytes(), solid, 0) == FIRST + 2 + height * (width + ROW)
         # The first pixel takes four bytes, and runs a clock for each pixel.
-        assert await bench.good(tile, QOI, qoi_ops(solid), solid, 0) == 4 + size - 1 + MORE
+        assert await bench.good(tile, QOI, qoi_ops(solid), solid, 0) == FIRST + 3 + height * (width + ROW)
 
 
 @cocotb.test()

@@ -10,14 +10,14 @@ FOLDERS = ("registers", "optics", "link", "panel")
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "latency"),
+    ("width", "height"),
     [
-        (40, 33, 4),
-        (7, 5, 2),
-        *(pytest.param(*p, marks=pytest.mark.full) for p in ((72, 56, 4), (64, 32, 2), (33, 129, 3), (1920, 1080, 7))),
+        (40, 33),
+        (7, 5),
+        *(pytest.param(*p, marks=pytest.mark.full) for p in ((72, 56), (64, 32), (33, 129), (1920, 1080))),
     ],
 )
-def test_tile_writer(width, height, latency):
-    parameters = {"Width": width, "Height": height, "ReadLatency": latency}
+def test_tile_writer(width, height):
+    parameters = {"Width": width, "Height": height}
     program = compiled("tile_writer_bench", parameters, BENCH.read_text())
     simulate(program, "tile_writer_bench", "cocotb_tile_writer", seed(), plusargs=parameters)

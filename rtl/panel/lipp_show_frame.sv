@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// The frame in the store to the video: asks for the front buffer once a frame, and gives its pixels.
+///
+/// begin_i is the start of a frame of the video. From the next clock on front_i is its buffer and
+/// shown_i whether that buffer is on the panel; swapped_i is a pulse in that clock if it is another
+/// buffer than before, of CRC-32 crc_i, which is valid from the clock after swapped_i on. The store is
+/// asked a clock after that. Pixels reach the video by `lipp_pixel_feed`: each is shown at its own
+/// place, or is late, counted by underflow_o and dropped.
+///
+/// The CRC of each frame that was shown whole is compared with crc_i. If it differs, the memory has lost
+/// the frame: lost_o is high, and the panel black, until the next swap.
+module lipp_show_frame #(
+  parameter int Width = 640,
+  parameter int Height = 480,
+  localparam int PlaceBits = $clog2(Width * Height)
+) (
+  input  logic                 clk_i,
+  input  logic                 rst_ni,
+
+  input  logic                 begin_i,
+  input  logic                 front_i,
+  input  logic                 shown_i,
+  input  logic                 swapped_i,
+  input  logic [31:0]          crc_i,
+
+  output logic                 valid_o,         // client show of the store
+  input  logic                 ready_i,
+  output logic                 buffer_o,
+  output logic [PlaceBits-1:0] first_o,
+  output logic [PlaceBits:0]   count_o,
+  input  logic                 pixel_valid_i,
+  output logic                 pixel_ready_o,
+  input  logic [23:0]          pixel_rgb_i,
+
+  input  logic                 want_i,
+  output logic [23:0]          rgb_o,
+  output logic                 underflow_o,
+  output logic                 lost_o
+);
+
+  if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
+    $fatal(1, "lipp_show_frame: Width and Height must be 1 to 16383");
+  end
+
+  logic begin_q, shows, begins, none, hit, last;
+  assign shows = shown_i && (!lost_o || swapped_i);
+  assign begins = begin_q && shows && none;
+  assign first_o = '0;
+  assign count_o = (PlaceBits + 1)'(Width * Height);
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {begin_q, valid_o} <= '0;
+    else {begin_q, valid_o} <= {begin_i, begins || (valid_o && !ready_i)};
+  end
+  always_ff @(posedge clk_i) if (begins) buffer_o <= front_i;
+
+  lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
+    .clk_i, .rst_ni, .begin_i(begin_q), .fed_i(begins), .shown_i(shows), .none_o(none),
+    .last_o(last), .pixel_valid_i, .pixel_ready_o, .pixel_rgb_i, .want_i, .hit_o(hit), .rgb_o,
+    .underflow_o
+  );
+
+  // ---- the CRC of what is shown ----
+  logic hit_q, whole_q, last_q;  // no pixel of the frame was late
+  logic [23:0] rgb_q;
+  logic [31:0] crc_q;
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      {hit_q, whole_q, last_q, lost_o} <= '0;
+    end else begin
+      hit_q <= hit;
+      last_q <= last && !begins;  // a frame whose last pixel is so late has had its underflow
+      whole_q <= begins || (whole_q && !underflow_o);
+      if (begin_q && swapped_i) lost_o <= 1'b0;
+      else if (last_q && whole_q) lost_o <= ~crc_q != crc_i;
+    end
+  end
+  always_ff @(posedge clk_i) begin
+    rgb_q <= rgb_o;
+    if (begins) crc_q <= lipp_link_pkg::CrcStart;
+    else if (hit_q) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, rgb_q);
+  end
+
+endmodule
+
+`default_nettype wire
