@@ -285,6 +285,7 @@ module lipp_board #(
     .hwif_in(told), .hwif_out(set)
   );
   logic [31:0] shown_crc, frames, clocks_q;
+  logic late, frame_lost;
   always_ff @(posedge clk_i or negedge core_rst_n) begin
     if (!core_rst_n) clocks_q <= '0;
     else clocks_q <= clocks_q + 1'b1;
@@ -316,7 +317,7 @@ module lipp_board #(
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
   localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
-  logic front, filled, swap, swapped, late, frame_lost;
+  logic front, filled, swap, swapped;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc, presented_crc;
   logic copy_valid, copy_buffer, copy_ready, check_valid, check_buffer, check_ready;

@@ -56,7 +56,8 @@ module lipp_ulx3s_clocks #(
   assign pixel_clk_o = PixelDiv == SystemDiv ? system_clk_o : os3;
 
   // No reset forgets it: it begins with the FPGA's configuration.
-  logic locked, seen_q = 1'b0, lost_q = 1'b0;
+  logic locked, seen_q, lost_q;
+  initial {seen_q, lost_q} = '0;
   lipp_bit_sync i_locked (.clk_i, .rst_ni(1'b1), .d_i(locked_o), .q_o(locked));
   always_ff @(posedge clk_i) begin
     seen_q <= seen_q || locked;

@@ -95,6 +95,8 @@ PARAMETERS = {
         {"ByteLink": 1, "HPositive": 0, "VPositive": 0, "StoreLatency": 5, **built(Grid=1)},
         {**built(F=16), **drawn(2, 3, 5, 32, 1, 1)},
     ],
+    "board_lamps": [{"HoldBits": 1, "StillBits": 1}],
+    "video_board": [{"Dvi": 0, **built(F=14, Model=0)}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
     "cut_product": PRODUCTS,
@@ -325,6 +327,10 @@ REFUSED = [
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
+    *(
+        ("board_lamps", {name: 0}, "board_lamps: HoldBits and StillBits must be 1 or more")
+        for name in ("HoldBits", "StillBits")
+    ),
     ("tmds_serialiser", {"Channels": 0}, "tmds_serialiser: Channels must be 1 or more"),
     ("bit_sync", {"Stages": 1}, "bit_sync: Stages must be 2 or more"),
     ("reset_sync", {"Stages": 1}, "reset_sync: Stages must be 2 or more"),

@@ -26,7 +26,14 @@ ROW = 3
 SMALL = WIDTH * HEIGHT < 5000
 RAW, SOLID, QOI, COPY = range(4)
 #: When bytes come, and when the store works.
-ENDS = [("always", "always"), ("light", "heavy"), ("heavy", "light"), ("bursts", "bursts"), ("stuck", "always"), ("always", "stuck")]
+ENDS = [
+    ("always", "always"),
+    ("light", "heavy"),
+    ("heavy", "light"),
+    ("bursts", "bursts"),
+    ("stuck", "always"),
+    ("always", "stuck"),
+]
 SEEN = Coverage("tile_writer", f"{WIDTH}x{HEIGHT}")
 
 
