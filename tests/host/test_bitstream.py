@@ -181,7 +181,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     assert routed[-1] == 4
     text = (report / "bitstream.md").read_text()
-    assert "83.25" in text
+    assert "| 83.2 | 400 | 130 |" in text
     assert "371.43" in text
     assert "hd-square,3" in (report / "bitstream.csv").read_text()
 
