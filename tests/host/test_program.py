@@ -1,4 +1,4 @@
-"""`lippmann board program` with a loader that is none: what it is called with, and each way to fail. What knows a ULX3S."""
+"""`lippmann board program` with a loader that is none: its arguments, and each way to fail. How a ULX3S is known."""
 
 import json
 import os
@@ -20,7 +20,10 @@ ULX3S = SimpleNamespace(device="/dev/ttyUSB3", vid=0x0403, pid=0x6015, product="
 OTHER = SimpleNamespace(device="/dev/ttyUSB1", vid=0x0403, pid=0x6015, product="FT231X USB UART")
 
 
-def bits(text=comment("ulx3s", "vga-square", IDENTITY, 2), idcode=0x41113043):
+OWN = comment("ulx3s", "vga-square", IDENTITY, 2)
+
+
+def bits(text=OWN, idcode=0x41113043):
     """The beginning of a bitstream as ecppack writes it: texts, preamble, reset of the checksum, identity."""
     texts = b"".join(one.encode() + b"\0" for one in (text, "Part: LFE5U-85F-6CABGA381") if one)
     head = b"\xff\x00" + texts + b"\xff" + b"\xff\xff\xbd\xb3" + b"\xff" * 4 + b"\x3b\0\0\0"
@@ -94,10 +97,8 @@ def test_a_missing_loader(place, monkeypatch, capsys):
 
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
     on_usb(place, monkeypatch)
-    assert (
-        refused(capsys, 1, "board.bit")
-        == "lippmann: ulx3s: no such board is on USB; connect its USB socket US1, and switch it on"
-    )
+    line = refused(capsys, 1, "board.bit")
+    assert line == "lippmann: ulx3s: no such board is on USB; connect its USB socket US1, and switch it on"
     on_usb(place, monkeypatch, "K00219", "K00042")
     assert "2 boards are on USB (K00219, K00042); name one with --serial" in refused(capsys, 1, "board.bit")
     assert not (place / "called.txt").exists()
