@@ -283,10 +283,11 @@ module lipp_tile_writer #(
   row_e row_q;
   logic fills, ended, pads, x_last;  // ended: the decoder makes no pixel any more
   logic [SideBits-1:0] x_q;
-  logic placed_q;  // the tile's place is known
+  logic placed;  // the tile's place is known
+  assign placed = state_q == Decode || state_q == Finish;
   assign ended = state_q == Finish && !pixel_q && !out_valid;
   assign pads = row_q == Fill && ended;
-  assign read_valid_o = placed_q && row_q == Ask && copies_q && fill_q;
+  assign read_valid_o = placed && row_q == Ask && copies_q && fill_q;
   assign write_valid_o = row_q == Offer && out_valid;
   assign write_pixel_valid_o = row_q == Fill && (out_valid || ended);
   assign fills = write_pixel_valid_o && write_pixel_ready_i;
@@ -301,11 +302,9 @@ module lipp_tile_writer #(
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       row_q <= Ask;
-      placed_q <= 1'b0;
     end else begin
-      placed_q <= state_q == Decode || state_q == Finish;
       unique case (row_q)
-        Ask: if (placed_q && !ended && (read_valid_o ? read_ready_i : !copies_q)) row_q <= Offer;
+        Ask: if (placed && !ended && (read_valid_o ? read_ready_i : !copies_q)) row_q <= Offer;
         Offer: if (write_valid_o && write_ready_i) row_q <= Fill;
           else if (ended) row_q <= Ask;
         Fill: if (fills && x_last) row_q <= Settle;

@@ -141,7 +141,7 @@ def test_what_a_board_says_of_itself(virtual):
         assert f"{hello.identity:016x}" == virtual.display.identity
         assert (hello.width, hello.height, hello.tile, hello.max_packet) == (WIDTH, HEIGHT, 32, 3200)
         assert (hello.clock_hz, hello.epoch) == (virtual_board.CLOCK_HZ, 0)
-        assert board.read(0x0, 2) == [0x4C495042, 0x00010000]
+        assert board.read(0x0, 2) == [0x4C495042, 0x00010001]
         assert board.read(0x200) == [0x4C495050]
         low, high = board.read(BOARD_REGISTERS["display_low"].address, 2)
         assert high << 32 | low == int(virtual.display.identity, 16)
