@@ -120,7 +120,7 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("script", "said"),
     [
-        ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in again"),
+        ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "install its udev rules"),
     ],
