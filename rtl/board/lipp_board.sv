@@ -257,6 +257,7 @@ module lipp_board #(
   );
 
   // ---- registers ----
+  logic late, frame_lost;
   lipp_board_registers_pkg::board_registers__in_t told;
   lipp_board_registers_pkg::board_registers__out_t set;
   logic psel_board, psel_optics, psel_scene, penable, pwrite;

@@ -25,7 +25,7 @@
 /// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b bytes
 /// up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
 ///
-///   raw 3 w h + n + 5, copy h (w + 4) + n + 3, solid and a single run b + h (w + 3) + n + 2
+///   raw 3 w h + n + 5, copy h (w + 4) + n + 2, solid and a single run b + h (w + 3) + n + 2
 module lipp_tile_writer #(
   parameter int Width = 640,
   parameter int Height = 480,

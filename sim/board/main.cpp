@@ -7,9 +7,9 @@
 // Built by lippmann.sim.virtual_board. With ByteLink, bytes are transferred as fast as the board
 // accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
 // --host-step that of the host's end when it differs. --stalls makes both ends of a byte line pause
-// at random. The ready file (JSON) holds the URL and
-// exists while the board runs. SIGTERM and SIGINT end the board, SIGUSR1 resets it. The last line
-// on stdout is a JSON object of counts. Exit codes are those of the command lippmann.
+// at random. The ready file (JSON) holds the URL and exists while the board runs. With LIPPMANN_MEMORY_HZ the frames are
+// in a chip of SDRAM on a clock of its own. SIGTERM and SIGINT end the board, SIGUSR1 resets it, SIGUSR2 has the chip
+// lose what it holds. The last line on stdout is a JSON object of counts. Exit codes are those of the command lippmann.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -31,6 +31,7 @@
 #include "Vtop___024root.h"
 #include "line.h"
 #include "screen.h"
+#include "sdram.h"
 #include "uart.h"
 #include "verilated.h"
 #ifdef LIPPMANN_TRACE
@@ -41,6 +42,7 @@ namespace {
 
 std::atomic<bool> stop{false};
 std::atomic<bool> reset{false};
+std::atomic<bool> lose{false};
 
 struct Options {
   std::string line = "tcp", ready, capture, trace;
@@ -98,6 +100,62 @@ void announce(const Options& options, const Line& line) {
     throw std::system_error(errno, std::generic_category(), options.ready);
 }
 
+// The memory of the frames beside the RTL: none, or a chip of SDRAM whose clock's edges lie between the board's.
+#ifdef LIPPMANN_MEMORY_HZ
+class Memory {
+ public:
+  explicit Memory(Vtop& top) : top_(top) {}
+
+  // The edges of the memory's clock that are due after one of the board's.
+  void clock() {
+    for (due_ += LIPPMANN_MEMORY_HZ; due_ >= LIPPMANN_CLOCK_HZ; due_ -= LIPPMANN_CLOCK_HZ) edge();
+  }
+  void lose() { chip_.lose(); }
+  int64_t violations() const {
+    int64_t sum = 0;
+    for (const auto& [name, count] : chip_.violations()) sum += static_cast<int64_t>(count);
+    return sum;
+  }
+
+ private:
+  // The chip sees the pins as they were before the edge; what nobody drives is noise.
+  void edge() {
+    SdramPins pins;
+    pins.cke = top_.cke_o;
+    pins.cs_n = top_.cs_no;
+    pins.ras_n = top_.ras_no;
+    pins.cas_n = top_.cas_no;
+    pins.we_n = top_.we_no;
+    pins.ba = top_.ba_o;
+    pins.a = top_.a_o;
+    pins.dqm = top_.dqm_o;
+    pins.dq = top_.dq_o;
+    pins.oe = top_.dq_oe_o;
+    const int driven = chip_.driving();
+    const uint16_t lanes = static_cast<uint16_t>((driven & 1 ? 0xff : 0) | (driven & 2 ? 0xff00 : 0));
+    top_.dq_i = static_cast<uint16_t>((chip_.dq() & lanes) | (static_cast<uint32_t>(edges_) * 40503u & ~lanes));
+    top_.mem_clk_i = 1;
+    top_.eval();
+    // Before the first edges the pins have the values of no design.
+    if (++edges_ > 3) chip_.edge(static_cast<uint64_t>(edges_) * (1'000'000'000'000 / LIPPMANN_MEMORY_HZ), pins);
+    top_.mem_clk_i = 0;
+    top_.rootp->__Vtrigprevexpr___TOP__mem_clk_i__0 = 0;
+  }
+
+  Vtop& top_;
+  Sdram chip_{kGrade75};
+  int64_t due_ = 0, edges_ = 0;
+};
+#else
+class Memory {
+ public:
+  explicit Memory(Vtop&) {}
+  void clock() {}
+  void lose() {}
+  int64_t violations() const { return 0; }
+};
+#endif
+
 class Board {
  public:
   explicit Board(const Options& options) : options_(options), line_(options.line, options.port), uart_(options.host_step),
@@ -123,6 +181,7 @@ class Board {
     const std::clock_t used = std::clock();
     while (!stop.load(std::memory_order_relaxed)) {
       if (reset.exchange(false, std::memory_order_relaxed)) restart();
+      if (lose.exchange(false, std::memory_order_relaxed)) memory_.lose();
       const bool waits = idle();
       if (waits) std::this_thread::sleep_for(std::chrono::milliseconds(10));
       for (int k = 0; k < (waits ? 64 : 1024); ++k) step();
@@ -132,10 +191,11 @@ class Board {
     if (!options_.ready.empty()) std::remove(options_.ready.c_str());
     top_.final();
     std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"processor_seconds\": %.3f, \"bytes_in\": %lld, "
-                "\"bytes_out\": %lld, \"frames\": %lld, \"broken_frames\": %lld, \"bytes_lost\": %lld}\n",
+                "\"bytes_out\": %lld, \"frames\": %lld, \"broken_frames\": %lld, \"bytes_lost\": %lld, \"memory_violations\": %lld}\n",
                 static_cast<long long>(clocks_), seconds, processor_seconds, static_cast<long long>(in_),
                 static_cast<long long>(out_), static_cast<long long>(screen_.frames()),
-                static_cast<long long>(screen_.broken()), static_cast<long long>(lost_));
+                static_cast<long long>(screen_.broken()), static_cast<long long>(lost_),
+                static_cast<long long>(memory_.violations()));
   }
 
  private:
@@ -164,6 +224,7 @@ class Board {
     top_.clk_i = 0;
     top_.rootp->__Vtrigprevexpr___TOP__clk_i__0 = 0;
     ++clocks_;
+    memory_.clock();
   }
 
   void dump() {
@@ -234,6 +295,7 @@ class Board {
 #ifdef LIPPMANN_TRACE
   VerilatedFstC trace_;
 #endif
+  Memory memory_{top_};
   Line line_;
   Uart uart_;
   Screen screen_;
@@ -250,6 +312,7 @@ int main(int count, char** words) {
   std::signal(SIGTERM, [](int) { stop = true; });
   std::signal(SIGINT, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
+  std::signal(SIGUSR2, [](int) { lose = true; });
   std::signal(SIGPIPE, SIG_IGN);
   prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends with the process that started it
   std::string ready;

@@ -110,6 +110,11 @@ class Sdram {
   uint16_t dq() const { return dq_; }
   int driving() const { return driving_; }
 
+  // All words change, as after a time without refresh.
+  void lose() {
+    for (uint16_t& word : words_) word = static_cast<uint16_t>(~word);
+  }
+
   bool ready() const { return ready_; }  // initialised
   uint64_t refreshes() const { return refreshes_; }
   uint64_t reads() const { return reads_; }

@@ -75,6 +75,8 @@ LONGEST = 50_000
 STATUS, TABLE, WHOLE = 0x210, 0x300, 0xFFFF_FFFF
 #: Registers whose words depend on the clock: they are only read.
 TIMED = (0x24, 0x28, 0x2C, 0x40, 0x42C)
+#: Whether the panel shows anything; memory and clocks never fail here.
+STATE = 0x30
 #: Of the scene: its state, and its pixels that were late. None ever is, whatever is asked for.
 SCENE_STATUS, UNDERFLOWS = 0x428, 0x430
 #: The build of a board that draws; a few blocks.
@@ -202,6 +204,8 @@ class Judge(ModelBoard):
             return came
         if at == SCENE_STATUS:
             return self._scene_status(came)
+        if at == STATE:
+            return 1 if self.epoch else self._scene_status(came) & 1 if self.scene else 0
         if at == STATUS:
             return self._status(came)
         if at in COUNTERS.values():
@@ -532,11 +536,13 @@ class Traffic:
         pytest.param("square", "bits", USUAL, marks=pytest.mark.full),
         pytest.param("hex", "bytes", None, marks=pytest.mark.full),
         pytest.param("hex", "bytes", USUAL, marks=pytest.mark.full),
+        pytest.param("square", "sdram", USUAL, marks=pytest.mark.full),
+        pytest.param("square", "sdram-bits", None, marks=pytest.mark.full),
     ],
-    ids=["square", "square-scene", "square-bits", "square-bits-scene", "hex", "hex-scene"],
+    ids=["square", "square-scene", "square-bits", "square-bits-scene", "hex", "hex-scene", "sdram-scene", "sdram-bits"],
 )
 def test_each_request_has_the_models_reply(grid, line, scene):
-    count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line == "bits" else 2)
+    count = int(os.environ.get("LIPPMANN_REQUESTS", COUNT)) // (10 if line.endswith("bits") else 2)
     print(f"seed {SEED}, {count} requests")
     rng = random.Random(f"{SEED} {grid} {line}{' scene' * bool(scene)}")
     display = display_of(grid)
@@ -547,8 +553,9 @@ def test_each_request_has_the_models_reply(grid, line, scene):
     judge = Judge(display, scene)
     traffic = Traffic(rng, judge, displays, places)
     seen = Counter()
-    baud = 18_000_000 if line == "bits" else None
-    with virtual_board.running(display, baud=baud, stalls=rng.randrange(1, 1 << 31), scene=scene) as virtual:
+    baud = 18_000_000 if line.endswith("bits") else None
+    options = {"memory": "sdram", "clock_hz": virtual_board.CLOCK_HZ} if line.startswith("sdram") else {}
+    with virtual_board.running(display, baud=baud, stalls=rng.randrange(1, 1 << 31), scene=scene, **options) as virtual:
         wire = Line(virtual.url)
         under_way, size = deque(), 0
         while sum(seen.values()) < count:
@@ -569,7 +576,8 @@ def test_each_request_has_the_models_reply(grid, line, scene):
                 assert came == wanted, f"{packet[:40].hex()}: {came[:60].hex()}, not {wanted[:60].hex()}, {after}"
                 seen[packet[0] if packet[0] in range(1, 13) else 0, came[3]] += 1
         wire.close()
-        assert virtual.stop()["bytes_lost"] == 0
+        counts = virtual.stop()
+        assert counts["bytes_lost"] == counts["memory_violations"] == 0
     print(f"{sorted(seen.items())}; {judge.believed} signatures taken from the reply")
     assert judge.believed <= 0.05 * seen[SIGN, OK]
     if count >= COUNT // 2:

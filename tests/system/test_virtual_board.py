@@ -47,6 +47,8 @@ LINES = {
     "pty-bytes": ("pty", None),
     "socket-bits": ("tcp", BAUD),
     "pty-bits": ("pty", BAUD),
+    "sdram-bytes": ("tcp", None),
+    "sdram-bits": ("tcp", BAUD),
 }
 
 
@@ -64,8 +66,13 @@ BAUD_OF = {grid: baud for baud, grid in GRID.items()}
 
 #: At every commit without the last: a fault of the pty shows with bytes, one of the wires over TCP. Whether a board
 #: answers and shows frames is asked over all four.
-USUAL = [pytest.param(line, marks=pytest.mark.full if line == "pty-bits" else ()) for line in LINES]
-over_all_lines = pytest.mark.parametrize("virtual", LINES, indirect=True)
+RARE = ("pty-bits", "sdram-bytes", "sdram-bits")
+USUAL = [pytest.param(line, marks=pytest.mark.full if line in RARE else ()) for line in LINES]
+over_all_lines = pytest.mark.parametrize(
+    "virtual",
+    [pytest.param(line, marks=pytest.mark.full if line == "sdram-bits" else ()) for line in LINES],
+    indirect=True,
+)
 
 
 def often_over(*often):
@@ -77,7 +84,7 @@ def often_over(*often):
 #: What the simulator's process does is the same for a line of bytes and one of bits.
 over_bytes = pytest.mark.parametrize(
     "virtual",
-    [pytest.param(line, marks=pytest.mark.full if line.endswith("-bits") else ()) for line in LINES],
+    [pytest.param(line, marks=pytest.mark.full if line in (*RARE, "socket-bits") else ()) for line in LINES],
     indirect=True,
 )
 
@@ -90,9 +97,14 @@ def virtual(request, tmp_path):
     folder = tmp_path / "frames"
     folder.mkdir()
     display = small(GRID[baud])
-    with virtual_board.running(display, port=port, baud=baud, capture=folder) as board:
+    memory = "sdram" if request.param.startswith("sdram") else "block"
+    with virtual_board.running(
+        display, port=port, baud=baud, capture=folder, memory=memory, clock_hz=virtual_board.CLOCK_HZ
+    ) as board:
         board.folder, board.baud, board.display = folder, baud, display
         yield board
+        if board.process.poll() is None:
+            assert board.stop()["memory_violations"] == 0
 
 
 @pytest.fixture
@@ -145,6 +157,28 @@ def test_what_a_board_says_of_itself(virtual):
         assert board.read(0x200) == [0x4C495050]
         low, high = board.read(BOARD_REGISTERS["display_low"].address, 2)
         assert high << 32 | low == int(virtual.display.identity, 16)
+
+
+@pytest.mark.parametrize("virtual", ["sdram-bytes"], indirect=True)
+def test_a_frame_that_the_memory_lost_is_black_and_told(virtual):
+    """The panel turns black within two frames, the board says so, and the next frame is shown."""
+    first, second = random_image(3), random_image(4)
+    names = [*BOARD_REGISTERS["state"].fields]
+    with Board.open(virtual.url) as board:
+        assert board.read(BOARD_REGISTERS["state"].address) == [0]
+        send_frame(board, first)
+        wait_for(virtual.folder, first)
+        assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("shown")]
+        virtual.lose_memory()
+        wait_for(virtual.folder, np.zeros_like(first))
+        assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("frame_lost")]
+        send_frame(board, second)
+        wait_for(virtual.folder, second)
+        assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("shown")]
+        assert board.read(BOARD_REGISTERS["counters_late"].address) == [0]
+    # The frame that was on its way when the memory was lost, and the one that showed it.
+    wrong = {frame for frame in captured(virtual.folder)} - {first.tobytes(), second.tobytes(), bytes(first.nbytes)}
+    assert len(wrong) <= 2
 
 
 @over_all_lines
@@ -438,6 +472,7 @@ FAULTS = {
 #: For every commit: all faults over one line, some over each.
 OFTEN = {
     "socket-bytes": FAULTS, "pty-bytes": ("flip", "lose"), "socket-bits": ("flip",), "pty-bits": (),
+    "sdram-bytes": ("cut",), "sdram-bits": (),
 }  # fmt: skip
 
 

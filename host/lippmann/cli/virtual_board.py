@@ -55,6 +55,9 @@ def start_command(
     slot: tuple[int, int] = option("Texels of a slot.", (SceneBuild.width, SceneBuild.height), Slot()),
     bilinear: bool = option("Interpolate its texels.", False),
     samples: int = option("Rays for each pixel: 1, 2 or 4.", 1, click.Choice([1, 2, 4])),
+    memory: virtual_board.Memory = option(
+        "Where its frames are: block RAM, or a chip of SDRAM with the controller of a real board.", "block"
+    ),
     background: bool = option("Return when the board is ready, and let it run; needs --ready.", False),
     trace_clocks: tuple[int, int] = option(
         None, (0, 1_000_000), (click.IntRange(0), click.IntRange(1)), show_default=True
@@ -91,6 +94,7 @@ def start_command(
     board = virtual_board.start(
         display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
         trace=trace, trace_clocks=trace_clocks, scene=scene,
+        memory=memory,
     )  # fmt: skip
     result = {
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,

