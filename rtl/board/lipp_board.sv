@@ -286,7 +286,6 @@ module lipp_board #(
     .hwif_in(told), .hwif_out(set)
   );
   logic [31:0] shown_crc, frames, clocks_q;
-  logic late, frame_lost;
   always_ff @(posedge clk_i or negedge core_rst_n) begin
     if (!core_rst_n) clocks_q <= '0;
     else clocks_q <= clocks_q + 1'b1;

@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
   bool chip_clock = false;
   uint16_t dq = 0xffff;
   std::vector<uint8_t> bits;
-  uint64_t end = ~0ull, turn = 0, unlock_at = ~0ull, presses = number("presses"), press_at = 0;
+  uint64_t end = ~0ull, turn = 0, unlock_at = ~0ull;
   top->btn = 0;
   top->ftdi_txd = 1;
   *lock = 0;
@@ -87,16 +87,14 @@ int main(int argc, char** argv) {
       }
       top->ftdi_txd = uart.wire();
       if (at >= in.size() && heard >= number("replies") && end == ~0ull) {
-        // All is answered: `lose` a lock, or press the button, then a whole frame more.
+        // All is answered: whole frames more, with `lose` after the lock was lost.
         if (number("lose") && unlock_at == ~0ull) {
           unlock_at = turn + 2;
           end = turn + 4000 + 3 * frame_turns;
         } else {
-          press_at = turn;
-          end = turn + (3 + 2 * presses) * frame_turns;
+          end = turn + 3 * frame_turns;
         }
       }
-      if (press_at) top->btn = turn - press_at < 2 * presses * frame_turns && (turn - press_at) / frame_turns % 2 == 0 ? 2 : 0;
     }
     top->clk_25mhz = !top->clk_25mhz;
     while (!to_board.empty() && to_board.front().first <= now) {

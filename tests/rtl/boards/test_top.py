@@ -32,6 +32,9 @@ SMALL = {"Build": "16'h000e", "Scene": "26'h0"}
 HELLO, TILE, PRESENT = 1, 4, 5
 
 
+pytestmark = pytest.mark.full  # two minutes of compilation
+
+
 @pytest.fixture(scope="module", params=["vga", "hd"])
 def mode(request):
     """A PLL's setting and the program; both video modes' clocks, each with a small panel."""
@@ -56,7 +59,7 @@ def mode(request):
     return pll, kept(BUILD / f"top-{request.param}", inputs, make)
 
 
-def played(mode, place, requests, pad_ps, lose=0, presses=0):
+def played(mode, place, requests, pad_ps, lose=0):
     """Run the board: (replies before, packet) for each request; its figures, packets of the board, and frames."""
     pll, program = mode
     listed = b"".join(
@@ -69,7 +72,7 @@ def played(mode, place, requests, pad_ps, lose=0, presses=0):
         "in": place / "in", "out": place / "out", "video": place / "video", "vco_ps": 2 * half, "pad_ps": pad_ps,
         "system_div": pll.system_div, "shift_div": pll.shift_div, "step": step_of(3_000_000, clock_hz),
         "frame_turns": COLUMNS * LINES * 2 * pll.system_div, "most_turns": 30_000_000, "replies": len(requests),
-        "lose": lose, "presses": presses,
+        "lose": lose,
     }  # fmt: skip
     words = [f"{key}={value}" for key, value in arguments.items()]
     words.append("+verilator+rand+reset+0")  # as an FPGA's registers begin
@@ -127,7 +130,7 @@ def test_a_frame_from_the_line_to_the_pins(mode, tmp_path):
     """0 pixels differ, and no rule of the SDRAM's data sheet is broken, for the delays that lipp_ulx3s_memory tells."""
     chosen = seed()
     image = np.random.default_rng(chosen).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
-    image[:, 20:50] = image[:1, 20:50] // 2  # shorter for the line
+    image[:, 6:58] = image[:1, 6:7]  # shorter for the line
     low = {25: 2_200, 10: 1_500}[mode[0].pixel_div]
     delay = random.Random(chosen).choice([low, 4_000, 6_500])
     figures, broken, video = played(mode, tmp_path, requests_of(image), delay)
@@ -136,3 +139,11 @@ def test_a_frame_from_the_line_to_the_pins(mode, tmp_path):
     assert figures["reads"] > WIDTH * HEIGHT
     assert (shown(video) == image).all()
     assert figures["led"] & 0b1110 == 0b1010  # locked, no error, a frame is shown
+
+
+def test_a_lost_lock_is_black_and_told(mode, tmp_path):
+    image = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
+    figures, broken, video = played(mode, tmp_path, requests_of(image), 4_000, lose=1)
+    assert set(broken) <= {"violation: tCK: 1"}
+    assert (shown(video) == 0).all()
+    assert figures["led"] & 0b1110 == 0b1100  # locked again, told, no frame is shown
