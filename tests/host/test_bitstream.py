@@ -5,12 +5,13 @@ import sys
 
 import pytest
 from click.testing import CliRunner
-from lippmann.board.fpga_boards import fpga_board, fpga_boards
+from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards
 from lippmann.cli import run
 from lippmann.dev import bitstream
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.sim.tools import repository
+from lippmann.toml import schema, tables
 
 TOP = repository()
 PANEL = """
@@ -95,6 +96,15 @@ def test_a_wrong_board_file_is_named(tmp_path, monkeypatch):
         with pytest.raises(InputError, match=said):
             fpga_boards()
     fpga_boards.cache_clear()
+
+
+def test_every_key_of_a_board_file_is_documented():
+    text = (TOP / "docs/reference/boards.md").read_text().split("| key |")[1]
+    keys = {
+        name.rsplit(".", 1)[-1] for name, table in tables(schema(FpgaBoard)) for name in (name, *table["properties"])
+    }
+    assert len(keys) > 20
+    assert [key for key in keys - {""} if f"`{key}`" not in text] == []
 
 
 #: nextpnr's lines after routing, 720p.
