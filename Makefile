@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth report report-fixed report-link report-depth report-layers report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report report-fixed report-link report-depth report-layers report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -86,6 +86,11 @@ manifests: $(READY) ## make the FuseSoC core, Bender.yml and the .f lists of rtl
 
 synth: $(READY) ## place and route the RTL's named configurations and boards (hours; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis
+
+# X11 has a variable DISPLAY too: only what is given to make counts.
+given = $(if $(filter command line,$(origin $(1))),--$(2) $($(1)))
+bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 LAYERS=4 BILINEAR=)
+	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(BILINEAR),--bilinear)
 
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
 	$(BIN)/lippmann report -o docs/reports

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A whole board but for the cells of its FPGA's vendor: `lipp_board` on a serial line, its frames in
-/// an SDR SDRAM, its video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
+/// A whole board but for the cells of its FPGA's vendor: `lipp_board_with_sdram` on a serial line, its
+/// video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
 ///
-///   rx_i -> lipp_board <-> lipp_sdram_store <-> pins of the SDRAM
-///                |
-///                +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
+///   rx_i -> lipp_board_with_sdram <-> pins of the SDRAM
+///                     |
+///                     +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
 ///
 /// Four clocks: clk_i of ClockHz; pixel_clk_i, clk_i divided by the clocks a pixel, from the same
 /// source; shift_clk_i, five times pixel_clk_i, from the same source; mem_clk_i of MemoryHz, unrelated.
@@ -72,8 +72,6 @@ module lipp_video_board #(
   output logic [3:0][1:0] pair_o         // of shift_clk_i
 );
 
-  localparam int PlaceBits = $clog2(Width * Height);
-
   logic rst_n, clock_lost, packet, error;
   lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
   lipp_bit_sync i_clock_lost (.clk_i, .rst_ni(rst_n), .d_i(clock_lost_i), .q_o(clock_lost));
@@ -82,53 +80,20 @@ module lipp_video_board #(
     .button_i, .linked_o, .alarm_o, .pattern_o
   );
 
-  // ---- board ----
-  logic store_rst_n;
-  logic show_valid, show_ready, show_buffer, show_pixel_valid, show_pixel_ready;
-  logic write_valid, write_ready, write_buffer, write_pixel_valid, write_pixel_ready, write_done;
-  logic read_valid, read_ready, read_buffer, read_pixel_valid, read_pixel_ready;
-  logic [PlaceBits-1:0] show_first, write_first, read_first;
-  logic [PlaceBits:0] show_count, write_count, read_count;
-  logic [23:0] show_rgb, write_rgb, read_rgb;
   logic unused_in_ready, unused_out_valid, unused_pixel;
   logic [7:0] unused_out_data;
-  lipp_board #(
+  lipp_board_with_sdram #(
     .ClockHz(ClockHz), .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync),
     .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive),
-    .VPositive(VPositive), .Build(Build), .Scene(Scene)
+    .VPositive(VPositive), .Build(Build), .Scene(Scene), .MemoryHz(MemoryHz), .Timing(Timing),
+    .PadClocks(PadClocks)
   ) i_board (
     .clk_i, .rst_ni, .identity_i, .step_i, .rx_i, .tx_o, .in_valid_i(1'b0),
     .in_ready_o(unused_in_ready), .in_data_i('0), .out_valid_o(unused_out_valid),
     .out_ready_i(1'b0), .out_data_o(unused_out_data), .pattern_i(pattern_o),
     .clock_lost_i(clock_lost), .packet_o(packet), .shown_o, .error_o(error),
-    .store_rst_no(store_rst_n), .show_valid_o(show_valid), .show_ready_i(show_ready),
-    .show_buffer_o(show_buffer), .show_first_o(show_first), .show_count_o(show_count),
-    .show_pixel_valid_i(show_pixel_valid), .show_pixel_ready_o(show_pixel_ready),
-    .show_rgb_i(show_rgb), .write_valid_o(write_valid), .write_ready_i(write_ready),
-    .write_buffer_o(write_buffer), .write_first_o(write_first), .write_count_o(write_count),
-    .write_pixel_valid_o(write_pixel_valid), .write_pixel_ready_i(write_pixel_ready),
-    .write_rgb_o(write_rgb), .write_done_i(write_done), .read_valid_o(read_valid),
-    .read_ready_i(read_ready), .read_buffer_o(read_buffer), .read_first_o(read_first),
-    .read_count_o(read_count), .read_pixel_valid_i(read_pixel_valid),
-    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pixel_o(unused_pixel), .de_o,
-    .hsync_o, .vsync_o, .rgb_o
-  );
-
-  // ---- frames ----
-  lipp_sdram_store #(
-    .Width(Width), .Height(Height), .MemoryHz(MemoryHz), .Timing(Timing), .PadClocks(PadClocks)
-  ) i_store (
-    .clk_i, .rst_ni(store_rst_n), .show_valid_i(show_valid), .show_ready_o(show_ready),
-    .show_buffer_i(show_buffer), .show_first_i(show_first), .show_count_i(show_count),
-    .show_pixel_valid_o(show_pixel_valid), .show_pixel_ready_i(show_pixel_ready),
-    .show_rgb_o(show_rgb), .write_valid_i(write_valid), .write_ready_o(write_ready),
-    .write_buffer_i(write_buffer), .write_first_i(write_first), .write_count_i(write_count),
-    .write_pixel_valid_i(write_pixel_valid), .write_pixel_ready_o(write_pixel_ready),
-    .write_rgb_i(write_rgb), .write_done_o(write_done), .read_valid_i(read_valid),
-    .read_ready_o(read_ready), .read_buffer_i(read_buffer), .read_first_i(read_first),
-    .read_count_i(read_count), .read_pixel_valid_o(read_pixel_valid),
-    .read_pixel_ready_i(read_pixel_ready), .read_rgb_o(read_rgb), .mem_clk_i, .cke_o, .cs_no,
-    .ras_no, .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o, .dq_i
+    .pixel_o(unused_pixel), .de_o, .hsync_o, .vsync_o, .rgb_o, .mem_clk_i, .cke_o, .cs_no, .ras_no,
+    .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o, .dq_i
   );
 
   // ---- video ----

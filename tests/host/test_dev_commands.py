@@ -11,7 +11,16 @@ from click.testing import CliRunner
 from lippmann.cli import run
 from lippmann.dev import mutation
 
-COMMANDS = ("formal", "generate_registers", "host_mutation", "lint", "mutation", "synthesis", "test_record")
+COMMANDS = (
+    "bitstream",
+    "formal",
+    "generate_registers",
+    "host_mutation",
+    "lint",
+    "mutation",
+    "synthesis",
+    "test_record",
+)
 
 
 def process(place, module, *arguments):

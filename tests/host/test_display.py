@@ -280,6 +280,7 @@ def test_identities_of_the_shipped_displays():
     """Images that were rendered for them carry these; a new key with a default leaves them as they are."""
     shipped = {
         "desktop-hex": "3ab680fe0f19c324",
+        "hd-square": "507097880726521b",
         "measured-hex": "a7cdbfb3362efdde",
         "paper-hex": "52c22853410732dc",
         "paper-hex-real": "353d2e342a917c34",

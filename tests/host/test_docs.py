@@ -63,6 +63,7 @@ NOT_RUN = {
     ),
     r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
     r"lippmann bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
+    r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
 }
 

@@ -204,13 +204,14 @@ class Judge(ModelBoard):
             return came
         if at == SCENE_STATUS:
             return self._scene_status(came)
-        if at == STATE:
-            return 1 if self.epoch else self._scene_status(came) & 1 if self.scene else 0
         if at == STATUS:
             return self._status(came)
         if at in COUNTERS.values():
             return self.counts[next(name for name, address in COUNTERS.items() if address == at)]
-        return {0x20: self.epoch, 0x208: self.build, UNDERFLOWS: 0}.get(at, self.registers[at])
+        words = {0x20: self.epoch, 0x208: self.build, UNDERFLOWS: 0, STATE: int(self.epoch > 0)}
+        if at == STATE and self.scene and not self.epoch:
+            words[STATE] = self._scene_status(came) & 1
+        return words.get(at, self.registers[at])
 
     def _read(self, body):
         first, count = struct.unpack("<HB", body)

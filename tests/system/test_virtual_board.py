@@ -177,7 +177,7 @@ def test_a_frame_that_the_memory_lost_is_black_and_told(virtual):
         assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("shown")]
         assert board.read(BOARD_REGISTERS["counters_late"].address) == [0]
     # The frame that was on its way when the memory was lost, and the one that showed it.
-    wrong = {frame for frame in captured(virtual.folder)} - {first.tobytes(), second.tobytes(), bytes(first.nbytes)}
+    wrong = set(captured(virtual.folder)) - {first.tobytes(), second.tobytes(), bytes(first.nbytes)}
     assert len(wrong) <= 2
 
 

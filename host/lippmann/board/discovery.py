@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from lippmann.board.board import Board, Hello
+from lippmann.board.fpga_boards import usual_baud
 from lippmann.errors import DeviceError
-from lippmann.link.port import DEFAULT_BAUD, adapter_ports, ports
+from lippmann.link.port import adapter_ports, ports
 
 #: Longest silence of a port in a search, s.
 SEARCH_PATIENCE_S = 1.0
@@ -23,13 +24,16 @@ class Found(NamedTuple):
 
 
 def find_boards(
-    urls: Iterable[str], baud: int = DEFAULT_BAUD, patience_s: float = SEARCH_PATIENCE_S
+    urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[Found], list[DeviceError]]:
-    """Send HELLO to each port; return the boards, and the errors of the other ports."""
+    """Send HELLO to each port; return the boards, and the errors of the other ports.
+
+    Without `baud` at the rate of the port's known board (`fpga_boards.usual_baud`).
+    """
     found, others = [], []
     for url in urls:
         try:
-            with Board.open(url, baud, patience_s) as board:
+            with Board.open(url, baud or usual_baud(url), patience_s) as board:
                 found.append(Found(url, board.info))
         except DeviceError as error:
             others.append(error)
@@ -38,7 +42,7 @@ def find_boards(
 
 def find_board(
     urls: Iterable[str] | None = None,
-    baud: int = DEFAULT_BAUD,
+    baud: int | None = None,
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
 ) -> Found:

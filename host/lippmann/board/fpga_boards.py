@@ -92,7 +92,8 @@ class FpgaBoard:
 
     def owns(self, port: ListPortInfo) -> bool:
         """Return whether a serial port is that of such a board."""
-        return (port.vid, port.pid) == (self.usb.vendor, self.usb.product) and self.usb.text in (port.product or "")
+        same = (port.vid, port.pid) == (self.usb.vendor, self.usb.product)
+        return same and self.usb.text in (port.product or "")
 
 
 @cache

@@ -14,6 +14,7 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY, Vector
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
+from lippmann.cli.program import program_command
 from lippmann.cli.virtual_board import start_command, stop_command
 from lippmann.display import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
@@ -36,6 +37,7 @@ def command() -> None:
 
 command.add_command(start_command)
 command.add_command(stop_command)
+command.add_command(program_command)
 
 
 @make_command("info", command)

@@ -8,7 +8,7 @@ from lippmann.board.board import Board
 from lippmann.board.frames import Target, load_frame
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
-from lippmann.cli.options.port import BAUD, check_board
+from lippmann.cli.options.port import BAUD, check_board, chosen_port
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import InputError
@@ -23,7 +23,7 @@ def command(
         "Display file; its panel is the monitor.", None, flag="--display", metavar="FILE"
     ),
     port: str | None = option("A board that knows the display behind the monitor.", None, metavar="URL"),
-    baud: int = BAUD,
+    baud: int | None = BAUD,
     monitor: int = option("Number of the monitor, from 0.", 0, click.IntRange(0)),
     seconds: float | None = option("Duration; default: until Escape or q is pressed.", None, Finite(0.0)),
     force: bool = option("Show an image that was rendered for another display, or names none.", False),
@@ -43,7 +43,7 @@ def command(
         panel = display.panel
         target = Target(int(display.identity, 16), panel.width_px, panel.height_px)
     if port is not None:
-        with Board.open(port, baud) as board:
+        with Board.open(*chosen_port(port, baud)) as board:
             if display_path is not None and not force:
                 check_board(board, display, display_path)
             target = Target(board.info.identity, board.info.width, board.info.height)

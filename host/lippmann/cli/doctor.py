@@ -9,6 +9,8 @@ from typing import Any
 
 from lippmann import __version__
 from lippmann.board.discovery import baud_of_board
+from lippmann.board.fpga_boards import board_of_port
+from lippmann.board.program import LOADER
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, LippmannError, MissingLibraryError, to_install
@@ -55,7 +57,7 @@ def command(
         except LippmannError as error:
             check(f"mitsuba on {device}", False, str(error), needed)
     check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
-    for tool in (*RTL_TOOLS, POVRAY):
+    for tool in (*RTL_TOOLS, LOADER, POVRAY):
         at = tool.find()
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'missing: {tool.remedy}'}", needed=False)
     adapters = adapter_ports()
@@ -63,7 +65,9 @@ def command(
         # Opening a port moves its control lines, which resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
-        check(url, trouble is None, str(trouble or detail), needed=False)
+        board = board_of_port(url)
+        known = "" if board is None else f"{board.title}, {board.baud} baud: "
+        check(url, trouble is None, f"{known}{trouble or detail}", needed=False)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
         trouble = port_trouble(port)

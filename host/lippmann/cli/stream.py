@@ -26,7 +26,7 @@ RETRY_S = 0.5
 def command(
     images: tuple[str, ...] = argument("IMAGE...", kind=str, nargs=-1),
     port: str | None = PORT,
-    baud: int = BAUD,
+    baud: int | None = BAUD,
     display_path: str | None = option(
         "The board's display file; its curve and bits must be the image's.", None, flag="--display", metavar="FILE"
     ),
@@ -55,8 +55,8 @@ def command(
     display = None if display_path is None else load_display(display_path)
     for image in images:
         check_input(image)
-    url = chosen_port(port, baud)
-    board = _opened(url, baud, resume_s)
+    url, rate = chosen_port(port, baud)
+    board = _opened(url, rate, resume_s)
     try:
         hello = board.info
         if display is not None and not force:
@@ -90,7 +90,7 @@ def command(
                         arrived = len(sent.arrived)
                         log(f"{error}; looking for the board for {resume_s:g} s")
                         board.close()
-                        board = _opened(url, baud, resume_s)
+                        board = _opened(url, rate, resume_s)
                         board.must_be(hello)
                         if stuck:
                             log(f"{url}: no tile arrives; resetting the board")

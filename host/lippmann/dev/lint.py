@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from lippmann.board.fpga_boards import FpgaBoard, fpga_boards
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.sim.tools import PREFIX, needed, repository, rtl_folders, rtl_sources, verilator_environment
@@ -50,21 +51,31 @@ def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subp
     return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 
+def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
+    """Elaborate the top of an FPGA board, with all warnings; of its vendor's cells only the ports are known."""
+    top = repository()
+    own = {path.stem: path for folder in board.folders for path in sorted(folder.glob("*.sv"))}
+    settings = [top / "rtl" / folder / "lint.vlt" for folder in ("registers", "ecp5")]
+    files = needed(board.top, {path.stem: path for path in rtl_sources(top)} | own)
+    return elaborated(board.top, [*settings, *files, top / "rtl" / "ecp5" / "black_boxes.v"], "-Wall", parameters={})
+
+
 @click.command()
 def main() -> None:
-    """Lint every module with its default parameters; exit 1 when Verilator warns about one.
+    """Lint every module, and every FPGA board, with its default parameters; exit 1 when Verilator warns about one.
 
     Example: python -m lippmann.dev.lint
     """
-    modules = sorted(folder_of_modules())
+    modules, boards = sorted(folder_of_modules()), fpga_boards()
     bad = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = list(pool.map(lint, modules))
-    for module, done in zip(modules, found, strict=True):
+        found = [*pool.map(lint, modules), *pool.map(lint_board, boards.values())]
+    for name, done in zip([*modules, *boards], found, strict=True):
         if done.returncode or done.stderr.strip():
-            bad.append(module)
+            bad.append(name)
             click.echo(done.stderr, err=True)
-    log(f"{', '.join(bad)}: mend the warnings above" if bad else f"{len(modules)} RTL modules: no warning")
+    said = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
+    log(f"{', '.join(bad)}: mend the warnings above" if bad else said)
     sys.exit(bool(bad))
 
 

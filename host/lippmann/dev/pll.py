@@ -72,8 +72,9 @@ def solve(
 ) -> Pll:
     """Return the dividers whose pixel clock is nearest to `pixel_mhz`, and whose memory clock is then the fastest.
 
-    Pixel clocks within `ALIKE` are equally near. `memory_mhz` are the least and the greatest clock of the memory. The system has `samples` clocks a pixel; with `dvi`
-    there are five shift clocks a pixel. Raises InputError when no dividers give a pixel clock within `TOLERANCE`.
+    Pixel clocks within `ALIKE` are equally near. `memory_mhz` are the least and the greatest clock of the memory. The
+    system has `samples` clocks a pixel; with `dvi` there are five shift clocks a pixel. Raises InputError when no
+    dividers give a pixel clock within `TOLERANCE`.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"

@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools.command.build_py import build_py
 
 #: What an installed package needs of the checkout: patterns of files.
-CARRIED = ("rtl/*", "rtl/*/*", "sim/batch/*", "sim/board/*")
+CARRIED = ("rtl/*", "rtl/*/*", "rtl/board/*/*", "sim/batch/*", "sim/board/*")
 #: Their folder in the package; `lippmann.sim.tools.hardware` returns it. setuptools imports this file alone, without
 #: the package, so the name is written twice.
 INSTALLED = "hardware"

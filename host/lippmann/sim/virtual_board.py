@@ -111,9 +111,8 @@ def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
     """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
-        raise InputError(
-            f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)} baud"
-        )
+        fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
+        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {fastest} baud")
     return step
 
 

@@ -56,11 +56,13 @@ module lipp_ulx3s_clocks #(
   assign pixel_clk_o = PixelDiv == SystemDiv ? system_clk_o : os3;
 
   // No reset forgets it: it begins with the FPGA's configuration.
-  logic locked, seen_q = 1'b0, lost_q = 1'b0;
-  lipp_bit_sync i_locked (.clk_i, .rst_ni(1'b1), .d_i(locked_o), .q_o(locked));
+  (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
+  logic seen_q, lost_q;
+  initial {locked_q, seen_q, lost_q} = '0;
   always_ff @(posedge clk_i) begin
-    seen_q <= seen_q || locked;
-    lost_q <= lost_q || (seen_q && !locked);
+    locked_q <= {locked_q[0], locked_o};
+    seen_q <= seen_q || locked_q[1];
+    lost_q <= lost_q || (seen_q && !locked_q[1]);
   end
   assign lost_o = lost_q;
 

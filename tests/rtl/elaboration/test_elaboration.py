@@ -92,9 +92,11 @@ PARAMETERS = {
     "blend": [*F_SETS, *CELLS, {"F": 23, "Second": 0}, {"F": 14, "Wx": 18}, {"F": 23, "Wx": 27, "CrossCells": 1},
               {"F": 23, "Wx": 27, "Wa": 27}],
     "board": [
-        {"ByteLink": 1, "HPositive": 0, "VPositive": 0, "StoreLatency": 5, **built(Grid=1)},
+        {"ByteLink": 1, "HPositive": 0, "VPositive": 0, **built(Grid=1)},
         {**built(F=16), **drawn(2, 3, 5, 32, 1, 1)},
     ],
+    "board_lamps": [{"HoldBits": 1, "StillBits": 1}],
+    "video_board": [{"Dvi": 0, **built(F=14, Model=0)}],
     "block_ring": [{"Width": w, "Cycles": c} for w, c in ((1, 5), (30, 33))],
     "config_bank": [{"Width": w} for w in (1, 1140)],
     "cut_product": PRODUCTS,
@@ -120,7 +122,7 @@ PARAMETERS = {
     "extent": [{"Grid": g} for g in (0, 1)],
     "fifo": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
     "memory_1w1r": [{"Width": w, "AddressBits": b} for w, b in ((1, 2), (150, 9))],
-    "frame_check": [*PANELS, {"ReadLatency": 3}],
+    "frame_check": PANELS,
     "frame_gate": [{}],
     "block_store": PANELS,
     "frame_store": PANELS,
@@ -184,6 +186,8 @@ PARAMETERS = {
     "ring": [{"Width": w, "Cycles": c} for w, c in ((1, 2), (30, 17), (30, 33))],
     "rsqrt": F_SETS,
     "saturate": [{"From": a, "To": b, "Slack": c} for a, b, c in ((20, 18, 6), (18, 18, 17), (5, 1, 0))],
+    "pixel_feed": [{"Pixels": n} for n in (1, 1000)],
+    "show_frame": PANELS,
     "scan_out": [{**panel, **grid, "ClocksPerPixel": n}
                  for panel, grid, n in zip(PANELS, GRID_SETS, (1, 2, 4, 1), strict=True)],
     "sdram_arbiter": [{}],
@@ -286,7 +290,7 @@ REFUSED = [
     ),
     *(
         (module, {"Width": w, "Height": h}, f"{module}: Width and Height must be 1 to 16383")
-        for module in ("scan_out", "tile_writer", "frame_check", "test_pattern")
+        for module in ("scan_out", "tile_writer", "frame_check", "show_frame", "test_pattern")
         for w, h in ((0, 8), (8, 16384))
     ),
     ("dispatcher", {"ClockHz": 0}, "dispatcher: ClockHz must be 1 or more"),
@@ -325,6 +329,10 @@ REFUSED = [
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
     ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
     ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
+    *(
+        ("board_lamps", {name: 0}, "board_lamps: HoldBits and StillBits must be 1 or more")
+        for name in ("HoldBits", "StillBits")
+    ),
     ("tmds_serialiser", {"Channels": 0}, "tmds_serialiser: Channels must be 1 or more"),
     ("bit_sync", {"Stages": 1}, "bit_sync: Stages must be 2 or more"),
     ("reset_sync", {"Stages": 1}, "reset_sync: Stages must be 2 or more"),
@@ -384,8 +392,6 @@ REFUSED = [
     ("board", {"VFront": 0, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
     ("board", {"Width": 16383, "Height": 16383, **LIGHT}, "board: the panel must have fewer than 65536 tiles"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
-    ("board", {"StoreLatency": 0, **LIGHT}, "board: StoreLatency must be 1 to "),
-    ("board", {"StoreLatency": 14, **LIGHT}, "board: StoreLatency must be 1 to "),
     ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
     (
         "board",
@@ -397,6 +403,7 @@ REFUSED = [
         for side in ("Width", "Height")
         for n in (0, 16384)
     ),
+    ("pixel_feed", {"Pixels": 0}, "pixel_feed: Pixels must be 1 or more"),
     ("scene_block", drawn(layers=0), "scene_block: Scene must be a legal build"),
     *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
@@ -404,14 +411,11 @@ REFUSED = [
         ("slot_loader", {name: n}, "slot_loader: Slots must be 1 to 15, and Blocks 1 to 256")
         for name, n in (("Slots", 0), ("Slots", 16), ("Blocks", 0), ("Blocks", 257))
     ),
-    ("frame_check", {"ReadLatency": 1}, "frame_check: ReadLatency must be 2 or more"),
-    ("scan_out", {"ReadLatency": 40}, "scan_out: ReadLatency must be 1 or more, and below"),
     *(
         ("scan_out", {name: n}, "scan_out: porches must be 0 or more, and syncs and VFront 1 or more")
         for name, n in (("HFront", -5), ("HBack", -60), ("VBack", -3), ("VFront", 0), ("HSync", 0), ("VSync", 0))
     ),
     ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: a line must be "),
-    ("tile_writer", {"ReadLatency": 0}, "tile_writer: ReadLatency must be 1 or more"),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
     ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
     ("ring", {"Cycles": 1}, "ring: Width must be 1 or more and Cycles 2 or more"),

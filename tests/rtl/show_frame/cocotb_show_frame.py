@@ -20,7 +20,7 @@ class Bench:
         self.buffers = [[random.randint(1, (1 << 24) - 1) for _ in range(PIXELS)] for _ in range(2)]
         self.crcs = [self.crc(buffer) for buffer in (0, 1)]
         self.coming, self.speed = [], 1.0  # pixels of the request that runs; how often one comes
-        self.front = self.late = 0         # pixels late, as the device counts them
+        self.front = self.late = 0  # late: pixels that were, as the device counts them
 
     def crc(self, buffer):
         return zlib.crc32(b"".join(pixel.to_bytes(3) for pixel in self.buffers[buffer]))
@@ -104,7 +104,8 @@ async def a_pixel_is_at_its_place_or_black_and_counted(dut):
         assert all(got in (0, pixel) for got, pixel in zip(places, wanted, strict=True))
         if shown:
             assert bench.late - late == sum(dark)
-            SEEN.point("a pixel is late, and one after it is not", (True, False) in itertools.pairwise(dark) or PIXELS == 1)
+            late_then_not = (True, False) in itertools.pairwise(dark)
+            SEEN.point("a pixel is late, and one after it is not", late_then_not or PIXELS == 1)
             SEEN.point("pixels of the frame before are missing: the frame is black", missing and all(dark))
         else:
             assert all(dark)

@@ -91,8 +91,8 @@ class Bench:
         self.dut, self.edge = dut, FallingEdge(dut.clk_i)
         self.store = np.zeros((2, HEIGHT, WIDTH, 3), np.uint8)
         self.pauses = "always"  # when the store works
-        self.inputs = ("pause_i", "start_i", "tile_i", "coding_i", "buffer_i", "empty_i", "valid_i", "data_i", "last_i", "fill_i",
-                       "at_buffer_i", "at_i", "rgb_i")  # fmt: skip
+        self.inputs = ("pause_i", "start_i", "tile_i", "coding_i", "buffer_i", "empty_i", "valid_i", "data_i", "last_i",
+                       "fill_i", "at_buffer_i", "at_i", "rgb_i")  # fmt: skip
 
     async def begin(self):
         dut = self.dut

@@ -10,10 +10,10 @@ import click
 
 from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
+from lippmann.board.fpga_boards import usual_baud
 from lippmann.cli.frame import option
 from lippmann.display import Display
 from lippmann.errors import input_error
-from lippmann.link.port import DEFAULT_BAUD
 
 PORT = option(
     "The board's port: a device, a pty, or socket://HOST:PORT. Default: the one USB serial adapter on which a board "
@@ -21,19 +21,27 @@ PORT = option(
     None,
     metavar="URL",
 )
-BAUD = option("Baud rate of a serial port.", DEFAULT_BAUD, click.IntRange(1))
+BAUD = option(
+    "Baud rate of a serial port. Default: that of a known board (ULX3S: 3000000), else 115200.",
+    None,
+    click.IntRange(1),
+)
 
 
-def chosen_port(port: str | None, baud: int) -> str:
-    """Return `port`; when it is None, that of the only board that answers. Raises DeviceError unless there is one."""
-    return find_board(baud=baud, allowed=_confirmed).url if port is None else port
+def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
+    """Return port and baud rate; when `port` is None, the port of the only board that answers.
+
+    Raises DeviceError unless there is one.
+    """
+    url = find_board(baud=baud, allowed=_confirmed).url if port is None else port
+    return url, baud or usual_baud(url)
 
 
 OpenBoard = Callable[[], Board]
 
 
-def _opened(*, port: str | None = PORT, baud: int = BAUD) -> OpenBoard:
-    return lambda: Board.open(chosen_port(port, baud), baud)
+def _opened(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoard:
+    return lambda: Board.open(*chosen_port(port, baud))
 
 
 #: Opens the board that --port and --baud name, or the only board found. Raises as `chosen_port` and `Board.open`.

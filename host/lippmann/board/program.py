@@ -1,0 +1,110 @@
+"""Programs an FPGA board by openFPGALoader."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from lippmann.board.bitfile import BitFile, read_bitfile
+from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
+from lippmann.errors import DeviceError, InputError, device_error, input_error, no_board_error
+from lippmann.sim.tools import Tool
+
+LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
+#: Longest time of a load, which takes a quarter of a minute; into the flash memory some minutes, s.
+LOAD_SECONDS = 600.0
+#: Where Linux lists the devices on USB.
+USB_DEVICES = Path("/sys/bus/usb/devices")
+#: Words of openFPGALoader when it finds no board.
+NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
+
+
+def on_usb(usb: Usb) -> list[str] | None:
+    """Return the serial numbers of a kind of board on USB; None where Linux does not list the devices.
+
+    A board without a serial port is found too: openFPGALoader takes the adapter from the port's driver.
+    """
+    if not USB_DEVICES.is_dir():
+        return None
+    found = []
+    for device in sorted(USB_DEVICES.iterdir()):
+        told = {}
+        for name in ("idVendor", "idProduct", "product", "serial"):
+            path = device / name
+            told[name] = path.read_text(errors="replace").strip() if path.is_file() else ""
+        same = (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}")
+        if same and usb.text in told["product"]:
+            found.append(told["serial"])
+    return found
+
+
+def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
+    """Return the board that a bitstream is for; `name` stands for a header that names none.
+
+    Raises InputError when the bitstream is for another board or another FPGA.
+    """
+    if name is None and not file.board:
+        raise input_error(str(path), "the bitstream names no board", "name it with --board")
+    board = fpga_board(name or file.board)
+    if file.board and file.board != board.name:
+        raise input_error(str(path), f"the bitstream is for {file.board}, not {board.name}", "give that board's file")
+    if file.idcode != board.fpga.idcode:
+        what = f"the bitstream is for an {file.device}, {board.name} has an {board.fpga.name}"
+        raise input_error(str(path), what, "make one for this board (make bitstream)")
+    return board
+
+
+def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
+    """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
+
+    Parameters
+    ----------
+    name
+        The board, for a bitstream that names none.
+    serial
+        The serial number of the board's USB adapter; None: the only board on USB.
+
+    Raises InputError for a wrong file, MissingLibraryError without openFPGALoader, and DeviceError when there is no
+    board or more than one, or the loader fails.
+    """
+    file = read_bitfile(path)
+    board = board_of(path, file, name)
+    loader = LOADER.path()
+    serials = on_usb(board.usb)
+    remedy = "connect its USB socket US1, and switch it on"
+    if serials is not None and serial is not None and serial not in serials:
+        known = ", ".join(serials) or "none"
+        raise no_board_error(
+            f"--serial {serial}", f"no {board.name} on USB has this serial number", f"there is {known}"
+        )
+    if serials == []:
+        raise no_board_error(board.name, "no such board is on USB", remedy)
+    if serials is not None and serial is None and len(serials) > 1:
+        what = f"{len(serials)} boards are on USB ({', '.join(serials)})"
+        raise device_error(board.name, what, "name one with --serial")
+    command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
+    command += ["--write-flash" if flash else "--write-sram", str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LOAD_SECONDS)
+    except subprocess.TimeoutExpired:
+        late = f"openFPGALoader did not end within {LOAD_SECONDS:.0f} s"
+        raise device_error(board.name, late, "plug the board in again") from None
+    except OSError as error:
+        raise InputError(f"{loader}: cannot be run ({error.strerror}); {LOADER.remedy}") from None
+    if done.returncode:
+        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, remedy)
+    return board
+
+
+def _failure(board: FpgaBoard, said: str, code: int, remedy: str) -> DeviceError:
+    """Return the error of a loader that failed, with its own words."""
+    lines = [" ".join(line.split()) for line in said.replace("\r", "\n").splitlines() if line.strip()]
+    wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
+    why = (wrong or lines or [f"exit code {code}"])[-1]
+    if any(word in said.lower() for word in NOT_FOUND):
+        return no_board_error(board.name, f"openFPGALoader finds no board ({why})", remedy)
+    if "permission" in said.lower() or "access" in said.lower():
+        return device_error(
+            board.name, f"openFPGALoader may not use the board ({why})", "install its udev rules, or use sudo"
+        )
+    return device_error(board.name, f"openFPGALoader failed ({why})", "plug the board in again, then run it again")

@@ -1,0 +1,44 @@
+"""`lippmann board program`: load a bitstream into an FPGA board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lippmann.board.bitfile import read_bitfile
+from lippmann.board.program import program
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.output import emit, log
+from lippmann.display import load_display
+from lippmann.errors import input_error
+
+
+@make_command("program")
+def program_command(
+    file: str = argument("FILE.bit"),
+    board: str | None = option("The board, for a bitstream that names none.", None, metavar="NAME"),
+    serial: str | None = option("Serial number of the board's USB adapter, where there are two boards.", None),
+    flash: bool = option("Write the board's flash memory: the FPGA loads it at each power-up.", False),
+    display_path: str | None = option(
+        "Refuse a bitstream that is for another display.", None, flag="--display", metavar="FILE"
+    ),
+) -> None:
+    """Load a bitstream into an FPGA board by openFPGALoader.
+
+    It stays until the board is switched off.
+
+    Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
+    """
+    path = Path(file)
+    told = read_bitfile(path)
+    if display_path is not None:
+        display = load_display(display_path)
+        if told.identity != display.identity:
+            what = f"the bitstream is for display {told.identity or 'unknown'}, {display_path} is {display.identity}"
+            raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
+    log(f"{file}: openFPGALoader writes it, which takes a while")
+    found = program(path, board, serial, flash)
+    result = {
+        "file": file, "board": found.name, "device": told.device, "display": told.display, "identity": told.identity,
+        "flash": flash,
+    }  # fmt: skip
+    emit(result, f"{found.name}: {'its flash memory holds' if flash else 'runs'} {told.display or file}")

@@ -1,0 +1,99 @@
+"""The PLL's dividers: legal by the data sheet, near enough, and the best of all, by the formulas written again here."""
+
+import random
+from fractions import Fraction
+from itertools import product
+
+import pytest
+from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
+from lippmann.errors import InputError
+
+MEMORY = Fraction(60), Fraction(125)
+#: Timings of VESA DMT and CEA-861, and of reduced blanking.
+PANELS = {
+    (640, 480): (16, 96, 48, 10, 2, 33),
+    (1280, 720): (110, 40, 220, 5, 5, 20),
+    (800, 480): (48, 32, 80, 3, 8, 30),
+    (1024, 600): (48, 32, 80, 3, 8, 30),
+    (1280, 800): (48, 32, 80, 3, 8, 30),
+    (480, 272): (48, 32, 80, 3, 8, 30),
+}
+
+
+def assert_legal(pll, pixel_mhz, samples, dvi):
+    """The data sheet's limits (FPGA-DS-02012: sysCLOCK PLL timing), and what the clocks are to each other."""
+    assert 8 <= pll.oscillator_mhz <= 400
+    assert 3.125 <= pll.oscillator_mhz / pll.input_div <= 400
+    dividers = (pll.input_div, pll.feedback_div, pll.shift_div, pll.system_div, pll.memory_div, pll.pixel_div)
+    assert all(1 <= divider <= 128 for divider in dividers)
+    back = {0: pll.shift_div, 1: pll.system_div, 2: pll.memory_div}[pll.feedback]
+    # The phase detector compares the oscillator, divided, with the output that is fed back, divided.
+    assert pll.oscillator_mhz / pll.input_div == pll.vco_mhz / back / pll.feedback_div
+    assert 400 <= pll.vco_mhz <= 800
+    clocks = pll.clocks_mhz
+    assert abs(clocks["pixel"] / pixel_mhz - 1) <= Fraction(5, 1000)
+    assert clocks["system"] == samples * clocks["pixel"]
+    if dvi:
+        assert clocks["shift"] == 5 * clocks["pixel"]
+    assert MEMORY[0] <= clocks["memory"] <= MEMORY[1]
+
+
+def test_the_two_video_modes():
+    vga = solve(panel_pixel_mhz(640, 480, PANELS[640, 480]), Fraction(25), MEMORY)
+    assert vga == Pll(Fraction(25), 5, 21, 2, 5, 25, 6, 25)
+    assert (vga.vco_mhz, vga.clocks_mhz["memory"], vga.clocks_mhz["pixel"]) == (630, 105, Fraction(252, 10))
+    hd = solve(panel_pixel_mhz(1280, 720, PANELS[1280, 720]), Fraction(25), MEMORY)
+    assert hd == Pll(Fraction(25), 7, 104, 0, 2, 10, 6, 10)
+    assert [round(float(hd.clocks_mhz[name]), 2) for name in ("shift", "system", "memory")] == [371.43, 74.29, 123.81]
+
+
+@pytest.mark.parametrize("dvi", [True, False])
+@pytest.mark.parametrize("samples", [1, 2])
+@pytest.mark.parametrize("size", PANELS)
+def test_dividers_are_legal(size, samples, dvi):
+    pixel = panel_pixel_mhz(*size, PANELS[size])
+    assert_legal(solve(pixel, Fraction(25), MEMORY, samples=samples, dvi=dvi), pixel, samples, dvi)
+
+
+def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
+    random.seed(1908)
+    found = 0
+    for _ in range(60):
+        pixel = Fraction(random.randrange(6000, 80000), 1000)
+        oscillator = Fraction(random.choice((12, 25, 27, 48, 100)))
+        dvi = random.random() < 0.7
+        try:
+            pll = solve(pixel, oscillator, MEMORY, dvi=dvi)
+        except InputError:
+            continue
+        found += 1
+        assert_legal(pll, pixel, 1, dvi)
+    assert found > 40
+
+
+def test_no_dividers_are_nearer_or_faster():
+    """All dividers of a small part of the space, by the formulas."""
+    pixel, oscillator = Fraction(252, 10), Fraction(25)
+    best = solve(pixel, oscillator, MEMORY)
+    key = max(abs(best.clocks_mhz["pixel"] / pixel - 1), Fraction(1, 1000)), -best.clocks_mhz["memory"]
+    for input_div, shift, memory, times in product(range(1, 9), range(3, 7), range(3, 14), range(1, 129)):
+        for back in (shift, 5 * shift, memory):
+            vco = oscillator / input_div * times * back
+            error = abs(vco / (5 * shift) / pixel - 1)
+            if 400 <= vco <= 800 and error <= Fraction(5, 1000) and MEMORY[0] <= vco / memory <= MEMORY[1]:
+                assert (max(error, Fraction(1, 1000)), -vco / memory) >= key
+
+
+@pytest.mark.parametrize(
+    ("pixel", "oscillator", "memory", "said"),
+    [
+        (Fraction(200), Fraction(25), MEMORY, "no pixel clock within 0.5%"),  # VCO 2000 MHz
+        (Fraction(1), Fraction(25), MEMORY, "no pixel clock within 0.5%"),  # VCO 128 MHz at most
+        (Fraction(25), Fraction(25), (Fraction(124), Fraction(1241, 10)), "one of 124 to 124 MHz"),
+        (Fraction(25), Fraction(7), MEMORY, "an oscillator of 7 MHz"),
+        (Fraction(25), Fraction(401), MEMORY, "an oscillator of 401 MHz"),
+    ],
+)
+def test_what_has_no_dividers_is_refused(pixel, oscillator, memory, said):
+    with pytest.raises(InputError, match=said):
+        solve(pixel, oscillator, memory)

@@ -1,0 +1,234 @@
+"""`lippmann board program` with a loader that is none: its arguments, and each way to fail. How a ULX3S is known."""
+
+import json
+import os
+import stat
+from types import SimpleNamespace
+
+import pytest
+from lippmann.board import program as program_module
+from lippmann.board.bitfile import comment, read_bitfile
+from lippmann.board.fpga_boards import board_of_port, fpga_board, usual_baud
+from lippmann.cli import run
+from lippmann.errors import InputError
+from lippmann.link import port as port_module
+from lippmann.sim.tools import repository
+
+VGA = str(repository() / "scenes/displays/vga-square.toml")
+IDENTITY = "fff26505bc0c5ffc"
+ULX3S = SimpleNamespace(device="/dev/ttyUSB3", vid=0x0403, pid=0x6015, product="ULX3S FPGA 85K v3.0.8")
+OTHER = SimpleNamespace(device="/dev/ttyUSB1", vid=0x0403, pid=0x6015, product="FT231X USB UART")
+
+
+OWN = comment("ulx3s", "vga-square", IDENTITY, 2)
+
+
+def bits(text=OWN, idcode=0x41113043):
+    """The beginning of a bitstream as ecppack writes it: texts, preamble, reset of the checksum, identity."""
+    texts = b"".join(one.encode() + b"\0" for one in (text, "Part: LFE5U-85F-6CABGA381") if one)
+    head = b"\xff\x00" + texts + b"\xff" + b"\xff\xff\xbd\xb3" + b"\xff" * 4 + b"\x3b\0\0\0"
+    return head + b"\xe2\0\0\0" + idcode.to_bytes(4, "big") + b"\x22\0\0\0" + bytes(64)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with board.bit, a loader that notes its arguments, and one ULX3S on USB."""
+    (tmp_path / "board.bit").write_bytes(bits())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"), prepend=os.pathsep)
+    loads(tmp_path, 'printf "Load SRAM: [==]\\nDone\\n"')
+    on_usb(tmp_path, monkeypatch, "K00219")
+    return tmp_path
+
+
+def loads(place, script):
+    """Put a loader there: a shell script, which notes its arguments in called.txt first."""
+    (place / "bin").mkdir(exist_ok=True)
+    path = place / "bin" / "openFPGALoader"
+    path.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > "{place}/called.txt"\n{script}\n')
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+
+
+def on_usb(place, monkeypatch, *serials):
+    """List devices as Linux does: a hub, an adapter of another product, and ULX3S boards of these serial numbers."""
+    devices = place / f"usb-{len(serials)}"
+    monkeypatch.setattr(program_module, "USB_DEVICES", devices)
+    listed = [("1d6b", "0002", "xHCI Host Controller", "0"), ("0403", "6015", "FT231X USB UART", "DN0"),
+              *(("0403", "6015", "ULX3S FPGA 85K v3.0.8", serial) for serial in serials)]  # fmt: skip
+    for number, values in enumerate(listed):
+        device = devices / f"1-{number}"
+        device.mkdir(parents=True)
+        for name, value in zip(("idVendor", "idProduct", "product", "serial"), values, strict=True):
+            (device / name).write_text(value + "\n")
+    (devices / "1-0:1.0").mkdir()  # an interface has none of them
+
+
+def refused(capsys, code, *arguments):
+    """The one line with which the command ends, after the line that it begins to load."""
+    assert run(["board", "program", *map(str, arguments)]) == code
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    *before, line = captured.err.splitlines()
+    assert len(before) <= 1
+    return line
+
+
+def called(place):
+    return (place / "called.txt").read_text().splitlines()
+
+
+def test_the_loader_is_called(place, capsys):
+    assert run(["board", "program", "board.bit", "--display", VGA]) == 0
+    assert capsys.readouterr().out == "ulx3s: runs vga-square\n"
+    assert called(place) == ["--board", "ulx3s", "--write-sram", "board.bit"]
+    assert run(["board", "program", "board.bit", "--flash", "--serial", "K00219", "--json"]) == 0
+    assert called(place) == ["--board", "ulx3s", "--ftdi-serial", "K00219", "--write-flash", "board.bit"]
+    assert json.loads(capsys.readouterr().out) == {
+        "file": "board.bit", "board": "ulx3s", "device": "LFE5U-85F", "display": "vga-square", "identity": IDENTITY,
+        "flash": True,
+    }  # fmt: skip
+
+
+def test_a_missing_loader(place, monkeypatch, capsys):
+    (place / "bin" / "openFPGALoader").unlink()
+    line = refused(capsys, 3, "board.bit")
+    assert line == "lippmann: openFPGALoader is missing; run sudo apt-get install -y openfpgaloader"
+
+
+def test_no_board_and_two_boards(place, monkeypatch, capsys):
+    on_usb(place, monkeypatch)
+    line = refused(capsys, 1, "board.bit")
+    assert line == "lippmann: ulx3s: no such board is on USB; connect its USB socket US1, and switch it on"
+    on_usb(place, monkeypatch, "K00219", "K00042")
+    assert "2 boards are on USB (K00219, K00042); name one with --serial" in refused(capsys, 1, "board.bit")
+    assert not (place / "called.txt").exists()
+    assert run(["board", "program", "board.bit", "--serial", "K00042"]) == 0
+    assert "K00042" in called(place)
+    capsys.readouterr()
+    assert "there is K00219, K00042" in refused(capsys, 1, "board.bit", "--serial", "K1")
+
+
+def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
+    monkeypatch.setattr(program_module, "USB_DEVICES", place / "none")
+    assert run(["board", "program", "board.bit"]) == 0
+    capsys.readouterr()
+    loads(place, 'echo "unable to open ftdi device: -3 (device not found)" >&2; exit 1')
+    line = refused(capsys, 1, "board.bit")
+    assert "openFPGALoader finds no board (unable to open ftdi device: -3 (device not found)); connect" in line
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in"),
+        ("exit 7", "openFPGALoader failed (exit code 7); plug"),
+        ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "install its udev rules"),
+    ],
+)  # fmt: skip
+def test_errors_of_the_loader(place, script, said, capsys):
+    loads(place, script)
+    assert said in refused(capsys, 1, "board.bit")
+
+
+def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
+    loads(place, "exec sleep 30")
+    monkeypatch.setattr(program_module, "LOAD_SECONDS", 0.3)
+    assert "did not end within 0 s" in refused(capsys, 1, "board.bit")
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "said"),
+    [
+        (b"", (), "is not an ECP5 bitstream"),
+        (b"PNG" * 100, (), "is not an ECP5 bitstream"),
+        (bits()[:100], (), "is not an ECP5 bitstream"),
+        (bits().replace(b"\xe2\0\0\0", b"\xe3\0\0\0"), (), "is not an ECP5 bitstream"),
+        (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
+        (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
+        (bits(""), (), "names no board; name it with --board"),
+        (bits(), ("--board", "ulx3s_lcd"), "is for ulx3s, not ulx3s_lcd"),
+        (bits(comment("arty", "x", IDENTITY, 1)), (), "arty: no such board"),
+        (bits(), ("--board", "ulx3"), "did you mean ulx3s?"),
+        (bits(comment("ulx3s", "x", "0" * 16, 1)), ("--display", VGA), f"is for display {'0' * 16}"),
+        (bits(""), ("--board", "ulx3s", "--display", VGA), "is for display unknown"),
+    ],
+)
+def test_a_wrong_file_is_not_loaded(place, data, options, said, capsys):
+    (place / "board.bit").write_bytes(data)
+    line = refused(capsys, 2, "board.bit", *options)
+    assert said in line
+    assert "; " in line or "?" in line
+    assert not (place / "called.txt").exists()
+
+
+def test_no_file(place, capsys):
+    assert "no such file; run make bitstream" in refused(capsys, 2, "none.bit")
+    assert "cannot be read" in refused(capsys, 2, place)
+
+
+def test_another_programs_bitstream_is_loaded_into_a_board_that_is_named(place, capsys):
+    (place / "board.bit").write_bytes(bits(""))
+    assert run(["board", "program", "board.bit", "--board", "ulx3s"]) == 0
+    assert capsys.readouterr().out == "ulx3s: runs board.bit\n"
+
+
+def test_a_header_of_any_bytes_is_a_header_or_refused(tmp_path):
+    path = tmp_path / "any.bit"
+    whole = bits()
+    for end in range(len(whole)):
+        path.write_bytes(whole[:end])
+        try:
+            told = read_bitfile(path)
+        except InputError:
+            continue
+        assert (told.device, told.identity) == ("LFE5U-85F", IDENTITY)
+        assert end >= whole.index(b"\xe2") + 8
+
+
+# --- ports ---------------------------------------------------------------------------------------------
+
+
+def test_a_ulx3s_is_known_and_has_its_baud_rate(monkeypatch):
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    assert board_of_port("/dev/ttyUSB3") is fpga_board("ulx3s")
+    assert board_of_port("/dev/ttyUSB1") is None
+    assert usual_baud("/dev/ttyUSB3") == 3_000_000
+    assert usual_baud("/dev/ttyUSB1") == usual_baud("socket://127.0.0.1:4000") == 115_200
+
+
+@pytest.mark.parametrize(("options", "rate"), [((), 3_000_000), (("--baud", "9600"), 9600)])
+def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
+    from lippmann.board import discovery
+    from lippmann.errors import DeviceError
+
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    opened = {}
+
+    def refuse(url, baud, *_):
+        opened[url] = baud
+        raise DeviceError(f"{url}: nothing answers; check it")
+
+    monkeypatch.setattr(discovery.Board, "open", refuse)
+    assert run(["board", "info", *options]) == 1
+    assert opened == {"/dev/ttyUSB1": rate if options else 115_200, "/dev/ttyUSB3": rate}
+    opened.clear()
+    assert run(["board", "info", "--port", "/dev/ttyUSB3", *options]) == 1
+    assert opened == {"/dev/ttyUSB3": rate}
+
+
+def test_doctor_names_the_board_and_the_loader(place, monkeypatch, capsys):
+    from lippmann.cli import doctor
+
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    monkeypatch.setattr(doctor, "port_trouble", lambda url: None)
+    run(["doctor", "--json"])
+    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert checks["/dev/ttyUSB3"]["detail"].startswith("Radiona ULX3S 85F, GPDI, 3000000 baud: ")
+    assert "ULX3S" not in checks["/dev/ttyUSB1"]["detail"]
+    assert checks["openFPGALoader"]["ok"]
+    (place / "bin" / "openFPGALoader").unlink()
+    run(["doctor", "--json"])
+    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert not checks["openFPGALoader"]["ok"]
+    assert not checks["openFPGALoader"]["needed"]
+    assert "apt-get install -y openfpgaloader" in checks["openFPGALoader"]["detail"]

@@ -1,0 +1,149 @@
+"""The ULX3S's top, pins and all: cells as their library describes them, a chip of SDRAM behind its pads, a host.
+
+A frame goes over the serial line into the SDRAM, and comes out of the GPDI pins, bit by bit; tmds.py decodes it.
+"""
+
+import random
+import struct
+import subprocess
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.board.fpga_boards import fpga_board
+from lippmann.board.tiles import TileGrid, code_tile
+from lippmann.dev.bitstream import plan
+from lippmann.display import load_display
+from lippmann.sim.compilation import FAST, kept, verilated
+from lippmann.sim.tools import needed, rtl_sources
+from lippmann.sim.virtual_board import step_of
+from packets import frame, with_crc
+from runner import BUILD, OPTIONS, TOP, seed
+from tmds import decoded
+
+HERE = Path(__file__).parent
+WIDTH, HEIGHT = 64, 32
+#: Porches and syncs: front, sync, back; then the same in lines.
+H, V = (8, 16, 24), (1, 2, 3)
+COLUMNS, LINES = WIDTH + sum(H), HEIGHT + sum(V)
+#: Optics as small as can be.
+SMALL = {"Build": "16'h000e", "Scene": "26'h0"}
+HELLO, TILE, PRESENT = 1, 4, 5
+
+
+pytestmark = pytest.mark.full  # two minutes of compilation
+
+
+@pytest.fixture(scope="module", params=["vga", "hd"])
+def mode(request):
+    """A PLL's setting and the program; both video modes' clocks, each with a small panel."""
+    display = load_display(str(TOP / f"scenes/displays/{request.param}-square.toml"))
+    pll = plan(fpga_board("ulx3s"), display, 0).pll
+    clocks = pll.clocks_mhz
+    clock_hz = round(clocks["system"] * 1_000_000)
+    values = {
+        **SMALL, **pll.parameters, "Width": WIDTH, "Height": HEIGHT,
+        **dict(zip(("HFront", "HSync", "HBack", "VFront", "VSync", "VBack"), (*H, *V), strict=True)),
+        "ClockHz": clock_hz, "MemoryHz": round(clocks["memory"] * 1_000_000),
+        "Identity": "64'h0123456789abcdef", "UartStep": f"16'd{step_of(3_000_000, clock_hz)}",
+    }  # fmt: skip
+    own = {path.stem: path for path in sorted((TOP / "rtl/board/ulx3s").glob("*.sv"))}
+    sources = [*needed("lipp_ulx3s", {path.stem: path for path in rtl_sources(TOP)} | own), HERE / "ecp5_cells.sv"]
+    options = [*OPTIONS, "--pins-inout-enables"]
+
+    def make(program):
+        verilated(program, "lipp_ulx3s", sources, [HERE / "main.cpp"], values, options=options, flags=FAST)
+
+    inputs = [*sources, HERE / "main.cpp", TOP / "sim/board/sdram.h", TOP / "sim/board/uart.h", repr(values), *options]
+    return pll, kept(BUILD / f"top-{request.param}", inputs, make)
+
+
+def played(mode, place, requests, pad_ps, lose=0):
+    """Run the board: (replies before, packet) for each request; its figures, packets of the board, and frames."""
+    pll, program = mode
+    listed = b"".join(
+        struct.pack("<BH", heard, len(data)) + data for heard, data in ((h, frame(with_crc(p))) for h, p in requests)
+    )
+    (place / "in").write_bytes(listed)
+    half = round(1_000_000 / float(pll.vco_mhz) / 2)
+    clock_hz = round(pll.clocks_mhz["system"] * 1_000_000)
+    arguments = {
+        "in": place / "in", "out": place / "out", "video": place / "video", "vco_ps": 2 * half, "pad_ps": pad_ps,
+        "system_div": pll.system_div, "shift_div": pll.shift_div, "step": step_of(3_000_000, clock_hz),
+        "frame_turns": COLUMNS * LINES * 2 * pll.system_div, "most_turns": 30_000_000, "replies": len(requests),
+        "lose": lose,
+    }  # fmt: skip
+    words = [f"{key}={value}" for key, value in arguments.items()]
+    words.append("+verilator+rand+reset+0")  # as an FPGA's registers begin
+    run = subprocess.run([program, *words], capture_output=True, text=True, check=True)
+    print(run.stdout)
+    figures = dict(line.split("=") for line in run.stdout.splitlines() if "=" in line)
+    broken = [line for line in run.stdout.splitlines() if line.startswith("violation")]
+    return {key: int(value) for key, value in figures.items()}, broken, (place / "video").read_bytes()
+
+
+def picture(bits):
+    """The last whole frame in the bits of the four pairs, (LINES, COLUMNS, 3): bytes, or 256 and control bits."""
+    pairs = np.unpackbits(np.frombuffer(bits, np.uint8)[:, None], axis=1, bitorder="little")[:, :4]
+    clock = pairs[:, 3]
+    begins = np.flatnonzero((clock[1:] == 1) & (clock[:-1] == 0))[:] + 1
+    assert set(np.diff(begins)) == {10}, "the pixel's clock is not five bits high and five low"
+    count = (len(pairs) - begins[0]) // 10
+    assert (clock[begins[0] :][: 10 * count].reshape(-1, 10) == [1] * 5 + [0] * 5).all()
+    symbols = pairs[begins[0] :][: 10 * count, :3].reshape(count, 10, 3)
+    words = (symbols * (1 << np.arange(10))[None, :, None]).sum(axis=1)
+    values = np.array([[decoded(int(word)) for word in row] for row in words])
+    # Polarities are negative: the vertical sync is bit 1, low while it lasts.
+    vertical = np.where(values[:, 0] >= 256, values[:, 0] >> 1 & 1, -1)
+    starts = [k for k in range(1, count) if vertical[k] == 0 and vertical[k - 1] == 1]
+    assert starts, "no vertical sync"
+    begin = starts[0]
+    assert begin + COLUMNS * LINES <= count, "no whole frame"
+    return values[begin : begin + COLUMNS * LINES].reshape(LINES, COLUMNS, 3)
+
+
+def shown(bits):
+    """The pixels of a frame, (HEIGHT, WIDTH, 3): red, green, blue; all else must be control periods."""
+    values = picture(bits)
+    pixels = values < 256
+    assert (pixels == pixels[..., :1]).all()
+    rows, columns = np.nonzero(pixels[..., 0])
+    top, left = rows.min(), columns.min()
+    assert pixels[top : top + HEIGHT, left : left + WIDTH].all()
+    assert pixels[..., 0].sum() == WIDTH * HEIGHT
+    return values[top : top + HEIGHT, left : left + WIDTH, ::-1].astype(np.uint8)
+
+
+def requests_of(image):
+    """HELLO, the image's tiles, PRESENT: each waits for all replies to the ones before."""
+    grid = TileGrid(WIDTH, HEIGHT)
+    bodies = [struct.pack("<BHBI", HELLO, 0, 2, 7)]
+    for tile in range(grid.count):
+        coded = code_tile(grid.cut(image, tile))
+        bodies.append(struct.pack("<BHHHB", TILE, len(bodies), 0, tile, coded.coding) + coded.data)
+    bodies.append(struct.pack("<BHHI", PRESENT, len(bodies), 0, zlib.crc32(image.tobytes())))
+    return list(enumerate(bodies))
+
+
+def test_a_frame_from_the_line_to_the_pins(mode, tmp_path):
+    """0 pixels differ, and no rule of the SDRAM's data sheet is broken, for the delays that lipp_ulx3s_memory tells."""
+    chosen = seed()
+    image = np.random.default_rng(chosen).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    image[:, 6:58] = image[:1, 6:7]  # shorter for the line
+    low = {25: 2_200, 10: 1_500}[mode[0].pixel_div]
+    delay = random.Random(chosen).choice([low, 4_000, 6_500])
+    figures, broken, video = played(mode, tmp_path, requests_of(image), delay)
+    assert broken == []
+    assert figures["replies"] == len(requests_of(image))
+    assert figures["reads"] > WIDTH * HEIGHT
+    assert (shown(video) == image).all()
+    assert figures["led"] & 0b1110 == 0b1010  # locked, no error, a frame is shown
+
+
+def test_a_lost_lock_is_black_and_told(mode, tmp_path):
+    image = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
+    figures, broken, video = played(mode, tmp_path, requests_of(image), 4_000, lose=1)
+    assert set(broken) <= {"violation: tCK: 1"}
+    assert (shown(video) == 0).all()
+    assert figures["led"] & 0b1110 == 0b1100  # locked again, told, no frame is shown
