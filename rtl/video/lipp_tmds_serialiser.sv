@@ -5,8 +5,8 @@
 ///
 /// shift_clk_i is five times as fast as pixel_clk_i and made from the same source, at any phase.
 /// Each shift clock sends pair_o[0], then pair_o[1]. A symbol is copied two or three shift clocks
-/// after the clock that brought it, when it has long been still; its first pair is at pair_o a
-/// clock later.
+/// after the clock that brought it, when it has long been still; its first pair is at pair_o three
+/// clocks later.
 ///
 /// A bit that changes with each symbol tells where symbols begin: the first change after reset sets
 /// the count to five. Where the clocks' edges meet, a change is seen now a clock sooner, now a clock
@@ -60,11 +60,13 @@ module lipp_tmds_serialiser #(
       hold_q <= !place_q[0];  // the same for other channels: synthesis does not make one register of both
     end
   end
+  // From the symbols to the pins is a way across the chip, in three steps.
+  logic [Channels-1:0][1:0] first_q, second_q;
   always_ff @(posedge shift_clk_i) begin
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
       rest_q[k] <= (k % 3 == 0 ? load_q : !hold_q) ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
-      pair_o[k] <= rest_q[k][1:0];  // may be near the pins, the others together
+      {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], rest_q[k][1:0]};
     end
   end
 

@@ -69,8 +69,8 @@ async def every_symbol_leaves_whole(dut, phase, slipped):
         assert len(places) == 1
         assert line[places[0] : places[0] + len(expected)] == expected
         late_ps = bits[k][places[0]][0] - sent[first][0]
-        # The pixel's edge half a pixel later, then two or three shift clocks, and one.
-        assert 11 * HALF_PS - 2 * JITTER_PS <= late_ps <= 13 * HALF_PS + 2 * JITTER_PS
+        # The pixel's edge half a pixel later, then two or three shift clocks, and three.
+        assert 15 * HALF_PS - 2 * JITTER_PS <= late_ps <= 17 * HALF_PS + 2 * JITTER_PS
     shift.cancel()
     pixel.cancel()
 
