@@ -30,9 +30,9 @@ module lipp_dvi_out (
       .control_i(k == 0 ? {vsync_i, hsync_i} : 2'b00), .symbol_o(symbol[k])
     );
   end
-  lipp_tmds_serialiser #(.Channels(4)) i_serialiser (
-    .pixel_clk_i, .pixel_rst_ni, .symbol_i({10'b00_0001_1111, symbol}), .shift_clk_i,
-    .shift_rst_ni, .pair_o
+  lipp_tmds_serialiser #(.Channels(3)) i_serialiser (
+    .pixel_clk_i, .pixel_rst_ni, .symbol_i(symbol), .shift_clk_i, .shift_rst_ni,
+    .pair_o(pair_o[2:0]), .clock_o(pair_o[3])
   );
 
 endmodule

@@ -20,7 +20,8 @@ module lipp_tmds_serialiser #(
 
   input  logic                     shift_clk_i,
   input  logic                     shift_rst_ni,
-  output logic [Channels-1:0][1:0] pair_o
+  output logic [Channels-1:0][1:0] pair_o,
+  output logic               [1:0] clock_o  // the pixel's clock: high in the first five bits of each symbol
 );
 
   if (Channels < 1) begin : gen_illegal
@@ -61,11 +62,15 @@ module lipp_tmds_serialiser #(
     end
   end
   // From the symbols to the pins is a way across the chip, in three steps.
+  // A symbol's pairs 0 to 4 are at the end of rest_q in places 2, 3, 4, 0 and 1.
   logic [Channels-1:0][1:0] first_q, second_q;
+  logic [1:0] first_clock_q, second_clock_q;
   always_ff @(posedge shift_clk_i) begin
+    first_clock_q <= {place_q[2] || place_q[3], place_q[2] || place_q[3] || place_q[4]};
+    {clock_o, second_clock_q} <= {second_clock_q, first_clock_q};
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
-      rest_q[k] <= (k % 3 == 0 ? load_q : !hold_q) ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
+      rest_q[k] <= (k % 2 == 0 ? load_q : !hold_q) ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
       {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], rest_q[k][1:0]};
     end
   end
