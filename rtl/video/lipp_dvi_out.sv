@@ -30,8 +30,15 @@ module lipp_dvi_out (
       .control_i(k == 0 ? {vsync_i, hsync_i} : 2'b00), .symbol_o(symbol[k])
     );
   end
+  // Of a constant, synthesis would make resets of the shift clock's registers, and those are slow.
+  localparam logic [9:0] ClockSymbol = 10'b00_0001_1111;
+  logic [9:0] clock_q;
+  always_ff @(posedge pixel_clk_i or negedge pixel_rst_ni) begin
+    if (!pixel_rst_ni) clock_q <= ~ClockSymbol;
+    else clock_q <= ClockSymbol;
+  end
   lipp_tmds_serialiser #(.Channels(4)) i_serialiser (
-    .pixel_clk_i, .pixel_rst_ni, .symbol_i({10'b00_0001_1111, symbol}), .shift_clk_i,
+    .pixel_clk_i, .pixel_rst_ni, .symbol_i({clock_q, symbol}), .shift_clk_i,
     .shift_rst_ni, .pair_o
   );
 
