@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ULX3S in simulation: the netlist of rtl/board/ulx3s with what stands around it on the board.
+// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_rtl.sv), with what stands around it on the
+// board.
 //
 //   board --line pty|tcp [--port N] --ready FILE [--capture FOLDER] [--step N]
 //
@@ -101,7 +102,7 @@ class Receiver {
 
  private:
   void decode() {
-    pixel_ = {false, false, false, 0};
+    pixel_.rgb = 0;  // the syncs stay as they were through data
     int data = 0;
     for (int k = 0; k < 3; ++k) {
       const uint16_t s = symbols_[k];
@@ -256,8 +257,13 @@ class Board {
     pins.ba = top_.sdram_ba;
     pins.a = top_.sdram_a;
     pins.dqm = top_.sdram_dqm;
+#ifdef LIPPMANN_RTL
+    pins.dq = top_.sdram_d__out;
+    pins.oe = top_.sdram_d__en != 0;
+#else
     pins.dq = top_.sdram_d_o;
     pins.oe = top_.sdram_d_t != 0xffff;
+#endif
     chip_.edge(ps(), pins);
   }
 

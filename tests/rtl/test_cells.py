@@ -30,7 +30,7 @@ def printed(request):
     generic = {path.stem.removeprefix(PREFIX): path for path in optics_sources(TOP)}
     files = {
         "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
-        "ecp5": [*CELLS, HERE / "ecp5_models.sv"],
+        "ecp5": [*CELLS, HERE / "ecp5_models.sv", TOP / "sim" / "netlist" / "ecp5_blocks.sv"],
     }[request.param]
     shared = [generic[name] for name in ("math_pkg", "cut_product", "delay", "fifo", "digit_product", "row_product")]
     sources = [*shared, HERE / "bench.sv", *files]

@@ -77,7 +77,11 @@ DESIGNS = {
         r"without a synchroniser",
         set(),
     ),
-    "one_register": (ROW.replace("over[0] = stage_q[1]", "over[0] = stage_q[0] & d_q[0]"), r"is read by|registers of", set()),
+    "one_register": (
+        ROW.replace("over[0] = stage_q[1]", "over[0] = stage_q[0] & d_q[0]"),
+        r"is read by|registers of",
+        set(),
+    ),
     "logic_before": (SYNC.format(d="a_q[0] & a_q[1]"), r"i_sync: logic before", set()),
     "fan_out": (ROW + "assign over[1] = stage_q[0] ^ d_q[0];", r"its register 0 is read by", set()),
     "logic_between": (ROW.replace("stage_q[0], a_q", "stage_q[0] ^ d_q[3], a_q"), r"logic between", set()),
@@ -107,7 +111,8 @@ DESIGNS = {
     ),
     "binary_pointer": (
         """logic [3:0] count_q, seen;
-        always_ff @(posedge a_clk or negedge a_rst_n) if (!a_rst_n) count_q <= '0; else if (a_q[0]) count_q <= count_q + 1'b1;
+        always_ff @(posedge a_clk or negedge a_rst_n)
+          if (!a_rst_n) count_q <= '0; else if (a_q[0]) count_q <= count_q + 1'b1;
         for (genvar k = 0; k < 4; k++) begin : gen_bit
           lipp_bit_sync i_written (.clk_i(b_clk), .rst_ni(b_rst_n), .d_i(count_q[k]), .q_o(seen[k]));
         end
@@ -145,7 +150,8 @@ DESIGNS = {
     ),
     "serialiser_without_turn": (
         """logic [3:0] place_q; logic load_q; logic [7:0] rest_q;
-        always_ff @(posedge b_clk or negedge b_rst_n) if (!b_rst_n) place_q <= 4'd1; else place_q <= {place_q, place_q[3]};
+        always_ff @(posedge b_clk or negedge b_rst_n)
+          if (!b_rst_n) place_q <= 4'd1; else place_q <= {place_q, place_q[3]};
         always_ff @(posedge b_clk) begin load_q <= place_q[0]; rest_q <= load_q ? a_q : {rest_q[0], rest_q[7:1]}; end
         assign over = rest_q;""",
         r"without a synchroniser",

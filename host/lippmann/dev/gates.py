@@ -39,11 +39,11 @@ OUTPUT_CELLS = {"ODDRX1F": ("SCLK", ("D0", "D1"), "RST")}
 
 
 class Pin(NamedTuple):
-    """A port of a cell; `index` counts its bits."""
+    """A port of a cell; `place` counts its bits."""
 
     cell: str
     port: str
-    index: int = 0
+    place: int = 0
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Simulates a board's netlist against its RTL: `python -m lippmann.dev.netlist`.
 
-yosys makes the netlist of ECP5's cells that place-and-route gets. Verilator simulates it in the place of the RTL, in the
-virtual board's process, and both boards get the same packets: every request of the protocol, a frame that is streamed,
-and a scene that is drawn. Every reply and every pixel that the panel shows must be the same.
+yosys makes the netlist of ECP5's cells that place-and-route gets. Verilator simulates it, and both the netlist and the
+RTL get the same packets: every request of the protocol, a streamed frame, and a scene that is drawn. Every reply and
+every pixel that the panel shows must be the same. With --board the netlist is that of a bitstream, with its pins:
+the pixels are those of the DVI symbols, and a model of the SDRAM chip checks the data sheet.
 """
 
 from __future__ import annotations
@@ -13,30 +14,32 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
 
 from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
+from lippmann.board.fpga_boards import fpga_board
 from lippmann.board.scene import BLOCK_REQUEST, BLOCKS_REQUEST, SceneBoard
 from lippmann.board.stream import TILE_REQUEST
 from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.dev.crossings import CrossingError, check
 from lippmann.dev import flow
 from lippmann.dev.bitstream import Plan, plan
+from lippmann.dev.crossings import CrossingError, check
 from lippmann.dev.flow import SYNTHESIS, Source
 from lippmann.dev.gates import Netlist
 from lippmann.dev.netlist_verilog import verilog
 from lippmann.display import Display, load_display
 from lippmann.errors import LippmannError
+from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.drawing import draw
 from lippmann.fixed.raster import Raster
@@ -47,15 +50,16 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.link.packets import BACK, FRONT, REPLY, Kind, packed
 from lippmann.registers import OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.sim import virtual_board
-from lippmann.sim.compilation import kept
+from lippmann.sim.compilation import NETLIST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.tools import build_folder, repository
 
 Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 
-TOP = "lipp_board_with_store"
 #: Longest wait for a reply and for a frame, s: a netlist is simulated at some thousand clocks a second.
 PATIENCE_S = 1800.0
-#: The scene: few texels, which are soon loaded.
+#: Rows of texels that a drawn layer needs: few bytes for a slow line.
+ROWS = 16
+#: The scene of the virtual board: few texels, which are soon loaded.
 SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
 
 
@@ -91,29 +95,90 @@ def simulated(netlist: Path, top: str) -> list[Path]:
     return [repository() / "sim" / "netlist" / "ecp5_blocks.sv", written]
 
 
-@dataclass
+@dataclass(frozen=True)
+class Program:
+    """A board's program, and the options with which it starts (`virtual_board.start`)."""
+
+    path: Path
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Boards:
-    """A board as RTL and as a netlist: the display, the scene's build, and both programs."""
+    """A board as RTL and as a netlist: display, scene and optics, both programs, and yosys' netlist of `top`."""
 
     display: Display
     scene: SceneBuild | None
-    rtl: Path
-    netlist: Path
+    build: Build
+    rtl: Program
+    netlist: Program
     json: Path
+    top: str
+    timed: tuple[str, ...]
 
     @classmethod
-    def with_store(cls, display: Display, scene: SceneBuild | None) -> Boards:
-        """Return the board with its frames in block RAM, on a byte line."""
+    def virtual(cls, display: Display, scene: SceneBuild | None, memory: virtual_board.Memory) -> Boards:
+        """Return the virtual board on a byte line, with its frames in block RAM or in an SDRAM."""
+        top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene)
         panel = display.panel
-        source = Source(TOP, parameters, flow.ecp5_files(TOP))
-        netlist = synthesised(source, f"board-{panel.width_px}x{panel.height_px}")
-        files = simulated(netlist, TOP)
+        source = Source(top, parameters, flow.ecp5_files(top))
+        netlist = synthesised(source, f"board-{memory}-{panel.width_px}x{panel.height_px}")
         rtl = virtual_board.compiled(display, build, True, scene=scene)
-        return cls(
-            display, scene, rtl, virtual_board.compiled(display, build, True, scene=scene, netlist=files), netlist
+        program = virtual_board.compiled(
+            display, build, True, scene=scene, memory=memory, netlist=simulated(netlist, top)
         )
+        # Its pins are the simulation's: they change with the clock.
+        return cls(display, scene, build, Program(rtl), Program(program), netlist, top, ("*",))
+
+    @classmethod
+    def of_bitstream(cls, made: Plan) -> Boards:
+        """Return a board with its SDRAM and its DVI socket; its RTL has the frames in block RAM, on a byte line."""
+        clock_hz = round(made.pll.clocks_mhz["system"] * 1_000_000)
+        netlist = synthesised(made.source, made.name)
+        rtl = virtual_board.compiled(made.display, made.build, True, clock_hz, scene=made.scene)
+        program = _on_pins(netlist, made)
+        options = {"baud": made.board.baud, "clock_hz": clock_hz}
+        timed = ("sdram_d*",)
+        return cls(
+            made.display, made.scene, made.build, Program(rtl, {"clock_hz": clock_hz}), Program(program, options),
+            netlist, made.board.top, timed,
+        )  # fmt: skip
+
+
+def _on_pins(netlist: Path, made: Plan) -> Path:
+    """Return the program of a bitstream's netlist with what is around it on the board (sim/netlist/ulx3s.cpp)."""
+    top = repository()
+    module = json.loads(netlist.read_text())["modules"][made.board.top]
+    net = Netlist(module)
+    pll = next(cell for cell in net.cells.values() if cell.kind == "EHXPLLL")
+    ports = {pll.bit(port): port.lower() for port in ("CLKOP", "CLKOS", "CLKOS2", "CLKOS3")}
+
+    def clock_of(port: str) -> str:
+        cell = net.cells[net.driver[module["ports"][port]["bits"][0]].cell]
+        return f"pll_{ports[cell.bit('CLK' if cell.kind == 'TRELLIS_FF' else 'SCLK')]}"
+
+    vco_khz = round(made.board.oscillator_mhz * 1000) * pll.number("CLKFB_DIV") * pll.number("CLKOP_DIV")
+    used = {f"pll_{ports[bit]}": pll.number(f"{ports[bit].upper()}_DIV") for bit in ports if bit in net.readers}
+    panel = made.display.panel
+    defines = [
+        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        f"-DLIPPMANN_VSYNC={made.parameters['VPositive']}", f"-DLIPPMANN_VCO_KHZ={vco_khz // pll.number('CLKI_DIV')}",
+        f"-DLIPPMANN_CLOCKS={' '.join(f'X({port}, {divider})' for port, divider in used.items())}",
+        f"-DLIPPMANN_SYSTEM_CLOCK={clock_of('ftdi_rxd')}", f"-DLIPPMANN_MEMORY_CLOCK={clock_of('sdram_clk')}",
+        f"-DLIPPMANN_PAIR_CLOCK={clock_of('gpdi_dp')}",
+    ]  # fmt: skip
+    files = simulated(netlist, made.board.top)
+    around = [path for path in sorted((top / "sim" / "board").iterdir()) if path.stem != "main"]
+    main = [top / "sim" / "netlist" / "ulx3s.cpp", *(path for path in around if path.suffix == ".cpp")]
+    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
+
+    def make(path: Path) -> None:
+        verilated(path, made.board.top, files, main, options=options, flags=[*SHORT, *defines], link=["-lutil"])
+
+    inputs: list[Path | str] = [*files, *main, *around, *defines, *options, *SHORT]
+    return kept(build_folder() / "netlist" / made.name, inputs, make)
 
 
 # ---- the same packets for both ----
@@ -163,7 +228,7 @@ class Told:
 
     replies: list[Reply]
     frames: list[bytes]
-    counts: Mapping[str, object] = field(default_factory=dict)
+    counts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def tell(
@@ -188,9 +253,7 @@ def tell(
             if stack is not None and drawn is not None:
                 _draw(link, display, stack)
                 _wait_for(folder, drawn)
-                scene = SceneBoard(link)
                 link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [0])
-                del scene
             link.put(Kind.RESET)
             link.put(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
             replies = link.replies
@@ -281,13 +344,13 @@ def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
     contents = {CURVE_SLOT: curve_table(display).tobytes()}
     contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
     for slot, content in contents.items():
-        for block in range(len(content) // BLOCK_BYTES):
-            part = content[block * BLOCK_BYTES : (block + 1) * BLOCK_BYTES]
-            link.put(Kind.BLOCK, BLOCK_REQUEST.pack(slot, block) + part)
-        count = len(content) // BLOCK_BYTES
-        found = link.put(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, count)).body[2:]
-        crcs = [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
-        if found != struct.pack(f"<{count}I", *crcs):
+        blocks = [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]
+        for block, part in enumerate(blocks):
+            if any(part):
+                link.put(Kind.BLOCK, BLOCK_REQUEST.pack(slot, block) + part)
+        found = link.put(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
+        crcs = [zlib.crc32(part) if any(part) else 0 for part in blocks]
+        if found != struct.pack(f"<{len(blocks)}I", *crcs):
             raise NetlistError(f"the blocks of slot {slot} arrived with other CRCs; look at lipp_slot_loader")
     scene.prepare(display, stack)
     link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [1])
@@ -302,8 +365,8 @@ def small(display: Display, width: int, height: int) -> Display:
     return replace(display, name=f"{display.name} {width} x {height}", panel=panel)
 
 
-def test_picture(display: Display, seed: int = 1) -> Pixels:
-    """Return a picture whose tiles need every coding: tiles of noise, of one colour and of gradients."""
+def picture_for(display: Display, seed: int = 1) -> Pixels:
+    """Return a picture whose tiles need every coding: most of one colour, some of gradients, few of noise."""
     rng = np.random.default_rng(seed)
     height, width = display.panel.height_px, display.panel.width_px
     picture = np.zeros((height, width, 3), np.uint8)
@@ -311,25 +374,26 @@ def test_picture(display: Display, seed: int = 1) -> Pixels:
     picture[..., 0], picture[..., 1], picture[..., 2] = across // 4, down // 4, (across + down) // 8
     for number, (top, left) in enumerate((t, s) for t in range(0, height, 32) for s in range(0, width, 32)):
         place = picture[top : top + 32, left : left + 32]
-        if number % 5 in (1, 2):
-            place[:] = rng.integers(0, 256, 3)
-        elif number % 40 == 0:
+        if number % 150 == 2:
             place[:] = rng.integers(0, 256, place.shape)
+        elif number % 40 != 3:
+            place[:] = rng.integers(0, 256, 3)
     return picture
 
 
-def test_stack(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
-    """Return two layers, one behind and one before the panel, that move against each other."""
+def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
+    """Return layers, one behind and one before the panel, whose texels are in the first rows: they are soon loaded."""
     rng = np.random.default_rng(seed)
     size = np.array([display.panel.width_mm, display.panel.height_mm])
     layers = []
-    for depth, scale in ((-6.0, 1.3), (4.0, 0.8)):
+    for depth, scale in ((-6.0, 1.3), (4.0, 0.8))[: build.layers]:
         palette = rng.integers(0, 256, (256, 4), np.uint8)
         palette[:64, 3] = 0
-        texels = np.kron(rng.integers(0, 256, (build.height // 4, build.width // 4)), np.ones((4, 4), int))
-        linear = np.diag([build.width, -build.height] / (size * scale)) @ np.array([[1.0, 0.1], [-0.05, 1.0]])
-        matrix = np.column_stack([linear, np.array([build.width, build.height]) / 2])
-        layers.append(Layer(texels.astype(np.uint8), palette, depth, matrix, 0.9))
+        texels = np.zeros((build.height, build.width), np.uint8)
+        texels[:ROWS] = rng.integers(0, 256, (ROWS, build.width))
+        linear = np.diag([build.width, -ROWS] / (size * scale)) @ np.array([[1.0, 0.1], [-0.05, 1.0]])
+        matrix = np.column_stack([linear, np.array([build.width, ROWS]) / 2])
+        layers.append(Layer(texels, palette, depth, matrix, 0.9))
     return LayerStack(tuple(layers), np.array([0.1, 0.2, 0.3]))
 
 
@@ -365,46 +429,53 @@ def compared(netlist: Told, rtl: Told) -> Compared:
     return Compared(pixels, differ, len(netlist.replies), len({reply.kind for reply in netlist.replies}))
 
 
-def compare(boards: Boards, **options: object) -> tuple[Compared, Told, Told]:
-    """Run both boards, and compare them and the twin."""
+def compare(boards: Boards) -> tuple[Compared, Told, Told]:
+    """Run both boards, and compare them and the twin; also return what the netlist and the RTL did."""
     display, scene = boards.display, boards.scene
-    picture = test_picture(display)
-    stack = None if scene is None else test_stack(display, scene)
+    picture = picture_for(display)
+    stack = None if scene is None else stack_for(display, scene)
     drawn = None
     if scene is not None and stack is not None:
-        drawn = draw(display, virtual_board.board_build(display, scene), stack, scene).tobytes()
+        drawn = draw(display, boards.build, stack, scene).tobytes()
     told = []
     for program in (boards.rtl, boards.netlist):
 
-        def start(folder: Path, program: Path = program) -> virtual_board.RunningBoard:
-            return virtual_board.start(display, capture=folder, scene=scene, program=program)
+        def start(folder: Path, program: Program = program) -> virtual_board.RunningBoard:
+            return virtual_board.start(display, capture=folder, scene=scene, program=program.path, **program.options)
 
         told.append(tell(start, display, picture, stack, drawn))
     return compared(told[1], told[0]), told[1], told[0]
 
 
 @click.command()
-@click.option("--size", nargs=2, type=click.IntRange(8), default=(112, 80), show_default=True, help="Panel, pixels.")
-@click.option("--display", "path", default="scenes/displays/paper-square.toml", show_default=True)
-def main(size: tuple[int, int], path: str) -> None:
+@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: frames in block RAM, a byte line]")
+@click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
+@click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
+@click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
+def main(board: str | None, memory: virtual_board.Memory, path: str, size: tuple[int, int] | None, layers: int) -> None:
     """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
 
-    Example: python -m lippmann.dev.netlist --size 112 80
+    Example: python -m lippmann.dev.netlist --board ulx3s
     """
-    display = small(load_display(path), *size)
-    boards = Boards.with_store(display, SCENE)
-    found = check(Netlist(json.loads(boards.json.read_text())["modules"][TOP]), ["*"])
-    if found.wrong:
-        raise CrossingError(found.wrong[0])
-    log(f"simulating {boards.netlist.name} and {boards.rtl.name}")
+    display = load_display(path)
+    display = small(display, *size) if size else display
+    made = None if board is None else plan(fpga_board(board), display, layers)
+    boards = Boards.virtual(display, SCENE, memory) if made is None else Boards.of_bitstream(made)
+    crossings = check(Netlist(json.loads(boards.json.read_text())["modules"][boards.top]), boards.timed)
+    for one in crossings.crossings:
+        click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
+    if crossings.wrong:
+        raise CrossingError(crossings.wrong[0])
+    log(f"simulating {boards.netlist.path.name} and {boards.rtl.path.name}")
     result, netlist, rtl = compare(boards)
     for name, told in (("netlist", netlist), ("RTL", rtl)):
-        clocks, seconds = float(str(told.counts["clocks"])), float(str(told.counts["processor_seconds"]))
+        clocks, seconds = float(told.counts["clocks"]), float(told.counts["processor_seconds"])
         click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
-    click.echo(f"{result.replies} replies of {result.kinds} kinds are the RTL's")
+    click.echo(f"{result.replies} replies to {result.kinds} kinds of requests are the RTL's")
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
-    if result.differ:
-        raise NetlistError(f"{result.differ} pixels differ from the RTL's")
+    violations = netlist.counts.get("sdram_violations", {})
+    if result.differ or violations:
+        raise NetlistError(f"{result.differ} pixels differ from the RTL's; violations of the SDRAM: {violations or 0}")
 
 
 if __name__ == "__main__":

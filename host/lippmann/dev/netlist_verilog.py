@@ -17,7 +17,7 @@ from lippmann.errors import LippmannError
 
 Writer = Callable[[Cell, str], Iterator[str]]
 #: Cells that become ports of the module.
-PORTS = ("BB", "EHXPLLL")
+PORTS = ("BB", "TRELLIS_IO", "EHXPLLL")
 
 
 def verilog(netlist: Netlist, name: str, ports: Mapping[str, Any]) -> str:
@@ -66,7 +66,9 @@ def _ports(
     """Return the module's ports with directions, and what is assigned to and from them."""
     declared: dict[str, tuple[str, list[Bit]]] = {}
     assigned: list[tuple[str, str]] = []
-    pads = {cell.bit("B"): cell for cell in netlist.cells.values() if cell.kind == "BB"}
+    pads = {cell.bit("B"): cell for cell in netlist.cells.values() if cell.kind in ("BB", "TRELLIS_IO")}
+    if any(cell.choice("DIR") not in ("", "BIDIR") for cell in pads.values()):
+        raise LippmannError("a pad of one direction is not simulated as a cell")
     for key, port in ports.items():
         bits = port["bits"]
         places = [key if len(bits) == 1 else f"{key}[{index}]" for index in range(len(bits))]
@@ -99,8 +101,8 @@ def _range(bits: Sequence[Bit]) -> str:
 
 
 def _lut(cell: Cell, _: str) -> Iterator[str]:
-    expression = _table(cell.number("INIT"), [cell.bit(port) for port in "ABCD"])
-    yield f"  assign {_net(cell.bit('Z'))} = {expression};"
+    inputs = [cell.bit(port) for port in "ABCD"]
+    yield f"  assign {_net(cell.bit('Z'))} = {expression(cell.number('INIT'), inputs)};"
 
 
 def _chooser(chooses: str, one: str, zero: str) -> Writer:
@@ -116,7 +118,7 @@ def _chooser(chooses: str, one: str, zero: str) -> Writer:
 # ---- tables ----
 
 
-def _table(table: int, inputs: Sequence[Bit]) -> str:
+def expression(table: int, inputs: Sequence[Bit]) -> str:
     """Return the expression of a table of four inputs, some of them constants or equal."""
     values = [table >> at & 1 for at in range(16)]
     free = sorted({bit for bit in inputs if isinstance(bit, int)})
@@ -192,7 +194,7 @@ def _carry(cell: Cell, used: Set[Bit]) -> Iterator[str]:
     for half in ("0", "1"):
         table = cell.number(f"INIT{half}")
         inputs: list[Bit] = [cell.bit(f"{letter}{half}") for letter in "ABCD"]
-        adds, generates = _table(table, inputs), _table(table, [*inputs[:2], "0", "0"])
+        adds, generates = expression(table, inputs), expression(table, [*inputs[:2], "0", "0"])
         if cell.choice(f"INJECT1_{half}") == "YES":
             carry_in, generates = "1'b0", "1'b0"
         else:
@@ -214,8 +216,9 @@ def _carry(cell: Cell, used: Set[Bit]) -> Iterator[str]:
 
 def _register(cell: Cell, name: str) -> Iterator[str]:
     """Yield a flip-flop: set or reset at once or with the clock, both before the enable."""
-    if cell.choice("GSR") not in ("DISABLED", "AUTO") or cell.choice("LSRMODE") not in ("", "LSR"):
-        raise LippmannError(f"{name}: a flip-flop with the global reset or a preload is not simulated")
+    # The global reset comes at power-up alone: a cell that drives it would not be known.
+    if cell.choice("LSRMODE") not in ("", "LSR"):
+        raise LippmannError(f"{name}: a flip-flop with a preload is not simulated")
     q, d, reset, enable = (_net(cell.bit(port)) for port in ("Q", "DI", "LSR", "CE"))
     edge = "negedge" if cell.choice("CLKMUX") == "INV" else "posedge"
     inverted = cell.choice("LSRMUX") == "INV"

@@ -26,6 +26,9 @@ SHORT = ("-O1",)
 #: Verilator's options for a model that is fast and checks no assertion.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
+#: Verilator's options for hundred thousands of assignments of bits: functions that the compiler is through with soon.
+NETLIST = ("--output-split-cfuncs", "1000")
+
 #: What every model includes.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
 

