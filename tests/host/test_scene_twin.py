@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 
 import numpy as np
@@ -337,10 +338,14 @@ def layer(depth=20.0, scale=5.0, zero=(50.0, 50.0), **rest):
     ("layers", "message"),
     [
         ([layer()] * 5, "5 layers do not fit this build, which has 4; leave layers out, or build with layers = 5"),
-        ([layer(), layer(9000.0)], r"layer 1, register depth: 5454.55 is outside its range \[-2048, 2048\); bring"),
-        ([layer(scale=90.0)], r"layer 0, register a: 148.5 is outside its range \[-128, 128\); the texture is too sm"),
-        ([layer(zero=(0.0, 4e4))], r"layer 0, register t0: 40000 is outside its range \[-32768, 32768\); the texture"),
-        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d: they place a corner of the texture .* radii fr"),
+        ([layer(), layer(9000.0)], r"1, register depth: 9000 mm is outside its range \[-3379.2, 3379.2\) mm; bring"),
+        ([layer(scale=90.0)], r"layer 0, register a: 90 texels/mm is outside its range \[-77.5758, 77.5758\) tex"),
+        ([layer(zero=(0.0, 4e4))], r"register t0: 40000 texels is outside its range \[-32768, 32768\) texels; the"),
+        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d: they place a corner of the texture 20600 mm fr"),
+        (
+            [layer(math.inf, 7e4)],
+            r"layer 0, register a: 70000 texels a slope of 1 is outside its range \[-65536, 65536\) texels a slope",
+        ),
     ],
 )
 def test_layers_out_of_range_are_refused(layers, message):
