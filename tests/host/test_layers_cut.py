@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import math
+import re
 
 import lippmann as lp
 import numpy as np
@@ -21,6 +22,7 @@ from lippmann.observer import observe, whole_window
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Part, load_scene
+from lippmann.sim.tools import repository
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
 
@@ -186,6 +188,16 @@ def test_costs_by_hand():
     assert nearest.block_rams == 5 * (24 + 1) + 12
     assert bilinear.block_rams == 5 * (24 + 4) + 12
     assert (nearest.multipliers, bilinear.multipliers) == (13 + 4 * 9 + 3 * 4, 13 + 4 * 18 + 3 * 4)
+
+
+def test_the_reference_counts_multipliers_as_costs_do():
+    page = (repository() / "docs/reference/rtl.md").read_text()
+    found = re.search(r"Multipliers: (\d+), and for each layer (\d+)\s+\(`bilinear`: (\d+)\): (\d+) for four", page)
+    first, nearest, bilinear, four = map(int, found.groups())
+    for layers in range(1, 9):
+        assert cost_of(layers, (256, 192), "nearest").multipliers == first + layers * nearest
+        assert cost_of(layers, (256, 192), "bilinear").multipliers == first + layers * bilinear
+    assert cost_of(4, (256, 192), "nearest").multipliers == four
 
 
 # --- pictures and commands ------------------------------------------------------------------------
