@@ -295,6 +295,9 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
 
 
 def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
+    most = node.get("maxItems", math.inf)
+    if isinstance(value, list) and len(value) > most and "x-shape" not in node and "prefixItems" not in node:  # tables
+        return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
     shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]

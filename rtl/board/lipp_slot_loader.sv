@@ -3,7 +3,7 @@
 
 /// Writes a block of 1024 bytes into a slot of the scene, and keeps the CRC-32 of each block.
 ///
-/// start_i copies slot and block, both of which are there; the block's words follow from a memory,
+/// start_i copies slot and block; the build must have both. The block's words follow from a memory,
 /// word_i two clocks after word_at_o. A byte is written each clock, the low one of a word first: byte k
 /// of block n is byte 1024 n + k of the slot. done_o is a pulse 1030 clocks after start_i.
 ///

@@ -19,8 +19,8 @@
 ///
 /// Drawn pixels come in the rays' order, and reach the video by `lipp_pixel_feed`: each is shown at its
 /// own place, or is late, counted and dropped. If pixels are still missing at begin_i, the frame that
-/// would begin is black: all its pixels are underflows. owns_o: the optics belong to the drawing, since
-/// in the clock before the scene was to be shown, or was shown, or pixels were missing.
+/// would begin is black: all its pixels are underflows. owns_o: the drawing uses the optics. It is high
+/// in the clock after source_i or shown_o was high, or pixels were missing.
 module lipp_draw_frame #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -15,9 +15,10 @@
 /// beyond_o: X' or Y' is outside [-2048, 2048), or s_o or t_o does not fit.
 ///
 /// Error of s before its last cut, in texels, with the exact line and the registers' words:
-///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + cuts of a build with F < 20: 2^-A |X'| each
-/// so 2^-12 at F = 23 where |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope of 1. At F = 16 a
-/// unit of the slope is half the optics' own error of direction, 14 urad.
+///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|)
+/// The last term is there in builds with F < 20, which cut a and b. So the error is 2^-12 at F = 23 where
+/// |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope of 1. At F = 16 a unit of the slope
+/// is half the optics' own error of direction, 14 urad.
 /// Latency layer_latency(F).
 module lipp_layer_coordinate #(
   parameter int F = 16,

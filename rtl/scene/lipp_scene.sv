@@ -9,8 +9,9 @@
 /// sets. Reset requests a copy.
 ///
 /// write_i stores a byte in a slot, 0 to slots - 1: texels row by row, then the palette (r, g, b, a of each
-/// entry, one after the other, without a byte of another slot between). Slot 15 is the panel's curve. Bytes
-/// may come each clock. A slot that is being drawn must not be written; the module does not check it.
+/// entry). The bytes of a palette's entry follow each other; no byte of another slot comes between them.
+/// Slot 15 is the panel's curve. Bytes may come each clock. A slot that is being drawn must not be written;
+/// the module does not check it.
 ///
 /// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for each layer
 /// `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_panel_curve`. A ray with another status than

@@ -10,10 +10,11 @@ from functools import cache
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.cli.fit import _layers
 from lippmann.display import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
-from lippmann.layers.choose import choose_layers
+from lippmann.layers.choose import LayerChoice, choose_layers
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import load_scene
@@ -376,12 +377,20 @@ def test_what_no_layers_reach_has_its_reason(cards):
         assert {row["layers"] for row in few.tried} == {1}
 
 
+def test_decibels_that_miss_a_tolerance_show_less_than_it():
+    row = {"filter": "nearest", "slot": [64, 48], "layers": 1, "load_bytes": 1, "block_rams": 1, "multipliers": 1}
+    tried = [{**row, "worst_db": 22.9999, "view_db": 24.006}]
+    lines = list(_layers(LayerChoice(None, tried, "render", 22.998), 23.0))
+    assert "differ as much (22.99 dB)" in lines[0]
+    assert ": 22.99 dB (mean 24.00) best" in lines[1]
+
+
 @pytest.mark.parametrize(
     ("tolerance", "slots", "block_rams", "message"),
     [
         (0.0, SMALL, 161, "not positive and finite"),
         (math.inf, SMALL, 161, "not positive and finite"),
-        (25.0, ((60, 48),), 161, "no power of two"),
+        (25.0, ((60, 48),), 161, "give a power of two"),
         (25.0, SMALL, 17, "no layer fits 17 block RAMs and 99 multipliers; give at least 18 and 22"),
     ],
 )
@@ -406,7 +415,7 @@ def test_the_command_chooses_layers_and_says_what_was_tried(cards, capfd):
     out = capfd.readouterr().out
     assert "none of those tried is within 40 dB; limit: larger builds, not tried, need more than --block-rams" in out
     assert sum(line.endswith("best") for line in out.splitlines()) == 1
-    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "power of two")):
+    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "a power of two")):
         assert run([*words, *more]) == 2
         assert what in capfd.readouterr().err
     assert run(["fit", "tiny.toml", "--scale", "2"]) == 2

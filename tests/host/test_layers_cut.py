@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import math
+import re
 
 import lippmann as lp
 import numpy as np
@@ -21,6 +22,7 @@ from lippmann.observer import observe, whole_window
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Part, load_scene
+from lippmann.sim.tools import repository
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
 
@@ -154,8 +156,8 @@ def test_wrong_counts_slots_and_scenes_are_refused(scene):
         with pytest.raises(InputError, match="count"):
             cut_scene(placed, DISPLAY, count, SLOT, FAST)
     for slot, message in (
-        ((250, 192), "250 texels across are no power of two, 32 to 1024"),
-        ((16, 192), "16 texels across are no power of two"),
+        ((250, 192), "250 texels across; give a power of two from 32 to 1024"),
+        ((16, 192), "16 texels across; give a power of two from 32 to 1024"),
         ((2048, 2), "2048 texels across"),
         ((256, 190), "a slot is loaded in blocks of 1024 texels; give a multiple of 4 rows"),
         ((64, 24), "give a multiple of 16 rows"),
@@ -186,6 +188,16 @@ def test_costs_by_hand():
     assert nearest.block_rams == 5 * (24 + 1) + 12
     assert bilinear.block_rams == 5 * (24 + 4) + 12
     assert (nearest.multipliers, bilinear.multipliers) == (13 + 4 * 9 + 3 * 4, 13 + 4 * 18 + 3 * 4)
+
+
+def test_the_reference_counts_multipliers_as_costs_do():
+    page = (repository() / "docs/reference/rtl.md").read_text()
+    found = re.search(r"Multipliers: (\d+), and for each layer (\d+)\s+\(`bilinear`: (\d+)\): (\d+) for four", page)
+    first, nearest, bilinear, four = map(int, found.groups())
+    for layers in range(1, 9):
+        assert cost_of(layers, (256, 192), "nearest").multipliers == first + layers * nearest
+        assert cost_of(layers, (256, 192), "bilinear").multipliers == first + layers * bilinear
+    assert cost_of(4, (256, 192), "nearest").multipliers == four
 
 
 # --- pictures and commands ------------------------------------------------------------------------
@@ -279,6 +291,17 @@ def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert named.stack.background.tolist() == [0.0, 0.0, 1.0]
 
 
+def test_a_picture_of_which_little_is_reached_is_remarked_upon(place, capfd):
+    file = place / "book/pictures.toml"
+    file.write_text(file.read_text().replace("depth_mm = -20\n", "depth_mm = -20\nwidth_mm = 1e5\n"))
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    hill = load_layers("out").layers[1]
+    wanted = f"note: layer 'hill' has {hill.width} x {hill.height} texels only: check the size and place"
+    notes = [line for line in capfd.readouterr().err.splitlines() if "texels only" in line]
+    assert len(notes) == 1
+    assert notes[0].startswith(wanted)
+
+
 @pytest.mark.parametrize(
     ("find", "put", "message"),
     [
@@ -306,7 +329,11 @@ def test_bad_pictures_are_one_line(place, capfd, find, put, message):
     [
         (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have their places"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "64"], "'64' is not WIDTHxHEIGHT"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "no power of two"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "give a power of two"),
+        (
+            ["layers", "book", "--display", "tiny.toml", "-o", "o", "--count", "3"],
+            "its 2 pictures make 2 layers, not 3; ",
+        ),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--count", "9"], "--count"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "bird"], "there are fish, back"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--apart", "fish", "--count", "1"], "count"),
@@ -317,6 +344,10 @@ def test_bad_pictures_are_one_line(place, capfd, find, put, message):
         (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--fit"], "--fit is for scenes"),
         (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--aperture", "full"], "--aperture is for scenes"),
         (["render", "out", "--display", "tiny.toml", "-o", "a.png", "--offset", "0,0,900"], "900 mm is not in front"),
+        (
+            ["render", "out", "--display", "tiny.toml", "-o", "a.png", "--samples", "1", "--scale", "0"],
+            "scale 0 is out",
+        ),
     ],
 )
 def test_bad_commands_are_one_line(place, capfd, words, message):

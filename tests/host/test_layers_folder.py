@@ -43,6 +43,18 @@ def test_a_saved_stack_is_loaded_again_to_the_bit(tmp_path, case):
     assert not list((tmp_path / "scene").glob(".*"))  # no partial file is left
 
 
+def test_saving_again_removes_the_former_pictures_and_nothing_else(folder):
+    """`one.png` is the user's: it was not written by `save_layers`."""
+    stack = LayerStack((load_layers(folder).layers[0],) * 3)
+    save_layers(folder, stack)
+    (folder / "layer_9.png").write_bytes((folder / "layer_1.png").read_bytes())
+    save_layers(folder, LayerStack(stack.layers[:1]))
+    assert sorted(path.name for path in folder.iterdir()) == ["layer_0.png", "layer_9.png", "layers.toml", "one.png"]
+    # Names may differ in case alone, which some systems do not tell apart.
+    save_layers(folder, LayerStack(stack.layers[:1]), ["Layer_0"])
+    assert len(load_layers(folder).layers) == 1
+
+
 @pytest.mark.parametrize("alpha", [[255] * 256, [0] * 256, [255] * 5 + [0] + [255] * 250, [0] + [255] * 255])
 def test_palettes_that_png_writes_in_a_short_form(tmp_path, alpha):
     palette = np.zeros((256, 4), np.uint8)
@@ -118,7 +130,7 @@ def test_a_folder_written_by_hand(folder):
         ("one.png", "one.gif", "layer[0].picture", "give the name of a .png in the same folder"),
         (r"\[\[layer(.|\n)*", "layer = []", "layer", "[[layer]]"),
         (r"\Z", GOOD.partition("\n")[2], "layer[1].picture", "copy it under another name"),
-        (r"\Z", GOOD.partition("\n")[2] * 8, "layer", "[[layer]]"),
+        (r"\Z", GOOD.partition("\n")[2] * 8, "layers.toml: layer: 9 layers; ", "give at most 8"),
     ],
 )
 def test_a_bad_file_is_named(folder, find, put, where, remedy):

@@ -1,20 +1,25 @@
 """Scenes on the model board: loading over good, bad and cut lines, and what moving a layer costs."""
 
 import dataclasses
+import json
 import math
+import re
 import zlib
 
 import numpy as np
 import pytest
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
-from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.board.scene import Loaded, SceneBoard, SceneStatus
+from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.register_file import build_word
 from lippmann.fixed.scene_configuration import scene_words
+from lippmann.layers.folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
+from lippmann.sim.tools import repository
 from model_board import DRAW, LOOK, ModelBoard
 from scene_cases import generator
 
@@ -222,6 +227,113 @@ def test_boards_that_do_not_draw():
         model.registers[0x400] ^= 1
         with pytest.raises(DeviceError, match="unknown to this host"):
             SceneBoard(board)
+
+
+# --- the commands board read and write ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            ["read", "scene.layer_7_s0"],
+            "scene.layer_7_s0: the board has 4 layers, 0 to 3; see docs/reference/scene-reg",
+        ),
+        (["read", "0x680"], "0x680: the board has 4 layers"),
+        (["read", "scene.layer_3_s0", "9"], "scene.layer_3_s0: the board has 4 layers"),
+        (["write", "scene.layer_4_s0", "1"], "scene.layer_4_s0: the board has 4 layers"),
+        (["write", "scene.layer_0_look", "slot=9"], "slot=9: the board has no slot 9; it has 5: give 0 to 4"),
+        (["write", "scene.layer_1_look", "0x51"], "0x51: the board has no slot 5; it has 5: give 0 to 4"),
+        (["write", "scene.layer_0_d", "7", "0xF0"], "7 0xF0: the board has no slot 15"),
+    ],
+)
+def test_layers_and_slots_that_a_board_lacks_are_refused(model, capfd, words, says):
+    assert run(["board", *words, "--port", model.url]) == 2
+    assert capfd.readouterr().err.startswith(f"lippmann: {says}")
+    assert not model.writes
+    for good in (["read", "scene.layer_3_look"], ["write", "scene.layer_0_look", "slot=4"], ["read", "display", "8"]):
+        assert run(["board", *good, "--port", model.url]) == 0
+
+
+def test_a_board_without_a_scene_says_so_by_name(capfd):
+    with ModelBoard() as plain:
+        for words in (["read", "scene.status"], ["write", "scene.source", "scene=1"]):
+            assert run(["board", *words, "--port", plain.url]) == 1
+            assert "draws no scenes; take a board that draws: lippmann board start --layers 4" in capfd.readouterr().err
+
+
+# --- the command play ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def playing(model, tmp_path, monkeypatch):
+    """A folder with layers `one` and `two`, and the words that play a film on a board of the display."""
+    rng = generator(SEED, "play")
+    model.identity = int(DISPLAY.identity, 16)
+    save_layers(tmp_path / "stack", LayerStack((layer(rng), layer(rng))), ["one", "two"])
+    display = str(repository() / "scenes/displays/paper-square.toml")
+    monkeypatch.chdir(tmp_path)
+    # The panel of the model shows what is written at once.
+    monkeypatch.setattr(SceneBoard, "wait", lambda *_: None)
+    shown = SceneStatus(True, False, frozenset(), 0, 0)
+    monkeypatch.setattr(SceneBoard, "status", lambda self: dataclasses.replace(shown, shown=model.is_drawn()))
+    return ["--display", display, "--force", "--port", model.url]
+
+
+FILM = """layers = "stack"
+frames = 3
+frames_per_second = 1000
+[[layer]]
+name = "one"
+keys = [{ frame = 0 }, { frame = 2, offset_mm = [1, 0, 0] }]
+"""
+
+
+def test_play_says_what_a_folder_cost(playing, capfd):
+    assert run(["play", "stack", *playing]) == 0
+    blocks, shown = capfd.readouterr().out.splitlines()
+    assert re.fullmatch(r"8 of 8 blocks in [\d.]+ s, \d{3} bytes of registers", blocks)
+    assert shown == "1 frame; 0 pixels late"
+    assert run(["play", "stack", *playing, "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert (told["frames"], told["bytes"], told["load"]["skipped"]) == (1, 0, 8)
+    assert told["first_bytes"] > 60
+
+
+def test_play_until_ctrl_c_says_what_was_played(playing, capfd, monkeypatch, tmp_path):
+    (tmp_path / "film.toml").write_text(FILM)
+    set_stack, calls = SceneBoard.set_stack, []
+
+    def interrupted(*arguments):
+        calls.append(1)
+        if len(calls) == 8:
+            raise KeyboardInterrupt
+        return set_stack(*arguments)
+
+    monkeypatch.setattr(SceneBoard, "set_stack", interrupted)
+    assert run(["play", "film.toml", *playing, "--repeat", "0"]) == 130
+    assert re.search(r"^7 frames in .* bytes on the line, .* 0 pixels late$", capfd.readouterr().out, re.M)
+    calls.clear()
+    assert run(["play", "film.toml", *playing, "--repeat", "0", "--json"]) == 130
+    assert json.loads(capfd.readouterr().out)["frames"] == 6  # the first write prepares the scene that is shown
+
+
+@pytest.mark.parametrize(
+    ("key", "says"),
+    [
+        (
+            "offset_mm = [0, 0, -50000]",
+            r"frame \d: layer 'one', register depth: -\d+.* mm is outside its range \[-3379.2, ",
+        ),
+        ("scale = 1e-4", r"frame \d: layer 'one', register a: .* texels/mm is outside its range"),
+        ("offset_mm = [1e6, 0, 0]", r"frame \d: layer 'one', register s0: .* texels is outside its range"),
+    ],
+)
+def test_motion_beyond_a_register_names_the_film(playing, capfd, tmp_path, key, says):
+    (tmp_path / "film.toml").write_text(FILM.replace("offset_mm = [1, 0, 0]", key))
+    assert run(["play", "film.toml", *playing]) == 2
+    (line,) = [one for one in capfd.readouterr().err.splitlines() if not one.startswith("note:")]
+    assert re.match(rf"lippmann: film.toml: {says}", line)
 
 
 def test_crcs_are_those_of_the_blocks(model):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 
 import numpy as np
@@ -27,10 +28,14 @@ from lippmann.fixed.scene_words import LayerWords, SceneWords
 from lippmann.fixed.texel_blend import texel_blend
 from lippmann.fixed.texel_fetch import texel_fetch
 from lippmann.images import encoded_values
+from lippmann.layers.cut import reach_of
+from lippmann.layers.drawing import draw_golden, exit_lines
+from lippmann.layers.folder import load_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import gets_through
 from lippmann.optics.system import System
 from lippmann.sim.tools import repository
+from lippmann.sim.virtual_board import board_build
 from random_cases import configured_display
 from scene_cases import focused_display
 
@@ -225,6 +230,50 @@ def test_pixels_are_those_of_golden_rays(rng, name, f, samples, bilinear):
     assert within / values >= 0.999
 
 
+@pytest.fixture(scope="module", params=["vga-square", "vga-hex"])
+def traced(request):
+    """A display, and golden's exit rays of its pixels."""
+    display = load_display(DISPLAYS / f"{request.param}.toml")
+    return display, list(exit_lines(display))
+
+
+def kept(traced, stack, build, scene_build):
+    """The share of the twin's values within 1/255 of golden's, and the PSNR, dB, of a whole frame."""
+    display, lines = traced
+    golden = draw_golden(display, stack, "bilinear" if scene_build.bilinear else "nearest", lines=lines).panel
+    apart = draw(display, build, stack, scene_build).astype(np.int64) - golden
+    within, decibels = (abs(apart) <= 1).mean(), 20 * np.log10(255 / np.sqrt((apart**2).mean()))
+    print(f"{within:.4%} within 1/255, {decibels:.1f} dB")
+    return within, decibels
+
+
+@pytest.mark.parametrize("bilinear", [False, True], ids=["nearest", "bilinear"])
+@pytest.mark.parametrize("name", ["fish", "chart"])
+def test_shipped_layers_on_a_board_as_it_starts(traced, name, bilinear):
+    """With the word length of `board start --layers 4` and one sample: 99.9 % of values within 1/255, 48 dB."""
+    scene_build = SceneBuild(4, bilinear=bilinear)
+    stack = load_layers(repository() / "scenes" / "layers" / name)
+    within, decibels = kept(traced, stack, board_build(traced[0], scene_build), scene_build)
+    assert within >= 0.999
+    assert decibels >= 48
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("layers", [4, 8])
+def test_noise_needs_twenty_fraction_bits(rng, traced, layers):
+    """Nearest texels of noise, 256 x 192 of them over all that rays reach: the same bounds at F = 20, not at 18."""
+    display, scene_build, reach = traced[0], SceneBuild(layers), reach_of(traced[0])
+    textures = []
+    for depth in np.linspace(15.0, -40.0, layers):
+        texels, palette = rng.integers(0, 256, (192, 256), np.uint8), rng.integers(0, 256, (256, 4), np.uint8)
+        textures.append(Layer(texels, palette, float(depth), reach.area(float(depth)).matrix(256, 192)))
+    stack = LayerStack(tuple(textures), rng.random(3))
+    within, decibels = kept(traced, stack, Build.of(display, "exact", 20, aims=False), scene_build)
+    assert within >= 0.999
+    assert decibels >= 48
+    assert kept(traced, stack, Build.of(display, "exact", 18, aims=False), scene_build)[0] < 0.999
+
+
 def configured(display, build):
     from lippmann.fixed.configuration import configuration
 
@@ -337,10 +386,14 @@ def layer(depth=20.0, scale=5.0, zero=(50.0, 50.0), **rest):
     ("layers", "message"),
     [
         ([layer()] * 5, "5 layers do not fit this build, which has 4; leave layers out, or build with layers = 5"),
-        ([layer(), layer(9000.0)], r"layer 1, register depth: 5454.55 is outside its range \[-2048, 2048\); bring"),
-        ([layer(scale=90.0)], r"layer 0, register a: 148.5 is outside its range \[-128, 128\); the texture is too sm"),
-        ([layer(zero=(0.0, 4e4))], r"layer 0, register t0: 40000 is outside its range \[-32768, 32768\); the texture"),
-        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d: they place a corner of the texture .* radii fr"),
+        ([layer(), layer(9000.0)], r"1, register depth: 9000 mm is outside its range \[-3379.2, 3379.2\) mm; bring"),
+        ([layer(scale=90.0)], r"layer 0, register a: 90 texels/mm is outside its range \[-77.5758, 77.5758\) tex"),
+        ([layer(zero=(0.0, 4e4))], r"register t0: 40000 texels is outside its range \[-32768, 32768\) texels; the"),
+        ([layer(scale=0.01)], r"layer 0, registers s0, t0 and a to d: they place a corner of the texture 20600 mm fr"),
+        (
+            [layer(math.inf, 7e4)],
+            r"layer 0, register a: 70000 texels a slope of 1 is outside its range \[-65536, 65536\) texels a slope",
+        ),
     ],
 )
 def test_layers_out_of_range_are_refused(layers, message):

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.cli.virtual_board import _option_words, start_command
 from lippmann.display import load_display
 from lippmann.images import encode, read_picture, write_picture
 from lippmann.sim import virtual_board
@@ -257,7 +258,7 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
     for words in ("10", "5"), ("5", "5"):
         assert run([*start, "--trace", str(tmp_path / "a.fst"), "--trace-clocks", *words]) == 2
         assert "--trace-clocks: " in capsys.readouterr().err
-    for drawn in ("--slots", "3"), ("--slot", "32x32"), ("--bilinear",), ("--samples", "4"):
+    for drawn in ("--slots", "3"), ("--slot", "32x32"), ("--slot", "256x192"), ("--bilinear",), ("--samples", "1"):
         assert run([*start, *drawn]) == 2
         assert "add --layers N" in capsys.readouterr().err
     assert run([*start, "--background"]) == 2
@@ -285,6 +286,19 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):
         assert run([*start, option, str(path)]) == 2
         assert f"{option}: {tmp_path} cannot be written to" in capsys.readouterr().err
+
+
+def test_a_board_in_the_background_has_all_that_was_asked_for():
+    words = ["--display", "a.toml", "--layers", "2", "--slot", "64x48", "--bilinear", "--samples", "2"]
+    more = ["--ready", "b.json", "--trace-clocks", "3", "9", "--memory", "sdram"]
+    with start_command.make_context("start", [*words, *more, "--background", "--json"]):
+        parsed = _option_words()
+    with start_command.make_context("start", parsed) as again:
+        assert again.params["bilinear"]
+        assert (again.params["slot"], again.params["samples"], again.params["layers"]) == ((64, 48), 2, 2)
+        assert (again.params["trace_clocks"], again.params["memory"]) == ((3, 9), "sdram")
+        assert not again.params["background"]
+        assert again.params["as_json"]
 
 
 def children(pid):

@@ -320,7 +320,7 @@ FAULTS = {
     # As long as a request of a layer, which is repeated in time.
     "cut": Faults(cut=2e-3, run=40),
     # As long as all that is on its way: the board can be out of reach for as long as the host is patient.
-    "outage": Faults(cut=4e-4, run=200),
+    "outage": Faults(cut=1e-3, run=200),
     "stall": Faults(stall=1e-3, stall_s=0.1),
     "lose": Faults(lose=0.2),
     "repeat": Faults(repeat=0.6),
@@ -329,7 +329,24 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+#: Faults that `make test` puts on the line; the others are put by the full tests.
+QUICK_FAULTS = ("flip", "cut", "repeat")
+#: Least updates, and least faults of each direction; most updates until there were as many.
+LEAST_UPDATES, LEAST_FAULTS, MOST_UPDATES = 10, 3, 400
+#: So many times shorter is a reply than a request: its bytes have faults more often, in shorter runs.
+REPLY_SHARE = 8
+
+
+def of_replies(faults):
+    """Faults that hit as many replies as these hit requests."""
+    by_byte = ("flip", "drop", "insert", "duplicate", "garble", "reorder", "cut", "stall")
+    more = {name: REPLY_SHARE * getattr(faults, name) for name in by_byte}
+    return dataclasses.replace(faults, **more, run=faults.run // REPLY_SHARE)
+
+
+@pytest.mark.parametrize(
+    "fault", [name if name in QUICK_FAULTS else pytest.param(name, marks=pytest.mark.full) for name in FAULTS]
+)
 def test_a_bad_line_never_tears_a_frame(usual, fault):
     """Layers move over a line with faults: every frame that is shown is one of those that were asked for, whole."""
     rng = np.random.default_rng([SEED, 6])
@@ -340,8 +357,11 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
         show(SceneBoard(board), display, stack)
     with Proxy(usual.url, SEED) as line, Board.open(line.url, 12_000_000, patience_s=3.0) as board:
         scene = SceneBoard(board)
-        line.down = line.up = FAULTS[fault]
-        for _ in range(10):
+        line.down, line.up = FAULTS[fault], of_replies(FAULTS[fault])
+        kind, updates = "cut" if fault == "outage" else fault, 0
+        while updates < LEAST_UPDATES or (kind != "delay" and min(done[kind] for done in line.done) < LEAST_FAULTS):
+            assert updates < MOST_UPDATES, f"{kind}: too few faults: {line.done}"
+            updates += 1
             stack = moved(rng, display, build, stack)
             wanted.add(twin(display, stack, build).tobytes())
             try:
@@ -351,6 +371,7 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
                 with contextlib.suppress(*[NoBoardError] * (fault == "outage")):
                     board.hello()
         line.down = line.up = NO_FAULTS
+        print(f"{updates} updates; faults of requests and replies: {line.done}")
         board.hello()
         scene.set_stack(display, stack)
         scene.wait(True)

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from typing import Annotated
 
-from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.board.scene import Loaded, SceneBoard, SceneStatus
 from lippmann.board.stream import Progress
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError
@@ -17,39 +17,40 @@ from lippmann.toml import documented, key
 
 
 @documented
-@dataclass(frozen=True)
+@dataclass
 class Played:
     """Counts of a film that was played."""
 
-    frames: Annotated[int, key("frames that were asked for")]
-    seconds: Annotated[float, key("from the first frame until the last one was written")]
-    bytes: Annotated[int, key("bytes of the motion on the line")]
-    most_bytes: Annotated[int, key("most bytes of a frame")]
-    late: Annotated[int, key("frames written more than a frame's time late")]
-    underflows: Annotated[int, key("pixels that the board did not draw in time")]
+    first_bytes: Annotated[int, key("bytes on the line that prepared the first frame, textures excepted")] = 0
+    frames: Annotated[int, key("frames that were asked for")] = 0
+    seconds: Annotated[float, key("from the first frame until the last one was written")] = 0.0
+    bytes: Annotated[int, key("bytes of the motion on the line")] = 0
+    most_bytes: Annotated[int, key("most bytes of a frame")] = 0
+    late: Annotated[int, key("frames written more than a frame's time late")] = 0
+    underflows: Annotated[int, key("pixels that the board did not draw in time")] = 0
 
 
 def load_textures(
-    scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None
+    scene: SceneBoard, display: Display, film: LayerFilm, progress: Progress | None = None, where: str = "film"
 ) -> tuple[Loaded, list[int]]:
     """Load a film's textures into free slots, and the panel's curve; return the counts, and the slot of each layer.
 
     A scene that is shown stays, unless it has another curve. `progress` is called with (blocks done, blocks). Raises
-    InputError, before anything is sent, for layers that do not fit the build and for motion beyond a register's range;
-    DeviceError when too few slots are free, and as `SceneBoard.load`.
+    InputError, before anything is sent, for layers that do not fit the build and for motion beyond a register's range,
+    after `where` and frame; DeviceError when too few slots are free, and as `SceneBoard.load`.
     """
     contents = []
     for name, layer in zip(film.names, film.stack.layers, strict=True):
         try:
             contents.append(slot_bytes(layer, scene.build).tobytes())
         except InputError as error:
-            raise InputError(f"layer '{name}': {str(error).removeprefix('layer: ')}") from None
+            raise InputError(f"{where}: layer '{name}': {str(error).removeprefix('layer: ')}") from None
     for frame in range(film.frames):
         stack, numbers = film.at(frame)
         try:
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
         except InputError as error:
-            raise InputError(f"frame {frame}: {error}") from None
+            raise InputError(f"{where}: frame {frame}: {error}") from None
     loaded = Loaded()
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)
@@ -69,6 +70,7 @@ def play_film(
     repeat: int = 1,
     every_frame: bool = False,
     progress: Progress | None = None,
+    played: Played | None = None,
 ) -> Played:
     """Play a film whose textures are loaded; its last frame stays on the panel.
 
@@ -83,50 +85,64 @@ def play_film(
         written at the film's speed.
     progress
         Called with (frames done, frames), unless the film has no end.
+    played
+        The counts that are kept, also when Ctrl-C ends the film; None: new ones.
 
     Raises
     ------
     DeviceError
         When the board refuses a write, its panel does not change, or it shows no scene at the end.
     """
+    played = Played() if played is None else played
+    line = scene.board.line
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
     shown = scene.status().shown
     if shown and scene.holds_common(display, stack):
+        written = line.written
         scene.set_stack(display, stack, order)
+        played.first_bytes = line.written - written
         scene.wait(True)
     else:
         if shown:
             scene.draw(False)
+        written = line.written
         scene.prepare(display, stack, order)
+        played.first_bytes = line.written - written
         scene.draw(True)
     before = scene.status()
-    line = scene.board.line
     begun = time.monotonic()
-    frames = sent = most = late = 0
-    period = 1.0 / film.frames_per_second
-    while repeat == 0 or frames < repeat * film.frames:
+
+    def ended() -> SceneStatus:
+        played.seconds = time.monotonic() - begun
         if every_frame:
             scene.wait(True)
-        else:
-            wait = begun + frames * period - time.monotonic()
-            time.sleep(max(wait, 0.0))
-            late += wait < -period
-        stack, numbers = film.at(frames % film.frames)
-        written = line.written
-        scene.set_stack(display, stack, [slots[number] for number in numbers])
-        most = max(most, line.written - written)
-        sent += line.written - written
-        frames += 1
-        if progress and repeat:
-            progress(frames, repeat * film.frames)
-    seconds = time.monotonic() - begun
-    if every_frame:
-        scene.wait(True)
-    after = scene.status()
-    if not after.shown:
+        after = scene.status()
+        played.underflows = (after.underflows - before.underflows) % (1 << 32)
+        return after
+
+    period = 1.0 / film.frames_per_second
+    try:
+        while repeat == 0 or played.frames < repeat * film.frames:
+            if every_frame:
+                scene.wait(True)
+            else:
+                wait = begun + played.frames * period - time.monotonic()
+                time.sleep(max(wait, 0.0))
+                played.late += wait < -period
+            stack, numbers = film.at(played.frames % film.frames)
+            written = line.written
+            scene.set_stack(display, stack, [slots[number] for number in numbers])
+            played.most_bytes = max(played.most_bytes, line.written - written)
+            played.bytes += line.written - written
+            played.frames += 1
+            if progress and repeat:
+                progress(played.frames, repeat * film.frames)
+    except KeyboardInterrupt:
+        ended()
+        raise
+    if not ended().shown:
         raise DeviceError.at(
             line.url, "the board draws the scene no longer: it was reset, or ended", "play the film again"
         )
-    underflows = (after.underflows - before.underflows) % (1 << 32)
-    return Played(frames, seconds, sent, most, late, underflows)
+    return played

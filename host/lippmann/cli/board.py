@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import click
 
-from lippmann.board.board import OPTICS_BASE, SCENE_BASE
+from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
 from lippmann.board.check_rays import check_rays
-from lippmann.board.scene import SceneBoard
+from lippmann.board.scene import LAYER_WORDS, SceneBoard
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY, Vector
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
@@ -25,6 +25,10 @@ from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTER
 
 #: A whole register.
 WORD = Field(0, 32)
+#: Bytes of the scene's addresses; addresses of the layers' looks, and the field with a layer's slot.
+SCENE_BYTES = 0x400
+LOOKS = {SCENE_BASE + one.address for name, one in SCENE_REGISTERS.items() if name.endswith("_look")}
+LOOK_SLOT = SCENE_REGISTERS["layer_0_look"].fields["slot"]
 
 
 @click.group("board")
@@ -179,6 +183,7 @@ def read_command(
     """
     known = _register(register)
     with open_board() as board:
+        _check_scene(board, register, known.address, count)
         words = board.read(known.address, count)
     fields = {} if count > 1 else {name: field.value(words[0]) for name, field in known.fields.items()}
     result = {"address": known.address, "words": words, "fields": fields}
@@ -227,11 +232,30 @@ def write_command(
         for name, field in fields.items():
             _check_named(values[0], name, field, numbers[0])
     with open_board() as board:
+        slots = _check_scene(board, register, known.address, len(values))
         if any(by_field):
             numbers = [_changed(register, fields, values, board.read(known.address)[0])]
+        for address, word in enumerate(numbers, known.address // 4):
+            if 4 * address in LOOKS and (slot := LOOK_SLOT.value(word)) >= slots:
+                said = " ".join(values)
+                raise input_error(said, f"the board has no slot {slot}", f"it has {slots}: give 0 to {slots - 1}")
         board.write(known.address, numbers)
     result = {"address": known.address, "words": numbers}
     emit(result, f"0x{known.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
+
+
+def _check_scene(board: Board, name: str, address: int, count: int) -> int:
+    """Return a board's number of slots, 0 for registers other than the scene's; refuse those that it does not have.
+
+    Raises DeviceError for a board that draws no scenes, InputError for a layer that it does not have.
+    """
+    if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
+        return 0
+    build = SceneBoard(board).build
+    if address + 4 * count > SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address + 4 * LAYER_WORDS * build.layers:
+        what = f"the board has {build.layers} layers, 0 to {build.layers - 1}"
+        raise input_error(name, what, "see docs/reference/scene-registers.md")
+    return build.slots_built
 
 
 def _register(name: str) -> Register:

@@ -115,7 +115,7 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
         yield f"layers {chosen['layers']}: the cheapest within {tolerance_db:g} dB, of those tried:"
     else:
         limit = {
-            "render": f"two full renders with other seeds differ as much ({choice.render_db:.1f} dB)",
+            "render": f"two full renders with other seeds differ as much ({_cut(choice.render_db or 0.0)} dB)",
             "hardware": "larger builds, not tried, need more than --block-rams or --multipliers",
             "depths": "the scene has no more depths, and no larger --slot was tried",
             "sizes": "no board has more layers, and no larger --slot was tried",
@@ -124,5 +124,10 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
     for row in choice.tried:
         mark = "chosen" if row is chosen else "best" if chosen is None and row is choice.best else ""
         spent = f"{row['block_rams']:>3} block RAMs, {row['load_bytes']:>7} bytes, {row['multipliers']:>3} multipliers"
-        size, seen = "{}x{}".format(*row["slot"]), f"{row['worst_db']:.1f} dB (mean {row['view_db']:.1f})"
+        size, seen = "{}x{}".format(*row["slot"]), f"{_cut(row['worst_db'])} dB (mean {_cut(row['view_db'])})"
         yield f"  {row['layers']} {row['filter']:<8} {size:<8} {spent}: {seen} {mark}".rstrip()
+
+
+def _cut(decibels: float) -> str:
+    """Return decibels rounded down, so that what misses a tolerance shows less than it."""
+    return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

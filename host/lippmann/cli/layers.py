@@ -17,7 +17,7 @@ from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.display_properties import display_properties
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.images import check_output, replacing
 from lippmann.layers.cost import row_of
 from lippmann.layers.cut import SLOT, Cut
@@ -28,6 +28,10 @@ from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import check_scene_file
 
+#: Layers of a scene, unless --count tells.
+COUNT = 4
+#: Texels across or down below which a layer is remarked upon.
+FEW_TEXELS = 4
 #: Numbers of layers that --costs measures, up to --count.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
@@ -37,7 +41,7 @@ def command(
     scene_path: str = argument("SCENE"),
     display_path: str = DISPLAY,
     output: str = option("Folder for the layers; it is made.", flag="-o", metavar="FOLDER"),
-    count: int = option("Number of layers.", 4, click.IntRange(1, MAX_LAYERS)),
+    count: int | None = option(f"Number of layers.  [default: {COUNT}]", None, click.IntRange(1, MAX_LAYERS)),
     apart: str | None = option("Shapes by id (`*`, `?`) that become a layer of their own, to move.", None),
     slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, Slot()),
     samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
@@ -62,10 +66,14 @@ def command(
         if moved.given or apart is not None or table is not None:
             raise InputError(f"{scene_path}: pictures have their places; leave out --apart, --costs and placements")
         cut, names = cut_pictures(scene_path, display, slot)
+        if count not in (None, len(names)):
+            what = f"its {len(names)} pictures make {len(names)} layers, not {count}"
+            raise input_error(scene_path, what, "leave out --count, or change the pictures in the file")
         cuts = [(cut, [])]
     else:
         settings = Settings(samples, integrator=integrator, max_depth=max_depth, seed=seed)
         placement = moved.placement(check_scene_file(scene_path))
+        count = COUNT if count is None else count
         least = 1 if apart is None else 2
         counts = [k for k in MEASURED if table is not None and least <= k < count] + [count]
         with progress_bar("layers") as progress:
@@ -83,7 +91,7 @@ def command(
             writer = csv.DictWriter(stream, rows[-1])
             writer.writeheader()
             writer.writerows(rows)
-    for remark in _remarks(cut, display):
+    for remark in _remarks(cut, names, display):
         log(remark)
     emit(
         {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
@@ -115,7 +123,11 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any
         yield f"{row['layers']} layers: {seen}{spent}"
 
 
-def _remarks(cut: Cut, display: Display) -> Iterator[str]:
+def _remarks(cut: Cut, names: tuple[str, ...], display: Display) -> Iterator[str]:
+    for name, layer in zip(names, cut.stack.layers, strict=True):
+        if min(layer.width, layer.height) < FEW_TEXELS:
+            size = f"{layer.width} x {layer.height} texels"
+            yield f"note: layer '{name}' has {size} only: check the size and place of what it shows"
     far, near = display_properties(display).depth_range_mm
     outside = [layer.depth_mm for layer in cut.stack.layers if layer.sky or not far <= layer.depth_mm <= near]
     if outside:

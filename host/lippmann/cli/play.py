@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import click
 
-from lippmann.board.film_player import load_textures, play_film
-from lippmann.board.scene import SceneBoard
+from lippmann.board.film_player import Played, load_textures, play_film
+from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import EXIT_INTERRUPTED, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.display_properties import depth_reach_mm
 from lippmann.errors import input_error
@@ -50,13 +52,23 @@ def command(
             what = f"has {len(film.stack.layers)} layers, the board draws {scene.build.layers}"
             raise input_error(film_path, what, f"cut the scene again with --count {scene.build.layers}")
         with progress_bar("loading the layers") as progress:
-            loaded, slots = load_textures(scene, display, film, progress)
-        played = play_film(scene, display, film, slots, repeat, every_frame)
-    emit(
-        {"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)},
-        [
-            f"{loaded.blocks - loaded.skipped} of {loaded.blocks} blocks in {loaded.seconds:.3g} s",
+            loaded, slots = load_textures(scene, display, film, progress, film_path)
+        played, code = Played(), 0
+        try:
+            play_film(scene, display, film, slots, repeat, every_frame, played=played)
+        except KeyboardInterrupt:  # the end of --repeat 0
+            code = EXIT_INTERRUPTED
+    emit({"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)}, _text(loaded, played))
+    click.get_current_context().exit(code)
+
+
+def _text(loaded: Loaded, played: Played) -> Iterator[str]:
+    sent = f"{loaded.blocks - loaded.skipped} of {loaded.blocks} blocks in {loaded.seconds:.3g} s"
+    yield f"{sent}, {played.first_bytes} bytes of registers"
+    if played.frames == 1:
+        yield f"1 frame; {played.underflows} pixels late"
+    else:
+        yield (
             f"{played.frames} frames in {played.seconds:.4g} s, {played.bytes} bytes on the line, at most "
-            f"{played.most_bytes} a frame; {played.late} frames late, {played.underflows} pixels late",
-        ],
-    )
+            f"{played.most_bytes} a frame; {played.late} frames late, {played.underflows} pixels late"
+        )

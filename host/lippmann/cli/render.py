@@ -76,7 +76,8 @@ def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, f
     for name, given in (("aperture", settings.aperture), ("integrator", settings.integrator)):
         if given != getattr(plain.settings, name):
             raise InputError(f"--{name} is for scenes; leave it out with layers")
-    stack = load_layers(path).moved(moved.scale or 1.0, moved.offset or (0.0, 0.0, 0.0))
+    scale = 1.0 if moved.scale is None else moved.scale
+    stack = load_layers(path).moved(scale, moved.offset or (0.0, 0.0, 0.0))
     model = "exact" if options.model == "auto" else options.model
     engine = "golden" if options.engine == "fast" else options.engine
     return api.draw(

@@ -52,9 +52,9 @@ def start_command(
     trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
     layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
     slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
-    slot: tuple[int, int] = option("Texels of a slot.", (SceneBuild.width, SceneBuild.height), Slot()),
+    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", None, Slot()),
     bilinear: bool = option("Interpolate its texels.", False),
-    samples: int = option("Rays for each pixel: 1, 2 or 4.", 1, click.Choice([1, 2, 4])),
+    samples: int | None = option("Rays for each pixel: 1, 2 or 4.  [default: 1]", None, click.Choice([1, 2, 4])),
     memory: virtual_board.Memory = option(
         "Where its frames are: block RAM, or a chip of SDRAM with the controller of a real board.", "block"
     ),
@@ -77,8 +77,8 @@ def start_command(
         )
     display = load_display(display_path)
     virtual_board.check_panel(display)
-    drawing = SceneBuild(layers or 1, slots, *slot, bilinear, samples)
-    if layers is None and drawing != SceneBuild(1):
+    drawing = SceneBuild(layers or 1, slots, *(slot or (SceneBuild.width, SceneBuild.height)), bilinear, samples or 1)
+    if layers is None and (bilinear or (slots, slot, samples) != (None, None, None)):
         raise input_error("--slots, --slot, --bilinear, --samples", "are of a board that draws", "add --layers N")
     scene = None if layers is None else drawing
     _check_places(capture, ready, trace)
@@ -183,16 +183,18 @@ def _in_background(ready: Path) -> None:
 
 
 def _option_words() -> list[str]:
-    """Return the command's parsed options as words; with --json, so that an error is the last line of the log."""
+    """Return the words of the same board without --background; with --json: an error is the last line of the log."""
     ctx = click.get_current_context()
     words = []
     for parameter in ctx.command.params:
         value = ctx.params.get(parameter.name or "")
         if isinstance(value, tuple) and isinstance(parameter.type, Slot):
             words += [parameter.opts[0], "x".join(map(str, value))]
+        elif value is True and parameter.name != "background":
+            words.append(parameter.opts[0])
         elif value is not None and not isinstance(value, bool):
             words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
-    return [*words, "--json"]
+    return words if "--json" in words else [*words, "--json"]
 
 
 def _failure(output: Path) -> LippmannError | None:

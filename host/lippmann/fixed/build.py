@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Annotated, Any, Literal, get_args
 
 from lippmann.display import Display, Grid
@@ -45,6 +46,8 @@ class Build:
                 raise InputError(f"{name} '{value}' cannot be built; choose from {', '.join(get_args(kind))}")
         for name, values in (("fraction_bits", FRACTIONS), ("max_cell_steps", range(MOST_CELL_STEPS + 1))):
             value = getattr(self, name)
+            if not isinstance(value, Integral) or isinstance(value, bool):
+                raise InputError(f"{name} {value!r} is not a whole number; give {values[0]} to {values[-1]}")
             if value not in values:
                 raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer or self.converge)):

@@ -109,15 +109,17 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
 
     name = f"layer {number}, register"
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
-    words = {"depth": _word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer)}
+    # Errors are in the units of the layers' file: mm, texels, and texels by which s or t changes a mm, or a slope of 1.
+    share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
+    words = {"depth": _word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
         finer = "the texture is too small, or sheared too far: give it fewer texels, or make it larger"
-        words[register] = _word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer)
+        words[register] = _word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer, share, unit)
     for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
         beside = "the texture is too far beside the display for its size: bring it nearer to the middle"
-        words[register] = _word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside)
+        words[register] = _word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside, unit=" texels")
     if not layer.sky:
-        _check_reach(layer, linear, zero, number)
+        _check_reach(layer, linear, zero, number, radius)
     bright = math.floor(layer.brightness * FULL_BRIGHTNESS + 0.5)
     return LayerWords(**words, visible=layer.visible, infinite=layer.sky, slot=slot, brightness=bright)
 
@@ -136,12 +138,18 @@ def curve_table(display: Display) -> Bytes:
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, _BOARD_BITS)).astype(np.uint8)
 
 
-def _word(value: float, bits: int, fraction: int, register: str, remedy: str) -> int:
-    """Return the nearest word of a value; refuse a value for which the register is too narrow."""
+def _word(
+    value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
+) -> int:
+    """Return the nearest word of a value; refuse a value for which the register is too narrow.
+
+    Errors tell `share` times the value and the limits, in `unit`.
+    """
     word = math.floor(math.ldexp(value, fraction) + 0.5)
     if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
-        limit = 2.0 ** (bits - 1 - fraction)
-        raise InputError(f"{register}: {value:.6g} is outside its range [{-limit:g}, {limit:g}); {remedy}")
+        limit = share * 2.0 ** (bits - 1 - fraction)
+        what = f"{share * value:.6g}{unit} is outside its range [{-limit:g}, {limit:g}){unit}"
+        raise InputError(f"{register}: {what}; {remedy}")
     return word
 
 
@@ -160,7 +168,7 @@ def _check_place(display: Display) -> None:
 
 
 def _check_reach(
-    layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str
+    layer: Layer, linear: npt.NDArray[np.float64], zero: npt.NDArray[np.float64], number: int | str, radius: float
 ) -> None:
     """Refuse a texture with a corner farther from the array's origin than the position's word holds."""
     if np.linalg.det(linear) == 0.0:
@@ -170,6 +178,7 @@ def _check_reach(
     farthest = float(np.abs(places).max())
     if farthest >= MAX_PLACE:
         raise InputError(
-            f"layer {number}, registers s0, t0 and a to d: they place a corner of the texture {farthest:.6g} radii "
-            f"from the array's origin, outside the range [0, {MAX_PLACE:g}); make the texture smaller, or a sky"
+            f"layer {number}, registers s0, t0 and a to d: they place a corner of the texture {farthest * radius:.6g} "
+            f"mm from the array's origin, outside the range [0, {MAX_PLACE * radius:g}) mm; make the texture smaller, "
+            "or a sky"
         )

@@ -78,7 +78,7 @@ def check_slot(slot: tuple[int, int]) -> None:
     width, height = slot
     what = f"slot {width}x{height}"
     if width & (width - 1) or not MIN_ROW <= width <= MAX_SIDE:
-        raise InputError(f"{what}: {width} texels across are no power of two, {MIN_ROW} to {MAX_SIDE}; give one")
+        raise InputError(f"{what}: {width} texels across; give a power of two from {MIN_ROW} to {MAX_SIDE}")
     step = max(1, BLOCK_BYTES // width)
     if not 2 <= height <= MAX_SIDE or height % step:
         raise InputError(f"{what}: a slot is loaded in blocks of {BLOCK_BYTES} texels; give a multiple of {step} rows")

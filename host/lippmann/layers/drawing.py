@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -120,7 +121,7 @@ def draw_layers(
         raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
     if model not in MODELS:
         raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
-    build = Build.of(display, model, fraction_bits or WIDEST, aims=False)
+    build = Build.of(display, model, WIDEST if fraction_bits is None else fraction_bits, aims=False)
     scene_build = scene_build_of(stack, filter, samples)
     if engine == "twin":
         panel = fixed_drawing.draw(display, build, stack, scene_build, model)
@@ -146,8 +147,11 @@ def check_options(filter: str, samples: object) -> None:
     """Refuse filters and numbers of samples that a board does not have."""
     if filter not in FILTERS:
         raise InputError(f"unknown filter '{filter}'; choose from {', '.join(FILTERS)}")
-    if isinstance(samples, bool) or samples not in SAMPLES:
-        raise InputError(f"layers are drawn with {', '.join(map(str, SAMPLES))} samples a pixel, not {samples}")
+    if isinstance(samples, bool) or not isinstance(samples, Integral) or samples not in SAMPLES:
+        numbers = ", ".join(map(str, SAMPLES))
+        raise InputError(
+            f"layers are drawn with {numbers} samples a pixel, not {samples!r}; give one of these integers"
+        )
 
 
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:

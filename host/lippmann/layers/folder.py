@@ -6,6 +6,7 @@ chunk says that light is the square of a palette's colour: any viewer shows the 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
@@ -113,7 +114,8 @@ def load_named_layers(path: str | Path) -> NamedLayers:
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:
     """Write a stack as a folder, which is made when it is not there; return the path of its `layers.toml`.
 
-    `names` are those of the layers; without them they are called layer_0, layer_1, ... from front to back.
+    `names` are those of the layers; without them they are called layer_0, layer_1, ... from front to back. Pictures of
+    the folder's former layers are removed, when this function had written them.
 
     Raises InputError for names that are not files' names, and when a file cannot be written.
     """
@@ -131,11 +133,30 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     except OSError as error:
         raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder") from None
     file = check_output(folder / FILE, (".toml",))
+    former = _written_pictures(file)
     for name, layer in zip(names, stack.layers, strict=True):
         _write_png(folder / f"{name}.png", layer)
     with replacing(file) as partial:  # last: it names pictures that are whole
         partial.write_text(layers_text(stack, names))
+    for picture in former:
+        if picture.stem.casefold() not in {name.casefold() for name in names}:
+            picture.unlink(missing_ok=True)
     return file
+
+
+def _written_pictures(file: Path) -> list[Path]:
+    """Return the pictures that a `layers.toml` names and `save_layers` has written: their gamma chunk tells."""
+    from PIL import Image
+
+    written = []
+    with contextlib.suppress(InputError, OSError, SyntaxError):  # no folder of layers: nothing in it is ours
+        for one in toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer:
+            path = file.parent / one.picture
+            if one.picture.name == str(one.picture) and path.is_file():
+                with Image.open(path, formats=("PNG",)) as picture:
+                    if picture.info.get("gamma") == GAMMA / 1e5:
+                        written.append(path)
+    return written
 
 
 def layers_text(stack: LayerStack, names: Sequence[str]) -> str:

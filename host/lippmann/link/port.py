@@ -222,4 +222,4 @@ class Line:
         if self.url.startswith("socket://") and not self.reader.counts.bytes:
             what, remedy = "it closed the connection at once", "close the other program that uses the board"
             return no_board_error(self.url, what, remedy)
-        return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps its tiles")
+        return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps what arrived")
