@@ -498,7 +498,8 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
 
 
 @click.command()
-@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: frames in block RAM, a byte line]")
+@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: the virtual board]")
+@click.option("--memory", type=click.Choice(["block", "sdram"]), default="sdram", show_default=True, help="Frames.")
 @click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
 @click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
 @click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
