@@ -13,11 +13,13 @@ from lippmann.dev import mutation
 
 COMMANDS = (
     "bitstream",
+    "crossings",
     "formal",
     "generate_registers",
     "host_mutation",
     "lint",
     "mutation",
+    "netlist",
     "synthesis",
     "test_record",
 )

