@@ -203,7 +203,7 @@ def test_make_takes_no_display_from_the_environment():
     plain = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
     assert plain.split()[-1] == "lippmann.dev.bitstream"
     asked = ["BOARD=ulx3s_lcd", "DISPLAY=x.toml", "SEEDS=1,2", "LAYERS=0", "BILINEAR=1"]
-    full = subprocess.run([*make, *asked], cwd=TOP, capture_output=True, text=True, check=True).stdout
+    full = subprocess.run([*make, *asked], cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
     assert full.strip().endswith(
         "lippmann.dev.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
     )

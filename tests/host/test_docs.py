@@ -58,6 +58,9 @@ NOT_RUN = {
     r"make setup|make test|make$": "are what runs the tests; their targets are looked up",
     r"python scenes/": "make the shipped files again, over those that other tests read; the scripts are looked up",
     r"python -m lippmann\.dev\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
+    r"python -m lippmann\.dev\.(crossings|netlist) ": (
+        "minutes; tests/rtl/test_crossings.py and test_netlist.py run the same; the modules are looked up"
+    ),
     r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),

@@ -74,7 +74,9 @@ def test_an_installed_package_finds_its_rtl_and_the_users_cache(site, cache, wan
     """A relative XDG_CACHE_HOME is to be ignored."""
     program = "from lippmann.sim.tools import *; print(hardware(), build_folder(), len(rtl_sources(hardware())))"
     done = python(site, program, XDG_CACHE_HOME=cache)
-    sources = [name for name in files("rtl") if name.endswith(".sv") and not name.startswith("rtl/ecp5/")]
+    # Folders of the list only: rtl/board/NAME/ is an FPGA board, which needs the checkout.
+    listed = [name for name in files("rtl") if name.count("/") == 2 and not name.startswith("rtl/ecp5/")]
+    sources = [name for name in listed if name.endswith(".sv")]
     assert done.stdout.split() == [str(site / HARDWARE), str(site / wanted), str(len(sources))], done.stderr
 
 
