@@ -46,7 +46,7 @@ def comment(board: str, display: str, identity: str, seed: int) -> str:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return the header of a bitstream; raise InputError for a file that is none, or cannot be read."""
+    """Return the header of a bitstream; raise InputError for another kind of file, or an unreadable one."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:

@@ -37,7 +37,7 @@ from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import repository
-from lippmann.sim.virtual_board import KNOWN_TIMINGS, REDUCED, TIMING, board_build, check_panel, step_of
+from lippmann.sim.virtual_board import TIMING, board_build, check_panel, step_of, timing_of
 
 #: Seeds that are tried unless others are asked for.
 SEEDS = "1,2,3,4,5,6,7,8"
@@ -113,11 +113,6 @@ class Plan:
     def constraints(self) -> list[Path]:
         """The files of pins."""
         return [(self.board.folder / name).resolve() for name in self.board.constraints]
-
-
-def timing_of(display: Display) -> tuple[int, ...]:
-    """Return the video timing of a display's panel, as `virtual_board.TIMING`."""
-    return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
 
 
 def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False, samples: int = 1) -> Plan:
