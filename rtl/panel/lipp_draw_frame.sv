@@ -87,13 +87,6 @@ module lipp_draw_frame #(
   assign half_u = {column_q, 1'b1} - HalfBits'(Width);
   assign half_v = HalfBits'(Height) - {row_q, 1'b1};
   always_ff @(posedge clk_i) begin
-    if (begins) begin
-      {column_q, row_q, sample_q} <= '0;
-    end else if (step && walk_q) begin
-      sample_q <= end_of_pixel ? '0 : sample_q + 1'b1;
-      if (end_of_pixel) column_q <= end_of_row ? '0 : column_q + 1'b1;
-      if (end_of_row) row_q <= row_q + 1'b1;
-    end
     if (step) begin
       ray_u_o <= {half_u, 3'b0} + (SamplesBits == 0 ? '0 : right ? PixelBits'(4) : -PixelBits'(4));
       ray_v_o <= {half_v, 3'b0} + (SamplesBits == 0 ? '0 : up ? PixelBits'(4) : -PixelBits'(4));
@@ -101,10 +94,16 @@ module lipp_draw_frame #(
       ray_last_o <= end_of_frame;
     end
   end
+  // A frame begins where the one before ended: at the first ray.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {walk_q, ray_valid_o} <= '0;
+      {column_q, row_q, sample_q, walk_q, ray_valid_o} <= '0;
     end else begin
+      if (step && walk_q) begin
+        sample_q <= end_of_pixel ? '0 : sample_q + 1'b1;
+        if (end_of_pixel) column_q <= end_of_row ? '0 : column_q + 1'b1;
+        if (end_of_row) row_q <= end_of_frame ? '0 : row_q + 1'b1;
+      end
       walk_q <= begins || (walk_q && !(step && end_of_frame));
       if (step) ray_valid_o <= walk_q;
     end

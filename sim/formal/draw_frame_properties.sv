@@ -108,8 +108,9 @@ module draw_frame_properties #(
       in_passed: assert (passed_q <= 8'(Pixels));
       in_late: assert (!i_dut.i_feed.fed_q || come_q + late == passed_q);
       in_late_none: assert (i_dut.i_feed.fed_q || late == '0);
-      in_place: assert (!i_dut.walk_q || (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
-          && i_dut.sample_q <= 2'((1 << SamplesBits) - 1)));
+      in_place: assert (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
+          && i_dut.sample_q <= 2'((1 << SamplesBits) - 1));
+      in_first: assert (i_dut.walk_q || placed == '0);
       in_walk: assert (!i_dut.walk_q || placed == sent_q + 8'(ray_valid));
       in_walked: assert (i_dut.walk_q || sent_q + 8'(ray_valid) == 8'(Rays));
       in_shown: assert (!i_dut.i_feed.fed_q || shown);
