@@ -38,17 +38,23 @@ module lipp_tmds_serialiser #(
 
   // A LUT of four inputs between registers, and a third of a chip's width: the shift clock is as
   // fast as an FPGA's logic goes.
-  logic turn, turned_q, begins_q, known_q, astray_q, set_q, load_q, hold_q;
+  logic turn, turned_q, begins_q, known_q, astray_q, set_q;
   logic [4:0] place_q;  // a ring with one bit, for the five pairs of a symbol
+  // A register for each channel, near its pads. Synthesis makes one register of equal ones: these
+  // differ in their sense, high or low, and in what they are in reset.
+  logic [Channels-1:0] load_q, low;
   logic [Channels-1:0][9:0] rest_q;
+  for (genvar k = 0; k < Channels; k++) begin : gen_sense
+    assign low[k] = k % 2 == 1;
+  end
   lipp_bit_sync #(.Stages(3)) i_turn (
     .clk_i(shift_clk_i), .rst_ni(shift_rst_ni), .d_i(turn_q), .q_o(turn)
   );
   always_ff @(posedge shift_clk_i or negedge shift_rst_ni) begin
     if (!shift_rst_ni) begin
-      {turned_q, begins_q, known_q, astray_q, set_q, load_q} <= '0;
-      hold_q <= 1'b1;
+      {turned_q, begins_q, known_q, astray_q, set_q} <= '0;
       place_q <= 5'd1;
+      for (int k = 0; k < Channels; k++) load_q[k] <= k % 4 >= 2;
     end else begin
       turned_q <= turn;
       begins_q <= turn != turned_q;
@@ -57,20 +63,23 @@ module lipp_tmds_serialiser #(
       known_q <= known_q || begins_q;
       set_q <= astray_q;
       place_q <= set_q ? 5'b00010 : {place_q[3:0], place_q[4]};
-      load_q <= place_q[0];
-      hold_q <= !place_q[0];  // the same for other channels: synthesis does not make one register of both
+      load_q <= {Channels{place_q[0]}} ^ low;
     end
   end
   // From the symbols to the pins is a way across the chip, in three steps.
   // A symbol's pairs 0 to 4 are at the end of rest_q in places 2, 3, 4, 0 and 1.
   logic [Channels-1:0][1:0] first_q, second_q;
-  logic [1:0] first_clock_q, second_clock_q;
+  logic high_q, before_q;
+  logic [1:0] second_clock_q;
   always_ff @(posedge shift_clk_i) begin
-    first_clock_q <= {place_q[2] || place_q[3], place_q[2] || place_q[3] || place_q[4]};
-    {clock_o, second_clock_q} <= {second_clock_q, first_clock_q};
+    // High for two pairs and a bit: two pairs, or a pair later. Each step is one LUT.
+    high_q <= place_q[2] || place_q[3];
+    before_q <= high_q;
+    second_clock_q <= {high_q, high_q || before_q};
+    clock_o <= second_clock_q;
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
-      rest_q[k] <= (k % 2 == 0 ? load_q : !hold_q) ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
+      rest_q[k] <= load_q[k] != low[k] ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
       {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], rest_q[k][1:0]};
     end
   end

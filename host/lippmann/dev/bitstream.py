@@ -25,6 +25,7 @@ from lippmann.board.fpga_boards import FpgaBoard, fpga_board
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.dev import flow
+from lippmann.dev.anchors import TRIALS, anchor
 from lippmann.dev.flow import PACKAGES, Source, run_tool
 from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
 from lippmann.display import Display, load_display
@@ -182,7 +183,7 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
 def _work_folder(made: Plan) -> Path:
     top = repository()
     versions = [importlib.metadata.version(name) for name in PACKAGES]
-    what = hashlib.sha256(repr((made.parameters, made.board, versions, flow.SYNTHESIS)).encode())
+    what = hashlib.sha256(repr((made.parameters, made.board, versions, flow.SYNTHESIS, TRIALS)).encode())
     for path in (*made.source.files, *made.constraints):
         what.update(path.read_bytes())
     folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
@@ -197,8 +198,13 @@ def _routed(made: Plan, netlist: Path, written: int, seed: int) -> dict[str, Any
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
     options = [f"--{fpga.device}", "--speed", str(fpga.speed), "--package", fpga.package]
     options += [word for path in made.constraints for word in ("--lpf", str(path.relative_to(top)))]
-    options += ["--textcfg", str(configuration.relative_to(top))]
     started = time.perf_counter()
+    if "shift" in made.clocks_mhz:
+        anchored = folder / f"seed-{seed}.netlist.json"
+        if not anchor(netlist, options, seed, anchored):
+            raise LippmannError(f"{netlist}: no cell of the shift clock has got a place")
+        netlist = anchored
+    options += ["--textcfg", str(configuration.relative_to(top))]
     failed: LippmannError | None = None
     found: dict[str, Any] | None = None
     try:
