@@ -151,6 +151,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
 
     def route(netlist, written, options, seed, report, record):
         routed.append(seed)
+        assert netlist.read_text() == f"anchored by {seed}"
         assert "--timing-allow-fail" not in options
         assert "--lpf-allow-unconstrained" not in options
         record.write_text(SAID.replace("83.25", "70.00") if seed < 3 else SAID)
@@ -160,6 +161,11 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
         return {"utilization": {cell: {"used": 1} for cell in
                                 ("TRELLIS_COMB", "TRELLIS_FF", "MULT18X18D", "DP16KD", "TRELLIS_RAMW")}}  # fmt: skip
 
+    def anchor(netlist, options, seed, output):
+        assert "--package" in options
+        output.write_text(f"anchored by {seed}")
+        return 1
+
     def pack(command, record=None):
         *_, told, packed = command
         (tmp_path / packed).write_text((tmp_path / told).read_text())
@@ -167,6 +173,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
 
     monkeypatch.setattr(bitstream.flow, "synthesise", lambda source, netlist, record: 7)
     monkeypatch.setattr(bitstream.flow, "route", route)
+    monkeypatch.setattr(bitstream, "anchor", anchor)
     monkeypatch.setattr(bitstream, "run_tool", pack)
     monkeypatch.setattr(bitstream, "repository", lambda: tmp_path)
     monkeypatch.setattr(bitstream.Plan, "constraints", property(lambda plan: []))
