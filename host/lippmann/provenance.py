@@ -7,6 +7,7 @@ import importlib.metadata
 import os
 import platform
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from lippmann import __version__
@@ -20,9 +21,11 @@ def machine_name() -> str:
     return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
 
 
-def provenance(command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy")) -> dict[str, str]:
-    """Return the provenance of a report: machine, date, command, versions of Lippmann and of some packages."""
-    versions = {name: importlib.metadata.version(name) for name in packages}
+def provenance(
+    command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Return the provenance of a report: machine, date, command, versions of Lippmann, of programs, some packages."""
+    versions = {**(programs or {}), **{name: importlib.metadata.version(name) for name in packages}}
     return {
         "machine": machine_name(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),

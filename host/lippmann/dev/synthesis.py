@@ -8,7 +8,6 @@ under build/synth/ by a hash of their inputs: a design is placed and routed agai
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import json
 import re
 import sys
@@ -25,7 +24,7 @@ from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conditioning.word_sets import frame_words
 from lippmann.dev import flow
-from lippmann.dev.flow import PACKAGES, SYNTHESIS, Source
+from lippmann.dev.flow import SYNTHESIS, Source
 from lippmann.dev.lint import elaborated
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.named_builds import CONFIGURATIONS, Named
@@ -152,8 +151,7 @@ def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
 
 def _folder(design: Design, seed: int, top: Path) -> Path:
     """Return where the result of a design and a seed is kept, by a hash of all that it depends on."""
-    versions = [importlib.metadata.version(name) for name in PACKAGES]
-    what = hashlib.sha256(repr((design.parameters, seed, versions, SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
+    what = hashlib.sha256(repr((design.parameters, seed, flow.versions(), SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
     for path in sources(top, design.top):
         what.update(path.read_bytes())
     return top / "build" / "synth" / f"{design.name}-{what.hexdigest()[:16]}"
@@ -266,7 +264,7 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
             rows.append(placed | {name: max(error[name] for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
     asked = "".join(f" --seed {seed}" for seed in seeds)
-    origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", (*PACKAGES, "numpy"))
+    origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", ("numpy",), flow.versions())
     page(origin, rows, whole).write(Path(report))
     if Path(report).resolve() == repository() / "docs/reports":
         measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
