@@ -40,6 +40,12 @@ class MissingLibraryError(LippmannError):
     exit_code = 3
 
 
+class NoSpaceError(LippmannError):
+    """A disk is full, or the user's share of it."""
+
+    exit_code = 3
+
+
 #: The errors whose line says where, what and the remedy.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 

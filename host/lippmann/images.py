@@ -6,13 +6,12 @@ folder and renamed at the end.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
+from lippmann.files import clean_before_writing, not_written
+from lippmann.files import replacing as replacing  # noqa: PLC0414  used with check_output
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -142,6 +143,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise input_error(str(path), "cannot be written", "choose another place or change permissions")
+    clean_before_writing(folder)
     return path
 
 
@@ -153,24 +155,6 @@ def check_input(path: str | Path) -> Path:
     if not path.is_file():
         raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
     return path
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
-
-    InputError when the file system refuses (disk full, no permission).
-    """
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    except OSError as error:
-        raise input_error(
-            str(path), f"cannot be written ({error.strerror})", "free space or choose another place"
-        ) from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def write_picture(
@@ -249,7 +233,7 @@ def write_picture(
         if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, sums, kind):
             good, trouble = False, "the disk holds only part of it"
         if not good:
-            raise input_error(str(path), f"cannot be written ({trouble})", "free space or choose another place")
+            raise not_written(path, trouble, partial)
 
 
 def _holds(oiio: Any, path: Path, sums: Sequence[int], kind: Any) -> bool:

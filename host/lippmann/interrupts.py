@@ -1,4 +1,4 @@
-"""Ctrl-C, noted: some libraries drop the exception while they load, so work that takes long asks between its steps."""
+"""Ctrl-C and SIGTERM, noted: some libraries drop the exception while they load, so long work asks between its steps."""
 
 from __future__ import annotations
 
@@ -8,12 +8,22 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+#: Signals that end a command: Ctrl-C, the end that another program asks for, and the loss of the terminal.
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
 #: Signals received.
 received: list[int] = []
 
 
+def install() -> None:
+    """Have each signal of `ENDING` raise KeyboardInterrupt; SIGHUP stays ignored under nohup."""
+    for number in ENDING:
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, note)
+
+
 def note(number: int, frame: FrameType | None) -> None:
-    """Note a signal and raise KeyboardInterrupt, as Python's own handler does."""
+    """Note a signal and raise KeyboardInterrupt, as Python's own handler does for SIGINT."""
     received.append(number)
     raise KeyboardInterrupt
 
@@ -24,21 +34,27 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
+def exit_code() -> int:
+    """Return the exit code of a command that a signal ended: 128 and the first signal, 130 after Ctrl-C."""
+    return 128 + (received[0] if received else signal.SIGINT)
+
+
 @contextlib.contextmanager
 def held(*numbers: int) -> Iterator[list[int]]:
-    """Let signals, SIGINT unless others are named, wait until the block ends; yields the list of those that came.
+    """Let signals, those of `ENDING` unless others are named, wait until the block ends; yields those that came.
 
     For code that an exception at any place would break: C++ that loads, and subprocess, whose lock would stay taken.
     To block the signals would not do: other libraries' threads take them, and Python answers in this one.
     """
     came: list[int] = []
-    before = {number: signal.getsignal(number) for number in numbers or (signal.SIGINT,)}
+    before = {number: signal.getsignal(number) for number in numbers or ENDING}
     # Only the main thread has handlers, and those that are not Python's cannot be put back.
     if threading.current_thread() is not threading.main_thread() or None in before.values():
         yield came
         return
-    for number in before:
-        signal.signal(number, lambda number, _: came.append(number))
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: came.append(number))
     try:
         yield came
     finally:

@@ -710,7 +710,8 @@ main(sys.argv[1:])
 """
 
 
-def test_ctrl_c_leaves_nothing_half_written(place):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_leaves_nothing_half_written(place, number, code):
     (place / "a.exr").write_bytes(b"of old")
     process = subprocess.Popen(
         [sys.executable, "-c", SLOW_RENDER, *render("-o", "a.exr", "--samples", "60000", "--json")],
@@ -720,17 +721,17 @@ def test_ctrl_c_leaves_nothing_half_written(place):
     )
     try:
         assert any("started" in line for line in process.stderr)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         since = time.monotonic()
         out, err = process.communicate(timeout=30)
         seconds = time.monotonic() - since
     finally:
         process.kill()
-    assert process.returncode == 130
+    assert process.returncode == code
     assert seconds < 10.0
     assert "Traceback" not in err
     assert err.splitlines()[-1] == "lippmann: interrupted; nothing half-written is left"
-    assert json.loads(out)["exit_code"] == 130
+    assert json.loads(out)["exit_code"] == code
     assert (place / "a.exr").read_bytes() == b"of old"
     assert sorted(path.name for path in place.iterdir()) == ["a.exr", "ball.xml", "tiny.toml"]
 
@@ -831,15 +832,16 @@ main()
 """
 
 
-def test_ctrl_c_before_the_command_line_is_loaded():
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_before_the_command_line_is_loaded(number, code):
     process = subprocess.Popen([sys.executable, "-c", SLOW_LOAD, "inspect"], stderr=subprocess.PIPE, text=True)
     try:
         assert process.stderr.readline() == "loading\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, err = process.communicate(timeout=30)
     finally:
         process.kill()
-    assert (process.returncode, err) == (130, "lippmann: interrupted; nothing half-written is left\n")
+    assert (process.returncode, err) == (code, "lippmann: interrupted; nothing half-written is left\n")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
@@ -850,7 +852,7 @@ def test_a_full_disk_behind_stdout_is_one_line(place, words):
             [sys.executable, "-m", "lippmann", *words], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
     assert done.stderr == "lippmann: cannot write: no space left on the device; free space or choose another place\n"
-    assert done.returncode == 2
+    assert done.returncode == 3
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.4])

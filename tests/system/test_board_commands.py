@@ -373,6 +373,6 @@ def test_a_start_that_is_ended_takes_the_board_with_it(place, tmp_path):
         wait_until(lambda: any(children(child) for child in children(board)) or children(board))
         workers = children(board)
         start.send_signal(signal.SIGTERM)
-        assert start.wait(60) == 130
+        assert start.wait(60) == 143
     wait_until(lambda: not any(map(alive, [board, *workers])))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["odd.toml"]

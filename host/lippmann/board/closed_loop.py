@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from lippmann.board.check_rays import Check, check_rays
 from lippmann.board.stream import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display import Display
+from lippmann.files import scratch_folder
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.sim import virtual_board
 from lippmann.toml import documented, key
@@ -53,8 +52,8 @@ class Captured:
 @contextmanager
 def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Captured]:
     """Run a virtual board, and keep what it scans out; `scene` and errors are those of `virtual_board.start`."""
-    with tempfile.TemporaryDirectory() as folder:
-        virtual = virtual_board.start(display, capture=Path(folder), scene=scene)
+    with scratch_folder() as folder:
+        virtual = virtual_board.start(display, capture=folder, scene=scene)
         try:
             with Board.open(virtual.url, patience_s=PATIENCE_S) as board:
                 captured = Captured(board)
@@ -63,7 +62,7 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
             counts = virtual.stop()
         captured.counts = counts
         shape = display.panel.height_px, display.panel.width_px, 3
-        for path in sorted(Path(folder).glob("frame-*.rgb")):
+        for path in sorted(folder.glob("frame-*.rgb")):
             captured.frames.append(np.frombuffer(path.read_bytes(), np.uint8).reshape(shape))
 
 

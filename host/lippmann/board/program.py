@@ -8,6 +8,7 @@ from pathlib import Path
 from lippmann.board.bitfile import BitFile, read_bitfile
 from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
 from lippmann.errors import DeviceError, InputError, device_error, input_error, no_board_error
+from lippmann.programs import run_program
 from lippmann.sim.tools import Tool
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
@@ -85,7 +86,7 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
     command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
     command += ["--write-flash" if flash else "--write-sram", str(path)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LOAD_SECONDS)
+        done = run_program(command, timeout_s=LOAD_SECONDS)
     except subprocess.TimeoutExpired:
         late = f"openFPGALoader did not end within {LOAD_SECONDS:.0f} s"
         raise device_error(board.name, late, "plug the board in again") from None

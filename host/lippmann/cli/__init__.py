@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
-import signal
 import sys
 from importlib import import_module
 
 import click
 
 from lippmann import __version__, interrupts
-from lippmann.cli.output import EXIT_INTERRUPTED
-from lippmann.errors import InputError, LippmannError, MissingLibraryError, to_install
+from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, to_install
+from lippmann.files import is_full
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
@@ -47,8 +45,8 @@ class _Commands(click.Group):
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
-    Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing; 4 regress
-    found wrong rays; 130 interrupted.
+    Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing, or no
+    space; 4 regress found wrong rays; 130 and 143 ended by Ctrl-C and by SIGTERM.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
@@ -56,7 +54,7 @@ def cli() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit with the code of its outcome."""
-    signal.signal(signal.SIGINT, interrupts.note)
+    interrupts.install()
     code = run(sys.argv[1:] if arguments is None else arguments)
     if interrupts.received:
         # Libraries that were interrupted while they loaded may crash when Python takes them down.
@@ -93,17 +91,17 @@ CANNOT_OPEN: dict[type[OSError], str] = {
 def _explain(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code for an error."""
     if was_interrupted(error):
-        return "interrupted; nothing half-written is left", EXIT_INTERRUPTED
+        return "interrupted; nothing half-written is left", interrupts.exit_code()
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
         del error.possibilities[1:]  # the likeliest only
     if isinstance(error, click.ClickException):
         return error.format_message() + _usage(error), InputError.exit_code
+    if is_full(error):
+        error = NoSpaceError("cannot write: no space left on the device; free space or choose another place")
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
-    full = isinstance(error, OSError) and error.errno == errno.ENOSPC
-    if full or isinstance(error, MemoryError):
-        no_space = "cannot write: no space left on the device; free space or choose another place"
-        return no_space if full else "out of memory; take a smaller panel or fewer samples", InputError.exit_code
+    if isinstance(error, MemoryError):
+        return "out of memory; take a smaller panel or fewer samples", InputError.exit_code
     if os.environ.get("LIPPMANN_TRACEBACK"):
         raise error
     if isinstance(error, ImportError):
@@ -125,7 +123,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Tell whether Ctrl-C is behind an error: libraries may wrap it, or fail to load because of it."""
+    """Tell whether Ctrl-C, or SIGTERM, is behind an error: libraries may wrap it, or fail to load because of it."""
     if interrupts.received:
         return True
     while error is not None:

@@ -18,6 +18,7 @@ from lippmann.cli.options.common import DEVICE, SCENES, Point
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
+from lippmann.files import make_folder
 from lippmann.images import Radiance, decode, psnr_db, replacing
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import whole_window
@@ -51,10 +52,7 @@ def command(
     folder, out = Path(scenes), Path(output)
     if not (folder / SCENE).is_file():
         raise InputError(f"{folder / SCENE}: no such scene; run in the project's top folder, or give --scenes")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made ({error.strerror}); choose another folder with -o") from None
+    make_folder(out, "choose another folder with -o")
     display = load_display(folder / DISPLAY)
     panel = display.panel
     scene = api.load_scene(folder / SCENE, device=device)

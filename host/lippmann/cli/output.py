@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 import click
 
-EXIT_INTERRUPTED = 130
 Item = TypeVar("Item")
 
 

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import click
 
+from lippmann import interrupts
 from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
-from lippmann.cli.output import EXIT_INTERRUPTED, emit, log, progress_bar
+from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.display_properties import depth_reach_mm
 from lippmann.errors import input_error
@@ -57,7 +58,7 @@ def command(
         try:
             play_film(scene, display, film, slots, repeat, every_frame, played=played)
         except KeyboardInterrupt:  # the end of --repeat 0
-            code = EXIT_INTERRUPTED
+            code = interrupts.exit_code()
     emit({"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)}, _text(loaded, played))
     click.get_current_context().exit(code)
 

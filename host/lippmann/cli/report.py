@@ -11,6 +11,7 @@ from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import input_error
+from lippmann.files import make_folder
 from lippmann.images import check_output
 from lippmann.variant import start_mitsuba
 
@@ -41,10 +42,7 @@ def command(
     before = read_stored(Path(against or output), TABLES)
     if against is not None and before is None:
         raise input_error(against, "holds no run of the report", "name a folder that holds report-*.csv")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise input_error(output, f"cannot be made ({error.strerror})", "choose another place") from None
+    make_folder(folder, "choose another place")
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
     start_mitsuba(device)

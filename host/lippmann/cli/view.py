@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -98,7 +97,6 @@ def _read_direct(eye: Point, path: str, display: Display) -> Direct:
 
 def _serve(page: bytes, tcp_port: int, result: dict[str, object]) -> None:
     """Serve until Ctrl-C or SIGTERM."""
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     with page_server(page, tcp_port) as server:
         url = f"http://{server.server_address[0]!s}:{server.server_address[1]}/"
         emit({"url": url, **result}, f"{url} (Ctrl-C ends it)")

@@ -87,7 +87,6 @@ def start_command(
     if tcp_port:
         virtual_board.check_free(tcp_port)
     log("starting the board; the first start compiles it (half a minute) ...")
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # SIGTERM ends it as Ctrl-C does
     if background and ready:
         _in_background(ready)
         return
@@ -113,7 +112,7 @@ def start_command(
                     partial.write_text(json.dumps(result) + "\n")
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
-            with interrupts.held(signal.SIGINT, signal.SIGTERM) as ended:
+            with interrupts.held() as ended:
                 while board.process.poll() is None and not ended:
                     if capture:
                         virtual_board.keep_as_png(capture, display)
@@ -166,7 +165,7 @@ def _in_background(ready: Path) -> None:
     with output.open("wb") as both:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
     try:
-        with interrupts.held(signal.SIGINT, signal.SIGTERM) as ended:
+        with interrupts.held() as ended:
             while process.poll() is None and not ready.exists() and not ended:
                 time.sleep(CHECK_S)
         if not ready.exists():

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from lippmann.conditioning.digits import condition, true_hits, true_rays
 from lippmann.conditioning.measure import fixed_words
 from lippmann.display import Display, display_text
 from lippmann.errors import input_error
+from lippmann.files import moved, partial_folder, refused
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
 from lippmann.optics.rays import Model
@@ -151,17 +151,15 @@ def write_vectors(
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
     entries = []
     try:
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
-            made = Path(place) / "made"
-            made.mkdir()
+        with partial_folder(folder) as made:
             for rays in hard_sets(display, case, seed, count):
                 if isinstance(rays, Out) or model == "exact":
                     progress(rays.name)
                     entries.append(_write_set(made, rays, model, fraction_bits))
             _write_header(made, entries, model, fraction_bits, seed, origin)
-            made.rename(folder)
+            moved(made, folder)
     except OSError as error:
-        raise input_error(str(folder), f"cannot be written ({error.strerror})", "choose another place") from None
+        raise refused(folder, error) from None
     return entries
 
 

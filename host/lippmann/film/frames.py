@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from lippmann.errors import InputError, input_error
+from lippmann.files import make_folder
 from lippmann.film.shot import Shot
 from lippmann.images import read_picture
 from lippmann.integral_image import IntegralImage
@@ -18,10 +19,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 def check_folder(folder: Path, frames: int) -> None:
     """Make a folder for a film's frames; raise InputError when that fails, or it contains frames of a longer film."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder with -o") from None
+    make_folder(folder, "choose another folder with -o")
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import MissingLibraryError, input_error, to_install
+from lippmann.errors import MissingLibraryError, to_install
+from lippmann.files import not_written
 from lippmann.images import check_output, replacing
 from lippmann.rendering.sources import Window
 
@@ -50,10 +51,10 @@ def write_video(
         convert = ("-vf", "scale=out_color_matrix=bt709:out_range=tv")
         kind = {"codec": "libx264", "quality": 7, "output_params": [*colours, *convert, "-movflags", "+faststart"]}
     count = 0
-    unwritten = input_error(str(path), "cannot be written (ffmpeg stopped)", "free space or choose another place")
     with replacing(path) as partial:
+        place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
         writer = ffmpeg.write_frames(
-            str(partial), (width_px, height_px), fps=Fraction(frames_per_second).limit_denominator(1000),
+            place, (width_px, height_px), fps=Fraction(frames_per_second).limit_denominator(1000),
             macro_block_size=1, ffmpeg_log_level="quiet", **kind,
         )  # fmt: skip
         writer.send(None)
@@ -62,14 +63,14 @@ def write_video(
                 writer.send(np.ascontiguousarray(frame))
                 count += 1
         except OSError:  # ffmpeg has ended; its message is too long to show
-            raise unwritten from None
+            raise not_written(path, "ffmpeg stopped", partial) from None
         finally:
             writer.close()
         # imageio_ffmpeg hides ffmpeg's exit code; a full disk shows as missing frames.
         try:
-            written = ffmpeg.count_frames_and_secs(str(partial))[0]
+            written = ffmpeg.count_frames_and_secs(place)[0]
         except (RuntimeError, OSError):  # not a video
             written = -1
         if int(written) != count:
-            raise unwritten
+            raise not_written(path, "ffmpeg stopped", partial)
     return count

@@ -21,6 +21,7 @@ import numpy as np
 from lippmann import toml
 from lippmann.display import Display
 from lippmann.errors import InputError, input_error, likely_file, path_of, reason
+from lippmann.files import make_folder
 from lippmann.images import check_output, replacing
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.toml import documented, key
@@ -128,10 +129,7 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
         if not NAME.fullmatch(name):
             raise input_error(str(path), f"'{name}' is not a layer's name", "take letters, digits, _ and - only")
     folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder") from None
+    make_folder(folder)
     file = check_output(folder / FILE, (".toml",))
     former = _written_pictures(file)
     for name, layer in zip(names, stack.layers, strict=True):

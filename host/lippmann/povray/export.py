@@ -9,16 +9,17 @@ import dataclasses
 import hashlib
 import json
 import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
+from lippmann.files import moved, partial_folder, refused
 from lippmann.images import read_picture, replacing
 from lippmann.optics.rays import Floats, Model, gets_through
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
@@ -96,8 +97,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     name = plain(scene.path.stem)
     spare_rows = 0 if view.rays is None else SPARE_ROWS
     try:
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name[:40]}.partial") as place:
-            partial = Path(place)
+        with partial_folder(folder) as partial:
             write_scene(scene.path, scene.placement, partial)
             (partial / "camera.inc").write_text(view.camera + "\n")
             if view.rays is not None:
@@ -118,12 +118,11 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
                 if (folder / file).is_dir():
                     raise input_error(str(folder / file), "is a folder", "choose another place for the export")
             folder.mkdir(exist_ok=True)
-            for file in files:
-                os.replace(partial / file, folder / file)
+            with interrupts.held():
+                for file in files:
+                    moved(partial / file, folder / file)
     except OSError as error:
-        raise input_error(
-            str(folder), f"cannot be written ({error.strerror})", "free space or choose another place"
-        ) from None
+        raise refused(folder, error) from None
     return Exported(folder / f"{name}.ini", tuple(files), spare_rows)
 
 

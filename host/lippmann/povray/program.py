@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import resource
-import subprocess
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from lippmann.errors import input_error
+from lippmann.programs import run_program
 from lippmann.sim.tools import Tool
 
 POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
@@ -36,7 +36,7 @@ def run_povray(ini: Path, *options: str) -> Run:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()
     command = [str(program), ini.name, *options]
-    done = subprocess.run(command, check=False, cwd=ini.parent, capture_output=True, text=True, errors="replace")
+    done = run_program(command, folder=ini.parent)
     seconds = time.perf_counter() - started
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode != 0:

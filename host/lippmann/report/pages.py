@@ -20,6 +20,7 @@ from markdown_it import MarkdownIt
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from lippmann.files import make_folder
 from lippmann.images import replacing
 from lippmann.report.plots import Plot
 from lippmann.report.tables import columns, figure, spanned, table, values, where, write_csv
@@ -91,7 +92,7 @@ class Page:
 
         Raises InputError when the file system refuses.
         """
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
         if as_html:
             pages[folder / f"{self.name}.html"] = self.html()

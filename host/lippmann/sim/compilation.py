@@ -7,16 +7,17 @@ compiled once for each version of it.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import hashlib
 import os
 import re
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from lippmann.errors import LippmannError, input_error, to_install
+from lippmann.files import is_full, moved, no_space, partial_folder
+from lippmann.programs import run_program
 from lippmann.sim.tools import build_folder, verilator_environment, verilator_version
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
@@ -31,6 +32,9 @@ NETLIST = ("--output-split-cfuncs", "1000")
 
 #: What every model includes.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
+
+#: What compilers print of a full disk.
+NO_SPACE = os.strerror(errno.ENOSPC)
 
 # Libraries that a process loads share no variable of their runtimes.
 _ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
@@ -59,14 +63,16 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
             target.parent.mkdir(parents=True, exist_ok=True)
             lock = target.with_name(f"{target.name}.lock").open("w")
         except OSError as error:
+            if is_full(error):
+                raise no_space(str(target.parent), error.strerror) from None
             why = f"compiled simulations cannot be kept there ({error.strerror})"
             raise input_error(str(target.parent), why, "make it writable, or set XDG_CACHE_HOME") from None
         with lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
             if not target.exists():
-                with tempfile.TemporaryDirectory(dir=target.parent, prefix=f"{target.name}-") as work:
-                    make(Path(work) / target.name)
-                    os.replace(Path(work) / target.name, target)
+                with partial_folder(target) as work:
+                    make(work / target.name)
+                    moved(work / target.name, target)
     return target
 
 
@@ -89,11 +95,10 @@ def verilated(
     The sources are SystemVerilog files, packages first, and Verilator's control files. The C++ files of `main` see the
     model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
     """
-    with tempfile.TemporaryDirectory(dir=output.parent) as folder:
-        work = Path(folder)
+    with partial_folder(output) as work:
         _run(
             [
-                "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", folder, "--top-module", top, "-O3", *options,
+                "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", str(work), "--top-module", top, "-O3", *options,
                 *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
             ]
         )  # fmt: skip
@@ -102,7 +107,7 @@ def verilated(
         runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
-        places = [f"-I{folder}", *(f"-I{path}" for path in {path.parent for path in main})]
+        places = [f"-I{work}", *(f"-I{path}" for path in {path.parent for path in main})]
         # Macros of one model's main program are nothing to the headers, which all models share.
         shared = [flag for flag in flags if not flag.startswith("-D")]
         prefix = ["-include", str(_precompiled([*common, *shared]))]
@@ -147,9 +152,11 @@ def _include(path: Path) -> str:
 
 
 def _run(command: Sequence[str]) -> None:
-    result = subprocess.run(command, env=verilator_environment(), capture_output=True, text=True, check=False)
+    result = run_program(command, environment=verilator_environment())
     if result.returncode:
         lines = (result.stderr + result.stdout).strip().splitlines()
         telling = (line for line in lines if "rror" in line or "undefined" in line)
         wrong = next(telling, lines[-1] if lines else "no message")
+        if any(NO_SPACE in line for line in lines):
+            raise no_space(command[-1], f"{Path(command[0]).name}: {NO_SPACE}")
         raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or {to_install('rtl')}")

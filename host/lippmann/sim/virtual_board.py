@@ -12,7 +12,6 @@ import math
 import signal
 import socket
 import subprocess
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
+from lippmann.files import scratch_folder
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
@@ -217,8 +217,8 @@ def start(
     build = board_build(display, scene, fraction_bits)
     if program is None:
         program = compiled(display, build, baud is None, clock_hz, trace is not None, scene, memory)
-    with tempfile.TemporaryDirectory() as work:
-        told = ready or Path(work) / "ready.json"
+    with scratch_folder() as work:
+        told = ready or work / "ready.json"
         told.unlink(missing_ok=True)
         options = {"line": port, "port": tcp_port, "identity": display.identity, "ready": told, "step": step}
         if host_baud is not None:
@@ -230,7 +230,7 @@ def start(
         if trace is not None:
             options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
         command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
         try:
             return RunningBoard(_wait(process, told), process)
         except BaseException:
@@ -282,7 +282,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
         made.append(raw.with_suffix(".png"))
         try:
             write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
-        except InputError as error:
+        except LippmannError as error:
             raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
     return made

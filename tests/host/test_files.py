@@ -1,0 +1,268 @@
+"""Files that appear whole or not at all: after kill -9, a power cut and on a full disk."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann import files
+from lippmann.animation import write_animation
+from lippmann.cli import run
+from lippmann.errors import InputError, NoSpaceError
+from lippmann.film.video import write_video
+from lippmann.images import write_picture
+from lippmann.programs import run_program
+
+TINY = (
+    "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
+    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
+)
+
+
+# --- power cuts -----------------------------------------------------------------------------------
+
+
+class Disk:
+    """A folder's disk that a power cut leaves with what was synced, and any later names.
+
+    `names` are those of the folder when it was last synced, `content` that of each file when it was last synced; a file
+    that never was is empty, which is what file systems leave.
+    """
+
+    def __init__(self, folder, monkeypatch):
+        self.folder, self.content, self.calls = folder, {}, []
+        self.names = self._now()
+        for path in folder.iterdir():
+            self.content[path.stat().st_ino] = path.read_bytes()
+        self.states = []
+        fsync, replace = os.fsync, os.replace
+
+        def synced(handle):
+            fsync(handle)
+            self.calls.append("fsync folder" if Path(f"/proc/self/fd/{handle}").resolve() == folder else "fsync file")
+            if self.calls[-1] == "fsync folder":
+                self.names = self._now()
+            else:
+                where = Path(f"/proc/self/fd/{handle}").resolve()
+                self.content[os.fstat(handle).st_ino] = where.read_bytes()
+            self.look()
+
+        def replaced(source, target):
+            self.look()
+            replace(source, target)
+            self.calls.append("rename")
+            self.look()
+
+        monkeypatch.setattr(os, "fsync", synced)
+        monkeypatch.setattr(os, "replace", replaced)
+
+    def _now(self):
+        return {path.name: path.stat().st_ino for path in self.folder.iterdir()}
+
+    def look(self):
+        """Note what a power cut at this moment may leave: the synced names, or the present ones."""
+        self.states += [
+            {name: self.content.get(inode, b"") for name, inode in names.items()} for names in (self.names, self._now())
+        ]
+
+
+@pytest.mark.parametrize("of_old", [True, False])
+def test_a_power_cut_leaves_the_old_file_or_the_new_one(tmp_path, monkeypatch, of_old):
+    path = tmp_path / "a.bin"
+    if of_old:
+        path.write_bytes(b"old")
+    disk = Disk(tmp_path, monkeypatch)
+    with files.replacing(path) as partial:
+        partial.write_bytes(b"new")
+        disk.look()
+    allowed = {b"new", b"old" if of_old else None}
+    assert {state.get("a.bin") for state in disk.states} == allowed
+    assert disk.calls == ["fsync file", "rename", "fsync folder"]
+    assert {name: disk.content[inode] for name, inode in disk.names.items()}["a.bin"] == b"new"
+
+
+def test_a_power_cut_during_a_command(tmp_path, monkeypatch):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    out = tmp_path / "rays.npz"
+    out.write_bytes(b"old")
+    disk = Disk(tmp_path, monkeypatch)
+    assert run(["trace", "--display", str(tmp_path / "tiny.toml"), "--pixels", "9", "-o", str(out)]) == 0
+    assert {state["rays.npz"] for state in disk.states} == {b"old", out.read_bytes()}
+    assert {name: disk.content[inode] for name, inode in disk.names.items()}["rays.npz"] == out.read_bytes()
+
+
+# --- what killed processes leave ------------------------------------------------------------------
+
+#: Writes half a file, and half a folder, says so and waits.
+HALF = """
+import sys, time
+from pathlib import Path
+from lippmann.files import partial_folder, replacing
+with replacing(Path(sys.argv[1], "a.bin")) as partial, partial_folder(Path(sys.argv[1], "set")) as folder:
+    partial.write_bytes(b"half")
+    (folder / "below").mkdir()
+    (folder / "below" / "b").write_bytes(b"half")
+    print("half", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_the_next_start_removes_what_a_killed_process_left_and_nothing_else(tmp_path, monkeypatch):
+    kept = {".bashrc", ".a.partial.bin", ".a.123.partial.bin", "a.partial.bin"}
+    for name in kept:
+        (tmp_path / name).write_text("mine")
+    with subprocess.Popen([sys.executable, "-c", HALF, tmp_path], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "half\n"
+        half = {path.name for path in tmp_path.iterdir()} - kept
+        assert len(half) == 2
+        files.remove_stale(tmp_path)  # its owner lives
+        assert {path.name for path in tmp_path.iterdir()} == kept | half
+        process.kill()
+    (tmp_path / "tiny.toml").write_text(TINY)
+    out = tmp_path / "rays.npz"
+    assert run(["trace", "--display", str(tmp_path / "tiny.toml"), "--pixels", "9", "-o", str(out)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == kept | {"tiny.toml", "rays.npz"}
+
+
+def test_a_later_process_of_the_same_number_is_not_the_owner(tmp_path):
+    mine = tmp_path / files.partial_name("a.bin")
+    machine, pid, life = files.PARTIAL.fullmatch(mine.name).groups()[:3]
+    assert int(pid) == os.getpid()
+    other = tmp_path / mine.name.replace(life, "0" * 8)
+    elsewhere = tmp_path / mine.name.replace(machine, "0" * 8)
+    for path in (mine, other, elsewhere):
+        path.write_text("")
+    files.remove_stale(tmp_path)
+    assert {*tmp_path.iterdir()} == {mine, elsewhere}
+    long_ago = time.time() - files.FOREIGN_S - 10
+    os.utime(elsewhere, (long_ago, long_ago))
+    files.remove_stale(tmp_path)
+    assert {*tmp_path.iterdir()} == {mine}
+
+
+@pytest.mark.parametrize("name", ["x" * 220 + ".exr", "ü" * 110 + ".exr", "a:b.mkv", "a\n.png", "noending"])
+def test_partial_names_fit_and_are_known_again(name, tmp_path):
+    partial = files.partial_name(name)
+    (tmp_path / partial).write_text("")  # the file system takes it
+    assert files.PARTIAL.fullmatch(partial)
+    assert Path(partial).suffix == Path(name).suffix or not Path(name).suffix
+
+
+def test_another_users_private_folder_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(files.tempfile, "gettempdir", lambda: str(tmp_path))
+    place = files.private_folder()
+    assert place.stat().st_mode & 0o777 == 0o700
+    assert files.private_folder() == place
+    place.chmod(0o755)
+    with pytest.raises(InputError, match="not a folder of yours alone"):
+        files.private_folder()
+    place.rmdir()
+    place.symlink_to(tmp_path)
+    with pytest.raises(InputError, match="not a folder of yours alone"):
+        files.private_folder()
+
+
+# --- a full disk ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def full(tmp_path):
+    """A folder on a disk of 64 KB, most of it used."""
+    place = tmp_path / "full"
+    place.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", place], check=False).returncode:
+        pytest.skip("mounting a small disk needs root")
+    yield place
+    subprocess.run(["umount", "-l", place], check=True)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png", ".mkv", ".mp4", ".gif", ".npz", "vectors"])
+def test_a_full_disk_is_exit_code_3_and_leaves_nothing(full, tmp_path, suffix, capsys):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    noise = np.random.default_rng(1).random((128, 256, 3), np.float32)
+    frames = [np.roll((255 * noise).astype(np.uint8), 31 * k, axis=1) for k in range(30)]
+    out = full / f"out{suffix}"
+    if suffix in (".exr", ".tif", ".png"):
+        with pytest.raises(NoSpaceError, match=r"cannot be written \(.*free space"):
+            write_picture(out, noise, {})
+    elif suffix in (".mkv", ".mp4"):
+        with pytest.raises(NoSpaceError, match=r"cannot be written \(.*free space"):
+            write_video(out, frames, 256, 128, 10.0)
+    elif suffix == ".gif":
+        with pytest.raises(NoSpaceError, match=r"cannot be written \(.*free space"):
+            write_animation(out, [noise, noise[::-1]])
+    else:
+        words = ["trace", "--pixels", "2000", "-o", str(out)]
+        if suffix == "vectors":
+            words = ["vectors", "-o", str(out)]
+        assert run([*words, "--display", str(tmp_path / "tiny.toml")]) == 3
+        line = capsys.readouterr().err.splitlines()[-1]
+        assert "cannot be written (" in line
+        assert "free space" in line
+    assert list(full.iterdir()) == []
+
+
+def test_folders_that_do_not_fit(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(NoSpaceError, match=r"new: cannot be written \(Disk quota exceeded\); free space"):
+        files.make_folder(tmp_path / "new")
+
+
+# --- programs -------------------------------------------------------------------------------------
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] != b"Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_programs_programs_too(tmp_path, number):
+    """Sent to the command alone, as `kill` does; the second program ignores the signal."""
+    (tmp_path / "stubborn.py").write_text(
+        "import os, signal, subprocess, sys, time\n"
+        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        "open(sys.argv[1], 'w').write(f'{os.getpid()} {child.pid} ')\ntime.sleep(60)\n"
+    )
+    code = """
+        import sys
+        from lippmann import interrupts, programs
+        programs.GRACE_S = 0.5
+        interrupts.install()
+        try:
+            programs.run_program([sys.executable, *sys.argv[1:]])
+        except KeyboardInterrupt:
+            sys.exit(interrupts.exit_code())
+    """
+    told = tmp_path / "pids"
+    words = [sys.executable, "-c", textwrap.dedent(code), tmp_path / "stubborn.py", told]
+    with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
+        until = time.monotonic() + 30
+        while not (told.exists() and told.read_text().endswith(" ")) and time.monotonic() < until:
+            time.sleep(0.02)
+        process.send_signal(number)
+        assert process.wait(20) == 128 + number
+    pids = [int(word) for word in told.read_text().split()]
+    until = time.monotonic() + 10
+    while any(map(alive, pids)) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not any(map(alive, pids))
+
+
+def test_what_a_program_prints_is_text_whatever_it_is():
+    done = run_program([sys.executable, "-c", r"import os; os.write(1, b'a\xff'); os.write(2, b'\xfe\n'); os._exit(3)"])
+    assert (done.returncode, done.stdout, done.stderr) == (3, "a\ufffd", "\ufffd\n")
+    with pytest.raises(subprocess.TimeoutExpired):
+        run_program([sys.executable, "-c", "import time; time.sleep(60)"], timeout_s=0.3)
