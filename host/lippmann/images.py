@@ -23,6 +23,7 @@ import numpy.typing as npt
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
 from lippmann.files import clean_before_writing, not_written
 from lippmann.files import replacing as replacing  # noqa: PLC0414  used with check_output
+from lippmann.limits import check_expanded
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -291,6 +292,8 @@ def _read(
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
             raise input_error(str(path), f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
+        what = f"{spec.width} x {spec.height} pixels"
+        check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)

@@ -21,6 +21,11 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import msgspec
 
 from lippmann.errors import InputError, input_error, likely_file, reason
+from lippmann.limits import MAX_TOML_BYTES, read_limited
+
+#: Most parts of a dotted key: Python's parser takes the square of their number in time.
+MAX_KEY_PARTS = 32
+DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
@@ -163,6 +168,9 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
 
 def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
     """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
+    if (deep := DEEP_KEY.search(text)) is not None:
+        place = text.count("\n", 0, deep.start()) + 1
+        raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
@@ -178,7 +186,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
 def load(path: Path, what: str) -> dict[str, Any]:
     """Return the tables of a TOML file; `what` names its kind in errors."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
     except FileNotFoundError:
         remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(str(path), "no such file", remedy) from None

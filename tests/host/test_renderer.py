@@ -13,6 +13,7 @@ import pytest
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
+from lippmann.limits import free_memory_mb
 from lippmann.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
@@ -20,7 +21,7 @@ from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.rendering import renderer, sources
 from lippmann.rendering.placement import Placement, load_placement
-from lippmann.rendering.renderer import Settings, check_memory, free_memory_mb, render_integral, render_view
+from lippmann.rendering.renderer import Settings, check_memory, render_integral, render_view
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
 from lippmann.variant import current_device

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lippmann.errors import input_error, reason
+from lippmann.limits import MAX_BITSTREAM_BYTES, read_limited
 
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
@@ -48,7 +49,7 @@ def comment(board: str, display: str, identity: str, seed: int) -> str:
 def read_bitfile(path: Path) -> BitFile:
     """Return the header of a bitstream; raise InputError for another kind of file, or an unreadable one."""
     try:
-        data = path.read_bytes()
+        data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
         raise input_error(str(path), "no such file", "run make bitstream") from None
     except OSError as error:

@@ -14,10 +14,10 @@ from lippmann.board.program import LOADER
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, LippmannError, MissingLibraryError, to_install
+from lippmann.limits import free_memory_mb
 from lippmann.link.port import adapter_ports, port_trouble, ports
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
-from lippmann.rendering.renderer import free_memory_mb
 from lippmann.sim.tools import RTL_TOOLS
 from lippmann.variant import mitsuba, start_mitsuba
 

@@ -23,6 +23,7 @@ from lippmann.errors import input_error
 from lippmann.files import moved, partial_folder, refused
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
+from lippmann.limits import MAX_TABLE_BYTES, lines_of, read_limited
 from lippmann.optics.rays import Model
 
 #: Words of an input and of an output ray, in the order of their bits, most significant first.
@@ -93,7 +94,7 @@ def text_of(path: Path) -> str:
     """Return the text of a file of words; raise InputError when it is not text."""
     remedy = "give a file of words as lippmann vectors writes them"
     try:
-        text = path.read_bytes().decode()
+        text = read_limited(path, MAX_TABLE_BYTES, "give fewer rays").decode()
     except UnicodeDecodeError:
         text = "\0"
     except OSError as error:
@@ -109,7 +110,7 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
     Raises InputError when a line is not hexadecimal or too long.
     """
     rays, total = [], sum(widths)
-    for number, line in enumerate(text_of(path).splitlines(), 1):
+    for number, line in enumerate(lines_of(text_of(path)), 1):
         text = line.split("//")[0].strip().replace("_", "")
         if not text:
             continue

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import csv
-import zipfile
-import zlib
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,16 +15,21 @@ from lippmann.conditioning.search import Floats
 from lippmann.conditioning.vectors import FROM_WORLD, INPUTS, OUTPUTS, STATUS_BITS, text_of, widths, words_of_memory
 from lippmann.diagnose.faults import FIELDS
 from lippmann.display import Display
-from lippmann.errors import input_error, reason
+from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
+from lippmann.limits import lines_of, load_arrays
 from lippmann.optics.rays import Model
 
 #: Arrays of the inputs, two columns each.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
+#: Memory that the judgement of a ray takes, bytes.
+RAY_BYTES = 1000
+#: Rows of a table that are converted at once.
+ROWS_AT_ONCE = 65536
 
 
 @dataclass(frozen=True)
@@ -71,15 +75,21 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
 
 
 def _csv_columns(path: Path) -> dict[str, Ints]:
-    rows = list(csv.reader(line for line in text_of(path).splitlines() if not line.startswith("#")))
-    heading = [name.strip() for name in rows[0]] if rows else []
+    rows = csv.reader(line for line in lines_of(text_of(path)) if not line.startswith("#"))
+    try:
+        heading = [name.strip() for name in next(rows, [])]
+    except csv.Error as error:  # of a field that is too long
+        raise input_error(str(path), f"is not a table ({error})", "give integers") from None
     wanted = (*INPUTS, *OUTPUTS)
     missing = [name for name in wanted if name not in heading and name not in ("a", "b")]
     if missing:
         raise input_error(str(path), f"has no columns {', '.join(missing)}", f"head it {','.join(wanted)}")
     try:
-        table = np.array([[int(word) for word in row] for row in rows[1:]], np.int64).reshape(-1, len(heading))
-    except (ValueError, OverflowError):
+        parts = []
+        while some := [[int(word) for word in row] for row in itertools.islice(rows, ROWS_AT_ONCE)]:
+            parts.append(np.array(some, np.int64).reshape(len(some), len(heading)))
+        table = np.concatenate(parts) if parts else np.empty((0, len(heading)), np.int64)
+    except (ValueError, OverflowError, csv.Error):
         raise input_error(str(path), "contains a non-integer, or rows of different lengths", "give integers") from None
     columns = {name: table[:, heading.index(name)] for name in wanted if name in heading}
     zero = np.zeros(len(table), np.int64)
@@ -115,20 +125,10 @@ def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: B
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> Foreign:
-    try:
-        with np.load(path) as file:
-            if FROM_WORLD in file.files:
-                remedy = "give rays from the panel; regress judges only those"
-                raise input_error(str(path), "holds rays from the world", remedy)
-            raw = {name: file[name] for name in (*INPUT_ARRAYS, *FIELDS) if name in file.files}
-    except (ValueError, OSError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise input_error(str(path), f"cannot be read ({reason(error)})", "give an .npz of numbers") from None
-    arrays = {}
-    for name, array in raw.items():
-        if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf":
-            kind = array.dtype if isinstance(array, np.ndarray) else "not an array"
-            raise input_error(str(path), f"{name} is {kind}", "give real numbers")
-        arrays[name] = np.atleast_1d(array).astype(np.float64)
+    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", RAY_BYTES)
+    if FROM_WORLD in there:
+        raise input_error(str(path), "holds rays from the world", "give rays from the panel; regress judges only those")
+    arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
     for name in ("pixel", "direction"):
         if name not in arrays:
             raise input_error(str(path), f"has no array {name}", "give at least pixel and direction, see vectors.json")

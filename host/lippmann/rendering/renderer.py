@@ -9,13 +9,10 @@ image). So depth comes out right and occlusion is correct, without a second pass
 from __future__ import annotations
 
 import math
-import os
-import re
 import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +21,7 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
 from lippmann.images import Radiance
+from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
 from lippmann.optics.sampling import points_in_square
@@ -278,22 +276,10 @@ def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) 
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
-def free_memory_mb() -> float:
-    """Return the free memory of this machine, MB, including what caches can release."""
-    return _proc_mb("meminfo", "MemAvailable") or os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
 def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB."""
     # Unlike /proc, the resource usage is what a process inherits from its parent.
-    return _proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
-
-
-def _proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry in kB of a file below /proc, in MB; None where there is none."""
-    path = Path("/proc", file)
-    found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
-    return None if found is None else int(found[1]) * 1024 / 1e6
+    return proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
 
 
 def render_integral(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.errors import InputError, input_error, likely_file, path_of
+from lippmann.limits import check_xml
 from lippmann.rendering.placement import Matrix, Placement, load_placement
 from lippmann.variant import mitsuba
 
@@ -91,6 +92,21 @@ def check_scene_file(path: str | Path) -> Path:
     return path
 
 
+def _check_files(path: Path) -> None:
+    """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
+    resolver = mitsuba().file_resolver()
+    seen, waiting = set[Path](), [path]
+    while waiting:
+        file = waiting.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        for name in check_xml(file, "mend the scene file"):
+            found = Path(str(resolver.resolve(mitsuba().filesystem.path(name))))
+            if found.is_file() or found.is_fifo():
+                waiting.append(found)
+
+
 @contextmanager
 def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
     """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
@@ -107,6 +123,7 @@ def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
     mi.set_file_resolver(resolver)
     try:
         configuration = mi.parser.ParserConfig(mi.variant())
+        _check_files(path)
         yield configuration, mi.parser.parse_file(configuration, str(path))
     except InputError:
         raise
@@ -196,8 +213,13 @@ def digest_of(path: str | Path) -> str:
                 files.append(str(mi.file_resolver().resolve(mi.filesystem.path(node.props["filename"]))))
         digest = hashlib.sha256()
         for file in dict.fromkeys(files):
-            digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
+            digest.update(_sum_of(Path(file)))
     return digest.hexdigest()
+
+
+def _sum_of(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").digest()
 
 
 def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
